@@ -1,0 +1,53 @@
+//! Names of agents.
+
+use std::{fmt, sync::Arc};
+
+/// A FIPA agent identifier: a globally unique name, and where its owner can be reached.
+///
+/// Two identifiers are the same agent when their names are equal (FIPA00023, 3.1).
+#[derive(Clone, Debug)]
+pub struct AgentId {
+    /// `local@platform`.
+    pub name: Arc<str>,
+    /// Transport addresses in order of preference; empty within one platform.
+    pub addresses: Arc<[String]>,
+}
+
+impl AgentId {
+    /// An agent of this platform.
+    pub fn new(name: impl Into<Arc<str>>) -> Self {
+        Self { name: name.into(), addresses: Arc::new([]) }
+    }
+}
+
+impl PartialEq for AgentId {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for AgentId {}
+
+impl std::hash::Hash for AgentId {
+    fn hash<H: std::hash::Hasher>(&self, state: &mut H) {
+        self.name.hash(state);
+    }
+}
+
+impl PartialOrd for AgentId {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for AgentId {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.name.cmp(&other.name)
+    }
+}
+
+impl fmt::Display for AgentId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}

@@ -1,0 +1,13 @@
+//! The FIPA agent platform: identifiers, messages, directories, life cycle, and the buses that carry them.
+//!
+//! No rendering words here. The decision that shaped it: every agent is a state machine (an event and the present
+//! time go in, actions come out) and does no I/O; *drivers* carry its actions out, over channels in one process, over
+//! a network, or in a simulator with virtual time.
+
+mod acl;
+mod id;
+mod time;
+
+pub use acl::{AclMessage, Performative};
+pub use id::AgentId;
+pub use time::Time;

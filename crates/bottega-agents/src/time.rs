@@ -1,0 +1,46 @@
+//! Time as the protocols see it.
+
+use std::{
+    ops::{Add, Sub},
+    time::Duration,
+};
+
+/// A moment, as nanoseconds since the start of the platform; real or virtual.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Time(u64);
+
+impl Time {
+    /// The start of the platform.
+    pub const ZERO: Self = Self(0);
+
+    /// The moment so long after the start.
+    pub fn since_start(elapsed: Duration) -> Self {
+        Self(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX))
+    }
+
+    /// How long after the start.
+    pub fn elapsed(self) -> Duration {
+        Duration::from_nanos(self.0)
+    }
+
+    /// How long after `earlier`; zero when it is not later.
+    pub fn since(self, earlier: Self) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+}
+
+impl Add<Duration> for Time {
+    type Output = Self;
+
+    fn add(self, later: Duration) -> Self {
+        Self(self.0.saturating_add(u64::try_from(later.as_nanos()).unwrap_or(u64::MAX)))
+    }
+}
+
+impl Sub for Time {
+    type Output = Duration;
+
+    fn sub(self, earlier: Self) -> Duration {
+        self.since(earlier)
+    }
+}

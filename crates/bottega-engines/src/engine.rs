@@ -1,0 +1,93 @@
+//! The contract between the farm and an engine.
+
+use std::{ops::Range, time::Duration};
+
+use bottega_image::{Rect, Tile};
+
+use crate::Survey;
+
+/// The settings that the farm may choose for a zone, in the farm's own words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Tunables {
+    /// Bounces of a path after the first surface's direct light (the paper's Recursion Level).
+    pub max_depth: u32,
+    /// Light samples a path vertex (the paper's Light Samples).
+    pub light_samples: u32,
+}
+
+/// What an engine is, and which tunables it has. One that it has not is never credited for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EngineDescription {
+    /// Short name: `builtin`, `cycles`, …
+    pub name: String,
+    /// Whether it obeys [`Tunables::max_depth`].
+    pub has_max_depth: bool,
+    /// Whether it obeys [`Tunables::light_samples`].
+    pub has_light_samples: bool,
+    /// Whether a tile can be gone on with later: the samples of a pass are kept and the picture is the same.
+    pub resumes_samples: bool,
+    /// Whether a pixel has the same bits whatever region it was painted in.
+    pub exact_by_pixel: bool,
+}
+
+/// A zone to paint, or some of its samples.
+#[derive(Clone, Debug)]
+pub struct ZoneTask {
+    /// The pixels.
+    pub rect: Rect,
+    /// Which samples of each pixel. They go on from what `tile` holds.
+    pub samples: Range<u32>,
+    /// At which settings.
+    pub tunables: Tunables,
+    /// Running sums of the samples before; `None`: `samples` starts at 0.
+    pub tile: Option<Tile>,
+}
+
+/// What came of a [`ZoneTask`].
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// Running sums of all samples so far. After cancellation pixels may have different counts.
+    pub tile: Tile,
+    /// Processor time spent on it, summed over processors.
+    pub busy: Duration,
+    /// False when it was cancelled before the end.
+    pub complete: bool,
+}
+
+/// Why an engine could not.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// The zone could not be painted.
+    #[error("engine `{engine}` failed on zone {rect}: {reason}")]
+    Zone {
+        /// Name of the engine.
+        engine: String,
+        /// The zone.
+        rect: Rect,
+        /// What it said.
+        reason: String,
+    },
+    /// The survey could not be made.
+    #[error("engine `{engine}` could not survey the scene: {reason}")]
+    Survey {
+        /// Name of the engine.
+        engine: String,
+        /// What it said.
+        reason: String,
+    },
+}
+
+/// Something that paints rectangles of one picture of one scene.
+pub trait RenderEngine: Send + Sync {
+    /// What it is and can.
+    fn describe(&self) -> EngineDescription;
+
+    /// A fast, low-resolution look at the whole picture (or the crop window). Blocks.
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError>;
+
+    /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
+    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
+
+    /// Ends everything under way soon: each task is reported with what it has.
+    fn cancel(&self);
+}

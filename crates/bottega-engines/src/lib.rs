@@ -1,0 +1,9 @@
+//! Render engines: what they can do, and how a zone is handed to one.
+//!
+//! The farm knows an engine only by [`RenderEngine`]. The decision that shaped it: painting is started and reported,
+//! never waited for, so that one agent can have its next zone under way before the present one has drained.
+
+mod engine;
+
+pub use bottega_render::survey::{Survey, SurveyPixel};
+pub use engine::{EngineDescription, EngineError, Painted, RenderEngine, Tunables, ZoneTask};

@@ -1,0 +1,104 @@
+//! Running sums of the samples of a rectangle of pixels.
+
+use crate::{Aov, Layout, Rect};
+
+/// What one sample of a pixel contributes. Non-finite values are the caller's fault: see [`Tile::add`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SampleValues {
+    /// Radiance, linear Rec. 709 RGB.
+    pub radiance: [f32; 3],
+    /// 1 where a surface covers the sample, 0 where the environment is seen.
+    pub alpha: f32,
+    /// See [`Aov::Albedo`].
+    pub albedo: [f32; 3],
+    /// See [`Aov::Normal`].
+    pub normal: [f32; 3],
+    /// See [`Aov::Depth`].
+    pub depth: f32,
+    /// See [`Aov::Cost`].
+    pub cost: f32,
+}
+
+/// Running sums over the samples of a rectangle of pixels, row-major, [`Layout::stride`] floats a pixel.
+///
+/// The sums of a pixel are a left fold over its samples in index order. So a tile may be passed from one worker to
+/// the next between samples, and ends with the same bits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    rect: Rect,
+    layout: Layout,
+    sums: Vec<f32>,
+}
+
+impl Tile {
+    /// A tile of no samples.
+    pub fn new(rect: Rect, layout: Layout) -> Self {
+        Self { rect, layout, sums: vec![0.0; rect.area() as usize * layout.stride()] }
+    }
+
+    /// The pixels that it holds, in picture coordinates.
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    /// Where each value lies in a pixel.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// All sums, `[area × stride]`.
+    pub fn sums(&self) -> &[f32] {
+        &self.sums
+    }
+
+    /// All sums, writable: for readers of stored tiles.
+    pub fn sums_mut(&mut self) -> &mut [f32] {
+        &mut self.sums
+    }
+
+    /// The sums of the pixel (x, y), `[stride]`.
+    pub fn pixel(&self, x: u32, y: u32) -> &[f32] {
+        let stride = self.layout.stride();
+        let start = self.rect.index(x, y) * stride;
+        &self.sums[start..start + stride]
+    }
+
+    /// Adds one sample to the pixel (x, y).
+    pub fn add(&mut self, x: u32, y: u32, values: &SampleValues) {
+        let stride = self.layout.stride();
+        let start = self.rect.index(x, y) * stride;
+        let pixel = &mut self.sums[start..start + stride];
+        let [r, g, b] = values.radiance;
+        let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        pixel[Layout::COLOR] += r;
+        pixel[Layout::COLOR + 1] += g;
+        pixel[Layout::COLOR + 2] += b;
+        pixel[Layout::ALPHA] += values.alpha;
+        pixel[Layout::LUMINANCE_SQUARED] += luminance * luminance;
+        pixel[Layout::SAMPLE_COUNT] += 1.0;
+        let mut put = |aov: Aov, channels: &[f32]| {
+            if let Some(offset) = self.layout.offset(aov) {
+                for (sum, value) in pixel[offset..].iter_mut().zip(channels) {
+                    *sum += value;
+                }
+            }
+        };
+        put(Aov::Albedo, &values.albedo);
+        put(Aov::Normal, &values.normal);
+        put(Aov::Depth, &[values.depth]);
+        put(Aov::Cost, &[values.cost]);
+    }
+
+    /// Copies the sums of those pixels which both tiles hold. Panics when the layouts differ.
+    pub fn copy_from(&mut self, other: &Self) {
+        assert_eq!(self.layout, other.layout, "tiles of different layouts");
+        let Some(shared) = self.rect.intersection(&other.rect) else { return };
+        let stride = self.layout.stride();
+        let row = shared.width() as usize * stride;
+        for y in shared.y0..shared.y1 {
+            let to = self.rect.index(shared.x0, y) * stride;
+            let from = other.rect.index(shared.x0, y) * stride;
+            self.sums[to..to + row].copy_from_slice(&other.sums[from..from + row]);
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! The scene model, and the importers that fill it.
+//!
+//! A [`Scene`] is plain data: meshes, instances, materials, textures, lights and cameras, checked when it was
+//! imported, so that whoever renders it meets no index out of range, no NaN and no singular matrix. It holds no
+//! acceleration structure and draws no random number: those belong to `bottega-kernels` and `bottega-render`.
+//!
+//! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
+
+mod camera;
+mod light;
+mod material;
+mod model;
+mod texture;
+
+pub use camera::{Camera, Projection};
+pub use light::{Environment, Light, LightKind};
+pub use material::{AlphaMode, ColorParam, Material, ScalarParam};
+pub use model::{Instance, Mesh, Scene, Sphere};
+pub use texture::{Channel, Image, ImageId, TextureMap, Wrap};
+
+/// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.
+pub type Spectrum = glam::Vec3;
