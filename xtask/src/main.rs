@@ -1,1 +1,37 @@
-fn main() {}
+//! What a developer runs: `cargo xtask ci | test | peers`.
+#![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
+
+mod ci;
+mod layers;
+mod needs;
+mod peers;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Parser;
+
+/// What a developer of Bottega runs.
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask", version)]
+enum Command {
+    /// All that continuous integration runs: format, lints, documentation, then `test`.
+    Ci,
+    /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, from the system's packages.
+    Test,
+    /// Converts the scenes of the comparison with other renderers (JSON + PLY) to glTF.
+    Peers {
+        /// Folder with the `.json` scenes and their `meshes/`.
+        from: PathBuf,
+        /// Folder that gets the `.glb` files.
+        to: PathBuf,
+    },
+}
+
+fn main() -> Result<()> {
+    match Command::parse() {
+        Command::Ci => ci::ci(),
+        Command::Test => ci::test(),
+        Command::Peers { from, to } => peers::convert_all(&from, &to),
+    }
+}

@@ -1,0 +1,37 @@
+//! The commands that continuous integration runs.
+
+use std::{
+    process::Command,
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::needs;
+
+/// Format, lints, documentation, tests.
+pub(crate) fn ci() -> Result<()> {
+    cargo(&["fmt", "--all", "--check"], &[])?;
+    cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[])?;
+    cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", "-D warnings")])?;
+    test()
+}
+
+/// Every test, after what they need has been installed.
+pub(crate) fn test() -> Result<()> {
+    needs::software_vulkan();
+    cargo(&["test", "--workspace", "--quiet"], &[])
+}
+
+fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<()> {
+    println!("+ cargo {}", arguments.join(" "));
+    let start = Instant::now();
+    let status = Command::new(env!("CARGO"))
+        .args(arguments)
+        .envs(environment.iter().copied())
+        .status()
+        .with_context(|| format!("cannot start cargo {}", arguments[0]))?;
+    ensure!(status.success(), "cargo {} failed", arguments.join(" "));
+    println!("  {:.0} s", Duration::as_secs_f64(&start.elapsed()));
+    Ok(())
+}

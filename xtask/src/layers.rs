@@ -1,0 +1,70 @@
+//! Who may know whom: the table of ARCHITECTURE.md, executable.
+
+#[cfg(test)]
+const LAYERS: &[(&str, &[&str])] = &[
+    ("bottega-image", &[]),
+    ("bottega-scene", &["bottega-image"]),
+    ("bottega-fuzzy", &[]),
+    ("bottega-kernels", &[]),
+    ("bottega-hra", &["bottega-kernels"]),
+    ("bottega-gpu", &["bottega-kernels", "bottega-hra", "bottega-scene"]),
+    ("bottega-render", &["bottega-scene", "bottega-kernels", "bottega-hra", "bottega-image"]),
+    ("bottega-agents", &[]),
+    ("bottega-engines", &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra"]),
+    ("bottega-farm", &["bottega-agents", "bottega-fuzzy", "bottega-engines", "bottega-image"]),
+    ("bottega-web", &["bottega-farm", "bottega-image"]),
+    (
+        "bottega",
+        &[
+            "bottega-image",
+            "bottega-scene",
+            "bottega-fuzzy",
+            "bottega-kernels",
+            "bottega-hra",
+            "bottega-gpu",
+            "bottega-render",
+            "bottega-agents",
+            "bottega-engines",
+            "bottega-farm",
+            "bottega-web",
+        ],
+    ),
+    ("xtask", &[]),
+];
+
+#[cfg(test)]
+mod tests {
+    use cargo_metadata::{DependencyKind, MetadataCommand};
+
+    use super::LAYERS;
+
+    #[test]
+    fn crates_depend_downwards_only() {
+        let metadata = MetadataCommand::new().no_deps().exec().expect("cargo metadata runs");
+        for package in metadata.workspace_packages() {
+            let name = package.name.as_str();
+            let (_, allowed) = LAYERS
+                .iter()
+                .find(|(layer, _)| *layer == name)
+                .unwrap_or_else(|| panic!("{name} is not in the table of layers: add it there and in ARCHITECTURE.md"));
+            for used in &package.dependencies {
+                let is_ours = used.name.starts_with("bottega");
+                assert!(
+                    !is_ours || used.kind == DependencyKind::Development || allowed.contains(&used.name.as_str()),
+                    "{name} must not know {}: see ARCHITECTURE.md, Layers",
+                    used.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_names_only_crates_above() {
+        for (index, (name, allowed)) in LAYERS.iter().enumerate() {
+            for used in *allowed {
+                let above = LAYERS[..index].iter().any(|(layer, _)| layer == used);
+                assert!(above, "{name} may only use crates above it in the table, not {used}");
+            }
+        }
+    }
+}
