@@ -1,5 +1,7 @@
 //! Messages of the Agent Communication Language (FIPA00061).
 
+use std::fmt;
+
 use crate::{AgentId, Time};
 
 /// The communicative acts (FIPA00037).
@@ -30,6 +32,73 @@ pub enum Performative {
     Subscribe,
 }
 
+impl Performative {
+    /// All of them, in the order of the standard's names.
+    pub const ALL: [Self; 22] = [
+        Self::AcceptProposal,
+        Self::Agree,
+        Self::Cancel,
+        Self::CallForProposal,
+        Self::Confirm,
+        Self::Disconfirm,
+        Self::Failure,
+        Self::InformIf,
+        Self::Inform,
+        Self::InformRef,
+        Self::NotUnderstood,
+        Self::Propagate,
+        Self::Propose,
+        Self::Proxy,
+        Self::QueryIf,
+        Self::QueryRef,
+        Self::Refuse,
+        Self::RejectProposal,
+        Self::Request,
+        Self::RequestWhen,
+        Self::RequestWhenever,
+        Self::Subscribe,
+    ];
+
+    /// The word of the standard, in lower case.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::AcceptProposal => "accept-proposal",
+            Self::Agree => "agree",
+            Self::Cancel => "cancel",
+            Self::CallForProposal => "cfp",
+            Self::Confirm => "confirm",
+            Self::Disconfirm => "disconfirm",
+            Self::Failure => "failure",
+            Self::InformIf => "inform-if",
+            Self::Inform => "inform",
+            Self::InformRef => "inform-ref",
+            Self::NotUnderstood => "not-understood",
+            Self::Propagate => "propagate",
+            Self::Propose => "propose",
+            Self::Proxy => "proxy",
+            Self::QueryIf => "query-if",
+            Self::QueryRef => "query-ref",
+            Self::Refuse => "refuse",
+            Self::RejectProposal => "reject-proposal",
+            Self::Request => "request",
+            Self::RequestWhen => "request-when",
+            Self::RequestWhenever => "request-whenever",
+            Self::Subscribe => "subscribe",
+        }
+    }
+
+    /// Reads the word, without case: some platforms write capitals.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|performative| performative.word().eq_ignore_ascii_case(word))
+    }
+}
+
+impl fmt::Display for Performative {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
 /// One message. `C` is the content: typed within one platform (nothing is encoded there), text on a wire.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AclMessage<C = String> {
@@ -55,4 +124,35 @@ pub struct AclMessage<C = String> {
     pub in_reply_to: u64,
     /// When an answer is of no more use.
     pub reply_by: Option<Time>,
+}
+
+impl<C> AclMessage<C> {
+    /// A message to one receiver that belongs to no conversation yet.
+    pub fn new(performative: Performative, sender: AgentId, receiver: AgentId, content: C) -> Self {
+        Self {
+            performative,
+            sender,
+            receivers: vec![receiver],
+            content,
+            language: "",
+            ontology: "",
+            protocol: "",
+            conversation_id: 0,
+            reply_with: 0,
+            in_reply_to: 0,
+            reply_by: None,
+        }
+    }
+
+    /// An answer of `from` to the sender of this message: same conversation, protocol, language and ontology.
+    pub fn reply(&self, performative: Performative, from: AgentId, content: C) -> Self {
+        Self {
+            language: self.language,
+            ontology: self.ontology,
+            protocol: self.protocol,
+            conversation_id: self.conversation_id,
+            in_reply_to: self.reply_with,
+            ..Self::new(performative, from, self.sender.clone(), content)
+        }
+    }
 }
