@@ -3,4 +3,6 @@
 //! No network, no agents. All heavy work is handed to the Hardware Resource Allocator as work units; this crate says
 //! what a unit computes on a processor, and owns all recursion above it.
 
+pub mod filter;
+pub mod sampler;
 pub mod survey;
