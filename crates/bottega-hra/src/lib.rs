@@ -1,1 +1,60 @@
-//! placeholder
+//! The Hardware Resource Allocator: keeps every processor of one machine at work.
+//!
+//! The renderer puts *work units* into a bounded *work bin* (a full one makes it wait) and takes answers from a
+//! *results bin* of its own. A unit names a [`Primitive`] and refers to its data; *resources* (lanes of the CPU, a
+//! GPU, a board) take from the bin what they can do. One who fails gives its unit back, to be done elsewhere, and is
+//! left alone for a while. Every unit that is submitted is answered exactly once, or given back on cancelling.
+//!
+//! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*.
+//!
+//! **Not for** knowing what a primitive computes or what a device is: this crate sees the cost and the bound of a
+//! unit, nothing else. No recursion either: a work unit never submits another; the loop that takes answers does.
+//!
+//! **The decision that shaped it**: resources *pull*. There is no dispatcher thread between bin and resources, so a
+//! unit costs two short locks and wakes only who waits for it.
+//!
+//! ```
+//! use bottega_hra::{Hra, HraConfig, Primitive, VirtualCpu, Work, WorkUnit};
+//!
+//! struct Square(u64);
+//! impl Work for Square {
+//!     type Output = u64;
+//!     fn primitive(&self) -> Primitive {
+//!         Primitive::PixelBlock
+//!     }
+//!     fn size(&self) -> u64 {
+//!         1
+//!     }
+//! }
+//!
+//! let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, |work: Square| work.0 * work.0));
+//! let client = hra.client();
+//! client.submit_group((0..10).map(|n| WorkUnit::new(Square(n), n)).collect())?;
+//! while let Some(answer) = client.take() {
+//!     assert_eq!(answer.output, Ok(answer.ticket * answer.ticket));
+//! }
+//! # Ok::<(), bottega_hra::SubmitError>(())
+//! ```
+
+mod allocator;
+mod client;
+mod cost;
+mod lane;
+mod primitive;
+mod report;
+mod resource;
+mod results_bin;
+mod shared;
+mod sync;
+mod window;
+mod work;
+mod work_bin;
+
+pub use allocator::{Hra, HraConfig, Lane};
+pub use client::HraClient;
+pub use cost::CostModel;
+pub use primitive::{DataId, Primitive, PrimitiveSet};
+pub use report::{Activity, HraReport, ResourceReport};
+pub use resource::{Link, Resource, ResourceDescriptor, ResourceId, VirtualCpu};
+pub use window::{Packet, Reply, Window, WindowedResource};
+pub use work::{Closed, Completed, Failed, SubmitError, TrySubmit, UnitError, Work, WorkUnit};

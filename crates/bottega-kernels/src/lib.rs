@@ -1,1 +1,23 @@
-//! placeholder
+//! Rays, bounding volume hierarchies and the functions that must give equal bits everywhere.
+//!
+//! [`Accel`] answers the two questions that light transport asks of geometry: what does this ray hit first
+//! ([`Accel::intersect`]), and does it hit anything ([`Accel::occluded`]). It holds triangle meshes, instances of
+//! them and analytic spheres. It knows no material, no texture coordinate and no normal: a [`Hit`] names the
+//! instance and the triangle, and the caller looks up the rest.
+//!
+//! The decision that shaped this crate: *a hit is a function of the ray and the scene*. Two processors with different
+//! vector units give the same bits, a tree built by one thread is the tree built by sixty-four, and of two surfaces
+//! at the same distance the one with the lower number is hit, in whatever order the tree was walked. So a picture
+//! may be painted by unlike machines and compared bit for bit.
+//!
+//! [`math`] holds the elementary functions for the same end.
+
+pub mod math;
+
+mod accel;
+mod offset;
+mod ray;
+
+pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+pub use offset::offset_ray_origin;
+pub use ray::{Aabb, Hit, Ray};

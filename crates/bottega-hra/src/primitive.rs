@@ -1,0 +1,121 @@
+//! What can be asked of a resource: the primitives, sets of them, and names of data.
+
+use std::fmt;
+
+/// The self-contained, non-recursive, time-bounded computations that work units ask for.
+///
+/// The allocator knows a primitive by its name alone: what it costs on which resource is learnt, what it computes is
+/// the renderer's business.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Primitive {
+    /// Closest hits of a batch of rays. Low level.
+    Intersect,
+    /// Whether each ray of a batch hits anything. Low level.
+    Occluded,
+    /// The nearest photons of a batch of points. Low level.
+    PhotonGather,
+    /// Samples of a block of pixels. High level.
+    PixelBlock,
+    /// Paths of a batch of photons. High level.
+    PhotonBatch,
+}
+
+impl Primitive {
+    /// How many primitives there are.
+    pub const COUNT: usize = 5;
+
+    /// Every primitive, in the order of [`Primitive::index`].
+    pub const ALL: [Self; Self::COUNT] =
+        [Self::Intersect, Self::Occluded, Self::PhotonGather, Self::PixelBlock, Self::PhotonBatch];
+
+    /// Place in [`Primitive::ALL`], for tables with an entry a primitive.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The name that users see.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Intersect => "intersect",
+            Self::Occluded => "occluded",
+            Self::PhotonGather => "photon gather",
+            Self::PixelBlock => "pixel block",
+            Self::PhotonBatch => "photon batch",
+        }
+    }
+}
+
+impl fmt::Display for Primitive {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A set of primitives: what a resource can do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PrimitiveSet(u8);
+
+impl PrimitiveSet {
+    /// Nothing.
+    pub const NONE: Self = Self(0);
+    /// Every primitive.
+    pub const ALL: Self = Self((1 << Primitive::COUNT) - 1);
+
+    /// The set with `primitive` added.
+    #[must_use]
+    pub const fn with(self, primitive: Primitive) -> Self {
+        Self(self.0 | 1 << primitive.index())
+    }
+
+    /// Whether `primitive` is in the set.
+    pub const fn contains(self, primitive: Primitive) -> bool {
+        self.0 & 1 << primitive.index() != 0
+    }
+
+    /// Whether the set is empty.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The members, in the order of [`Primitive::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Primitive> {
+        Primitive::ALL.into_iter().filter(move |&primitive| self.contains(primitive))
+    }
+}
+
+impl FromIterator<Primitive> for PrimitiveSet {
+    fn from_iter<I: IntoIterator<Item = Primitive>>(primitives: I) -> Self {
+        primitives.into_iter().fold(Self::NONE, Self::with)
+    }
+}
+
+impl<const N: usize> From<[Primitive; N]> for PrimitiveSet {
+    fn from(primitives: [Primitive; N]) -> Self {
+        primitives.into_iter().collect()
+    }
+}
+
+/// Names read-only data (a scene, a photon map) that may be resident in a resource's memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct DataId(pub u64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_holds_what_was_put_in_and_nothing_else() {
+        let set = PrimitiveSet::from([Primitive::Occluded, Primitive::PhotonBatch]);
+        let members: Vec<_> = set.iter().collect();
+        assert_eq!(members, [Primitive::Occluded, Primitive::PhotonBatch]);
+        assert_eq!(PrimitiveSet::ALL.iter().count(), Primitive::COUNT);
+        assert!(PrimitiveSet::NONE.is_empty() && !set.is_empty());
+    }
+
+    #[test]
+    fn the_index_of_a_primitive_is_its_place_in_all() {
+        for (index, primitive) in Primitive::ALL.into_iter().enumerate() {
+            assert_eq!(primitive.index(), index);
+        }
+    }
+}
