@@ -135,7 +135,7 @@ impl<W: Work> Shared<W> {
         loop {
             if state.closed {
                 drop(state);
-                orphans.into_iter().for_each(answer_no_resource);
+                orphans.iter().for_each(answer_no_resource);
                 return Err(Closed.into());
             }
             let now = Instant::now();
@@ -155,7 +155,7 @@ impl<W: Work> Shared<W> {
                 drop(state);
                 self.wake(&woken);
                 if finished {
-                    orphans.into_iter().for_each(answer_no_resource);
+                    orphans.iter().for_each(answer_no_resource);
                     return Ok(());
                 }
                 state = self.lock();
@@ -332,7 +332,7 @@ impl<W: Work> Shared<W> {
         }
         if state.roster.count_of(pending.envelope.primitive) == 0 {
             drop(state);
-            return answer_no_resource(pending);
+            return answer_no_resource(&pending);
         }
         let woken = state.idle_for(&pending.envelope);
         state.bin.push_retry(pending);
@@ -352,7 +352,7 @@ impl<W: Work> Shared<W> {
         self.room.notify_all();
         drop(state);
         self.wake(&woken);
-        orphans.into_iter().for_each(answer_no_resource);
+        orphans.iter().for_each(answer_no_resource);
     }
 
     pub(crate) fn wake(&self, lanes: &[ResourceId]) {
@@ -415,7 +415,7 @@ fn answer_unstarted<W: Work>(envelope: &Envelope<W>, error: UnitError) {
     answer(envelope, Err(error), envelope.failed_on.last().copied(), Instant::now(), Duration::ZERO);
 }
 
-fn answer_no_resource<W: Work>(pending: Pending<W>) {
+fn answer_no_resource<W: Work>(pending: &Pending<W>) {
     let primitive = pending.envelope.primitive;
     answer_unstarted(&pending.envelope, UnitError::NoResource(primitive));
 }

@@ -151,7 +151,13 @@ impl<W: Work> Driver<'_, W> {
         loop {
             self.book();
             let healthy = match self.next_step() {
-                Step::Read(answers) => answers.into_iter().fold(true, |healthy, answer| self.read(answer) && healthy),
+                Step::Read(answers) => {
+                    let mut healthy = true;
+                    for answer in answers {
+                        healthy &= self.read(answer);
+                    }
+                    healthy
+                }
                 Step::Send(units) => {
                     self.send(units);
                     true
