@@ -3,6 +3,8 @@
 //!
 //! Source: Ernst, Stamminger, Greiner 2006, *Filter Importance Sampling*.
 
+use std::sync::LazyLock;
+
 /// A separable, non-negative pixel filter. The radius is half its width, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Filter {
@@ -61,62 +63,81 @@ impl Filter {
     }
 }
 
-/// Number of intervals of the table of quantiles.
+/// Number of intervals of a table of quantiles.
 const INTERVALS: usize = 512;
+
+/// The offset at probability i / INTERVALS, for a filter of radius 1. Between them the density counts as constant.
+type Quantiles = [f32; INTERVALS + 1];
+
+static TENT: LazyLock<Quantiles> = LazyLock::new(|| quantiles(Filter::Tent { radius: 1.0 }));
+static BLACKMAN_HARRIS: LazyLock<Quantiles> = LazyLock::new(|| quantiles(Filter::BlackmanHarris { radius: 1.0 }));
 
 /// Draws offsets from a pixel's center by the density of a filter.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
-    /// The offset at probability i / INTERVALS. Between them the density is taken as constant.
-    quantiles: Vec<f32>,
+    radius: f32,
+    shape: Shape,
+}
+
+#[derive(Clone, Debug)]
+enum Shape {
+    Uniform,
+    Shared(&'static Quantiles),
+    Own(Box<Quantiles>),
 }
 
 impl FilterSampler {
-    /// Tabulates a filter. Radii and sigmas that are not above 0 count as a box.
+    /// The sampler of a filter; cheap except for a Gaussian. Radii and sigmas that are not above 0 count as a box.
     pub fn new(filter: Filter) -> Self {
-        let sound = match filter {
-            Filter::Box => true,
-            Filter::Tent { radius } | Filter::BlackmanHarris { radius } => radius > 0.0 && radius.is_finite(),
-            Filter::Gaussian { radius, sigma } => radius > 0.0 && radius.is_finite() && sigma > 0.0,
+        let radius = filter.radius();
+        let sound = radius > 0.0 && radius.is_finite();
+        let shape = match filter {
+            Filter::Tent { .. } if sound => Shape::Shared(&TENT),
+            Filter::BlackmanHarris { .. } if sound => Shape::Shared(&BLACKMAN_HARRIS),
+            Filter::Gaussian { sigma, .. } if sound && sigma > 0.0 => {
+                Shape::Own(Box::new(quantiles(Filter::Gaussian { radius: 1.0, sigma: sigma / radius })))
+            }
+            _ => return Self { radius: 0.5, shape: Shape::Uniform },
         };
-        let filter = if sound { filter } else { Filter::Box };
-        Self { quantiles: quantiles(filter) }
+        Self { radius, shape }
     }
 
     /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1).
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> [f32; 2] {
+        let quantiles = match &self.shape {
+            Shape::Uniform => return u.map(|u| u - 0.5),
+            Shape::Shared(quantiles) => quantiles,
+            Shape::Own(quantiles) => &**quantiles,
+        };
         u.map(|u| {
             let scaled = u * INTERVALS as f32;
             let index = (scaled as usize).min(INTERVALS - 1);
-            let (low, high) = (self.quantiles[index], self.quantiles[index + 1]);
-            low + (scaled - index as f32) * (high - low)
+            let (low, high) = (quantiles[index], quantiles[index + 1]);
+            self.radius * (low + (scaled - index as f32) * (high - low))
         })
     }
 }
 
-/// Inverts the integral of the density, which is summed on a fine grid by the trapezoidal rule.
-fn quantiles(filter: Filter) -> Vec<f32> {
-    const STEPS: usize = 16 * INTERVALS;
-    let radius = f64::from(filter.radius());
-    let at = |step: usize| radius * (2.0 * step as f64 / STEPS as f64 - 1.0);
+/// Inverts the integral of the density of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
+fn quantiles(filter: Filter) -> Quantiles {
+    const STEPS: usize = 8 * INTERVALS;
+    let at = |step: usize| 2.0 * step as f64 / STEPS as f64 - 1.0;
     let mut integral = vec![0.0; STEPS + 1];
     for step in 0..STEPS {
         integral[step + 1] = integral[step] + 0.5 * (filter.density(at(step)) + filter.density(at(step + 1)));
     }
     let total = integral[STEPS];
     let mut step = 0;
-    (0..=INTERVALS)
-        .map(|i| {
-            let target = total * i as f64 / INTERVALS as f64;
-            while step + 1 < STEPS && integral[step + 1] < target {
-                step += 1;
-            }
-            let gain = integral[step + 1] - integral[step];
-            let part = if gain > 0.0 { ((target - integral[step]) / gain).clamp(0.0, 1.0) } else { 0.0 };
-            (at(step) + part * (at(step + 1) - at(step))) as f32
-        })
-        .collect()
+    std::array::from_fn(|i| {
+        let target = total * i as f64 / INTERVALS as f64;
+        while step + 1 < STEPS && integral[step + 1] < target {
+            step += 1;
+        }
+        let gain = integral[step + 1] - integral[step];
+        let part = if gain > 0.0 { ((target - integral[step]) / gain).clamp(0.0, 1.0) } else { 0.0 };
+        (at(step) + part * (at(step + 1) - at(step))) as f32
+    })
 }
 
 /// e^−x for x ≥ 0. By sums and products only, so that tables have the same bits on every platform.

@@ -120,6 +120,8 @@ fn owen_scramble_reversed(mut x: u32, seed: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_4;
+
     use super::*;
 
     /// Whether the points fill an elementary grid of 2^a × 2^b cells with one point each.
@@ -206,12 +208,12 @@ mod tests {
                     means[1] += smooth(random) / f64::from(count);
                     means[2] += disc(quad) / f64::from(count);
                 }
-                for (error, (mean, exact)) in errors.iter_mut().zip(means.iter().zip([exact, exact, 0.785_398])) {
+                for (error, (mean, exact)) in errors.iter_mut().zip(means.iter().zip([exact, exact, FRAC_PI_4])) {
                     *error += (mean - exact).powi(2) / 64.0;
                 }
             }
             assert!(errors[0] < 0.1 * errors[1], "{count}: {errors:?}");
-            let random_disc = 0.785_398 * 0.214_602 / f64::from(count);
+            let random_disc = FRAC_PI_4 * (1.0 - FRAC_PI_4) / f64::from(count);
             assert!(errors[2] < 0.4 * random_disc, "{count}: {errors:?} against {random_disc}");
         }
     }
