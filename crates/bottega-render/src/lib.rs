@@ -3,4 +3,29 @@
 //! No network, no agents. All heavy work is handed to the Hardware Resource Allocator as work units; this crate says
 //! what a unit computes on a processor, and owns all recursion above it.
 
+pub mod bsdf;
+pub mod camera;
+pub mod filter;
+pub mod integrator;
+pub mod sampler;
 pub mod survey;
+
+mod error;
+mod interaction;
+mod lights;
+mod prepare;
+mod sampling;
+mod settings;
+mod work;
+
+pub use error::RenderError;
+pub use filter::Filter;
+pub use prepare::{PrepareOptions, PreparedScene};
+pub use settings::{DirectLight, PathSettings, View};
+pub use survey::survey;
+pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
+
+/// Luminance of linear Rec. 709 RGB.
+pub(crate) fn luminance(color: bottega_scene::Spectrum) -> f32 {
+    color.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))
+}

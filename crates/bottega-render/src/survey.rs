@@ -1,4 +1,39 @@
 //! The fast, low-resolution look at a scene from which the Analyst makes its importance map.
+//!
+//! Two passes, both by work units alone: levels of recursion, by following mirrored and refracted rays breadth first
+//! in batches; and short paths, for what pixels look like and what they cost.
+
+use std::sync::Arc;
+
+use bottega_hra::{HraClient, WorkUnit};
+use bottega_image::Rect;
+use bottega_kernels::{Hit, Ray};
+use glam::Vec3;
+
+use crate::{
+    Filter, PathSettings, PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View,
+    bsdf::LobeFlags,
+    camera::RayCone,
+    integrator::{PathIntegrator, Wanted, bsdf_at},
+    interaction::{Interaction, is_there},
+    luminance,
+    sampler::{DimensionSet, PixelSampler},
+};
+
+/// Levels of recursion that are told apart.
+const LEVELS_MAX: u32 = 16;
+/// Rays followed for the recursion levels of a pixel.
+const CHAINS_PER_PIXEL: u32 = 4;
+/// Rays in a unit of work.
+const RAYS_PER_UNIT: usize = 4096;
+/// Density above which a glossy direction counts as mirrored, in sr⁻¹.
+const MIRROR_PDF: f32 = 10.0;
+/// Samples of short paths a pixel.
+const PROBE_SAMPLES: u32 = 8;
+/// Bounces of short paths.
+const PROBE_DEPTH: u32 = 6;
+/// Side of a probe's block, in pixels.
+const PROBE_SIDE: u32 = 16;
 
 /// What the fast pass saw in one pixel; means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,4 +63,181 @@ pub struct Survey {
     pub height: u32,
     /// `[width × height]`.
     pub pixels: Vec<SurveyPixel>,
+}
+
+/// Looks at the whole picture `view`, which should be small: some 128 columns are plenty.
+///
+/// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene and the
+/// view alone.
+pub fn survey(scene: &Arc<PreparedScene>, view: View, client: &HraClient<RenderWork>) -> Result<Survey, RenderError> {
+    let settings = Arc::new(PathSettings { max_depth: PROBE_DEPTH, filter: Filter::Box, ..PathSettings::default() });
+    let mut pixels = probe_all(scene, view, &settings, client)?;
+    let levels = recursion_levels(scene, view, &settings, client)?;
+    for (pixel, levels) in pixels.iter_mut().zip(levels) {
+        pixel.recursion_levels = levels;
+    }
+    Ok(Survey { width: view.width, height: view.height, pixels })
+}
+
+/// Submits all work and returns the outputs in the same order.
+fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Result<Vec<RenderOutput>, RenderError> {
+    let count = works.len();
+    client.submit_group(works.into_iter().zip(0..).map(|(work, ticket)| WorkUnit::new(work, ticket)).collect())?;
+    let mut outputs: Vec<Option<RenderOutput>> = vec![None; count];
+    let mut failure = None;
+    // All answers are taken even after a failure: none may be left for the client's next user.
+    while let Some(completed) = client.take() {
+        match completed.output {
+            Ok(RenderOutput::Refused(error)) => failure = Some(RenderError::Refused(error)),
+            Ok(output) => outputs[completed.ticket as usize] = Some(output),
+            Err(error) => failure = Some(error.into()),
+        }
+    }
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    outputs.into_iter().collect::<Option<Vec<_>>>().ok_or(RenderError::Unanswered)
+}
+
+fn probe_all(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    settings: &Arc<PathSettings>,
+    client: &HraClient<RenderWork>,
+) -> Result<Vec<SurveyPixel>, RenderError> {
+    let whole = Rect::of_size(view.width, view.height);
+    let blocks: Vec<Rect> = whole.blocks(PROBE_SIDE).collect();
+    let works = blocks.iter().map(|&rect| {
+        let (scene, settings) = (Arc::clone(scene), Arc::clone(settings));
+        RenderWork::Probe(ProbeWork { scene, view, settings, rect, sample_count: PROBE_SAMPLES })
+    });
+    let mut pixels = vec![SurveyPixel::default(); whole.area() as usize];
+    for (rect, output) in blocks.iter().zip(run(client, works.collect())?) {
+        let RenderOutput::Probe(seen) = output else { return Err(RenderError::Unanswered) };
+        for ((x, y), pixel) in rect.pixels().zip(seen) {
+            pixels[whole.index(x, y)] = pixel;
+        }
+    }
+    Ok(pixels)
+}
+
+/// Looks at a block of pixels by short paths. Everything but the recursion levels, row-major.
+pub(crate) fn probe(
+    scene: &PreparedScene,
+    view: View,
+    settings: &PathSettings,
+    rect: Rect,
+    sample_count: u32,
+) -> Result<Vec<SurveyPixel>, RenderError> {
+    let integrator = PathIntegrator::new(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
+    Ok(rect.pixels().map(|(x, y)| probe_pixel(&integrator, x, y, sample_count.max(1))).collect())
+}
+
+fn probe_pixel(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_count: u32) -> SurveyPixel {
+    let share = 1.0 / sample_count as f32;
+    let mut pixel = SurveyPixel::default();
+    let (mut color, mut albedo) = (Vec3::ZERO, Vec3::ZERO);
+    let (mut mean, mut squares, mut covered) = (0.0_f32, 0.0_f32, 0.0_f32);
+    for sample in 0..sample_count {
+        let record = integrator.trace(x, y, sample);
+        let values = record.values;
+        let radiance = Vec3::from(values.radiance);
+        // Welford 1962: no cancellation between large sums.
+        let from_mean = luminance(radiance) - mean;
+        mean += from_mean / (sample + 1) as f32;
+        squares += from_mean * (luminance(radiance) - mean);
+        color += radiance * share;
+        albedo += Vec3::from(values.albedo) * share;
+        pixel.steps += values.cost * share;
+        pixel.depth += values.depth;
+        pixel.path_length += record.vertex_count as f32 * share;
+        covered += values.alpha;
+    }
+    pixel.color = color.to_array();
+    pixel.albedo = albedo.to_array();
+    pixel.depth /= covered.max(1.0);
+    pixel.noise = (squares / (sample_count - 1).max(1) as f32).sqrt();
+    pixel
+}
+
+/// A ray that is followed from mirror to mirror.
+struct Chain {
+    pixel: usize,
+    sampler: PixelSampler,
+    origin: Vec3,
+    direction: Vec3,
+    cone: RayCone,
+    /// Surfaces passed, mirrors or half-transparent ones that were not there.
+    step: u32,
+}
+
+/// Mean number of mirrored or refracted bounces in a row, for each pixel.
+fn recursion_levels(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    settings: &PathSettings,
+    client: &HraClient<RenderWork>,
+) -> Result<Vec<f32>, RenderError> {
+    let integrator = PathIntegrator::new(scene, view, settings)?;
+    let whole = Rect::of_size(view.width, view.height);
+    let mut levels = vec![0.0; whole.area() as usize];
+    let mut chains: Vec<Chain> = whole
+        .pixels()
+        .flat_map(|(x, y)| (0..CHAINS_PER_PIXEL).map(move |sample| (x, y, sample)))
+        .map(|(x, y, sample)| {
+            let sampler = PixelSampler::new(settings.seed, x, y, sample);
+            let ray = integrator.camera_ray(&sampler, x, y);
+            let pixel = whole.index(x, y);
+            Chain { pixel, sampler, origin: ray.origin, direction: ray.direction, cone: ray.cone, step: 0 }
+        })
+        .collect();
+    while !chains.is_empty() {
+        let hits = intersect_all(scene, &chains, client)?;
+        let mut next = Vec::with_capacity(chains.len());
+        for (chain, hit) in chains.into_iter().zip(&hits) {
+            let pixel = chain.pixel;
+            let Some((followed, level)) = follow(scene, chain, hit) else { continue };
+            levels[pixel] += level / CHAINS_PER_PIXEL as f32;
+            next.push(followed);
+        }
+        chains = next;
+    }
+    Ok(levels)
+}
+
+fn intersect_all(
+    scene: &Arc<PreparedScene>,
+    chains: &[Chain],
+    client: &HraClient<RenderWork>,
+) -> Result<Vec<Hit>, RenderError> {
+    let works = chains.chunks(RAYS_PER_UNIT).map(|chunk| {
+        let rays = chunk.iter().map(|chain| Ray::new(chain.origin, chain.direction)).collect();
+        RenderWork::Rays { scene: Arc::clone(scene), rays }
+    });
+    let mut hits = Vec::with_capacity(chains.len());
+    for output in run(client, works.collect())? {
+        let RenderOutput::Hits(part) = output else { return Err(RenderError::Unanswered) };
+        hits.extend(part);
+    }
+    if hits.len() == chains.len() { Ok(hits) } else { Err(RenderError::Unanswered) }
+}
+
+/// The chain behind the surface that it hit, and by how many levels that counts. `None`: it ends there.
+fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)> {
+    let step = chain.step + 1;
+    if hit.is_none() || step > LEVELS_MAX {
+        return None;
+    }
+    let cone = chain.cone.at(hit.t);
+    let point = Interaction::new(scene, hit, chain.origin, chain.direction, cone);
+    let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+    if !is_there(scene, hit, || chain.sampler.hashed(surface)) {
+        let origin = point.ray_origin(chain.direction);
+        return Some((Chain { origin, cone, step, ..chain }, 0.0));
+    }
+    let u = chain.sampler.quad(DimensionSet::scattering(chain.step));
+    let sample = bsdf_at(scene, &point).sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
+    let is_mirror = sample.is_delta() || (sample.lobe.contains(LobeFlags::GLOSSY) && sample.pdf > MIRROR_PDF);
+    let direction = point.to_world(sample.wi);
+    is_mirror.then(|| (Chain { origin: point.ray_origin(direction), direction, cone, step, ..chain }, 1.0))
 }

@@ -1,0 +1,148 @@
+//! Rays from the camera into the scene.
+
+use bottega_kernels::math;
+use bottega_scene::{Camera, Projection};
+use glam::{Affine3A, Vec2, Vec3};
+
+use crate::sampling::uniform_disk;
+
+/// What a path can resolve: the width of its beam, after Akenine-Möller et al. 2021, *Improved Shader and Texture
+/// Level of Detail Using Ray Cones*.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RayCone {
+    /// Width at the ray's origin, in scene units.
+    pub width: f32,
+    /// Growth of the width per unit of distance.
+    pub spread: f32,
+}
+
+impl RayCone {
+    /// The cone farther along its ray.
+    #[must_use]
+    #[inline]
+    pub fn at(self, distance: f32) -> Self {
+        Self { width: self.width + self.spread * distance, spread: self.spread }
+    }
+}
+
+/// A ray from the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraRay {
+    /// Where it starts, world space.
+    pub origin: Vec3,
+    /// Where it goes, unit length, world space.
+    pub direction: Vec3,
+    /// The pixel's footprint.
+    pub cone: RayCone,
+}
+
+/// Makes the rays of one camera for pictures of one size.
+#[derive(Clone, Debug)]
+pub struct CameraRays {
+    world_from_camera: Affine3A,
+    /// Half the picture's width and height: at distance 1 for a perspective, in scene units for a parallel projection.
+    half_extent: Vec2,
+    /// Two over the picture's size in pixels.
+    double_pixel: Vec2,
+    parallel: bool,
+    lens_radius: f32,
+    focus_distance: f32,
+    cone: RayCone,
+}
+
+impl CameraRays {
+    /// The vertical extent is the camera's, whatever the shape of the picture; pixels are square.
+    pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
+        let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
+        let (half_height, parallel) = match camera.projection {
+            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), false),
+            Projection::Orthographic { height } => (0.5 * height, true),
+        };
+        let pixel = 2.0 * half_height / size.y;
+        let cone = if parallel { RayCone { width: pixel, spread: 0.0 } } else { RayCone { width: 0.0, spread: pixel } };
+        Self {
+            world_from_camera: camera.world_from_camera,
+            half_extent: Vec2::new(half_height * size.x / size.y, half_height),
+            double_pixel: 2.0 / size,
+            parallel,
+            lens_radius: camera.lens_radius,
+            focus_distance: camera.focus_distance,
+            cone,
+        }
+    }
+
+    /// The ray through a place of the picture.
+    ///
+    /// - `place`: in pixels from the upper left corner; the center of pixel (x, y) is (x + ½, y + ½).
+    /// - `lens`: two uniform numbers, used where the lens has a radius.
+    #[inline]
+    pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
+        let offset = place * self.double_pixel - 1.0;
+        let film = Vec2::new(offset.x, -offset.y) * self.half_extent;
+        let (mut origin, mut direction) =
+            if self.parallel { (film.extend(0.0), Vec3::NEG_Z) } else { (Vec3::ZERO, film.extend(-1.0)) };
+        if self.lens_radius > 0.0 {
+            // All rays of one place meet in the plane in focus.
+            let focus = origin + direction * self.focus_distance;
+            let shift = self.lens_radius * uniform_disk(lens);
+            origin += shift.extend(0.0);
+            direction = focus - origin;
+        }
+        CameraRay {
+            origin: self.world_from_camera.transform_point3(origin),
+            direction: self.world_from_camera.transform_vector3(direction).normalize(),
+            cone: self.cone,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(projection: Projection, lens_radius: f32) -> Camera {
+        Camera {
+            name: String::new(),
+            world_from_camera: Affine3A::from_translation(Vec3::new(1.0, 2.0, 3.0)),
+            projection,
+            aspect: None,
+            lens_radius,
+            focus_distance: 4.0,
+        }
+    }
+
+    #[test]
+    fn the_edges_of_a_perspective_picture_are_half_the_angle_away() {
+        let fov = 1.0_f32;
+        let rays = CameraRays::new(&camera(Projection::Perspective { vertical_fov: fov }, 0.0), 40, 20);
+        let middle = rays.ray(Vec2::new(20.0, 10.0), [0.0; 2]);
+        assert!((middle.direction - Vec3::NEG_Z).length() < 1e-6);
+        assert_eq!(middle.origin, Vec3::new(1.0, 2.0, 3.0));
+        let upper = rays.ray(Vec2::new(20.0, 0.0), [0.0; 2]).direction;
+        assert!((upper - Vec3::new(0.0, 0.5_f32.sin(), -0.5_f32.cos())).length() < 1e-6);
+        let right = rays.ray(Vec2::new(40.0, 10.0), [0.0; 2]).direction;
+        assert!((right.x / -right.z - 2.0 * 0.5_f32.tan()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn parallel_rays_are_parallel_and_a_picture_height_apart() {
+        let rays = CameraRays::new(&camera(Projection::Orthographic { height: 6.0 }, 0.0), 10, 10);
+        let upper = rays.ray(Vec2::new(0.0, 0.0), [0.0; 2]);
+        let lower = rays.ray(Vec2::new(10.0, 10.0), [0.0; 2]);
+        assert_eq!(upper.direction, lower.direction);
+        assert!((upper.origin - lower.origin - Vec3::new(-6.0, 6.0, 0.0)).length() < 1e-5);
+    }
+
+    #[test]
+    fn rays_through_a_lens_meet_in_the_plane_in_focus() {
+        let rays = CameraRays::new(&camera(Projection::Perspective { vertical_fov: 0.7 }, 0.3), 8, 8);
+        let meet = |lens| {
+            let ray = rays.ray(Vec2::new(2.0, 7.0), lens);
+            ray.origin + ray.direction * (4.0 / -ray.direction.z)
+        };
+        let (a, b) = (meet([0.1, 0.2]), meet([0.9, 0.6]));
+        assert!((a - b).length() < 1e-5, "{a} {b}");
+        let ray = rays.ray(Vec2::new(2.0, 7.0), [0.9, 0.6]);
+        assert!((ray.origin - Vec3::new(1.0, 2.0, 3.0)).length() <= 0.3);
+    }
+}

@@ -1,0 +1,430 @@
+//! Path tracing with next-event estimation and multiple importance sampling.
+//!
+//! Sources: Kajiya 1986, *The Rendering Equation*; Veach 1997, *Robust Monte Carlo Methods for Light Transport
+//! Simulation*, chapters 8 to 10.
+
+use bottega_image::SampleValues;
+use bottega_kernels::{Hit, Ray, math};
+use bottega_scene::Spectrum;
+use glam::{Vec2, Vec3};
+
+use crate::{
+    PathSettings, PreparedScene, RenderError, View,
+    bsdf::{Bsdf, SurfaceParams},
+    camera::{CameraRay, CameraRays, RayCone},
+    filter::FilterSampler,
+    interaction::{Interaction, emitted, is_there, sphere_uv},
+    lights::LightSample,
+    sampler::{DimensionSet, PixelSampler},
+    settings::DirectLight,
+};
+
+/// Greatest probability with which a path survives Russian roulette.
+const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
+/// How far from its target a shadow ray ends, as a share of its length.
+const SHADOW_MARGIN: f32 = 1e-4;
+/// Cost of a vertex, in traversal steps.
+const VERTEX_STEPS: f32 = 8.0;
+/// Cost of a shadow ray, in traversal steps.
+const SHADOW_STEPS: f32 = 8.0;
+/// Growth of the beam after a scattering that spreads over one steradian.
+const SCATTERED_SPREAD: f32 = 0.05;
+
+/// Which values beside radiance a sample is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Wanted {
+    pub(crate) albedo: bool,
+    pub(crate) cost: bool,
+}
+
+/// What came of one path.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct PathRecord {
+    pub(crate) values: SampleValues,
+    /// Surfaces that it met.
+    pub(crate) vertex_count: u32,
+    /// Whether its radiance was not finite, and counts as 0.
+    pub(crate) is_dropped: bool,
+}
+
+/// Paints samples of one picture. Cheap to make: one for each block of work.
+pub struct PathIntegrator<'a> {
+    prepared: &'a PreparedScene,
+    settings: &'a PathSettings,
+    camera: CameraRays,
+    filter: FilterSampler,
+    wanted: Wanted,
+}
+
+impl<'a> PathIntegrator<'a> {
+    /// An integrator for the picture `view`.
+    pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
+        let cameras = &prepared.scene().cameras;
+        let camera =
+            cameras.get(view.camera).ok_or(RenderError::NoCamera { index: view.camera, count: cameras.len() })?;
+        if view.width == 0 || view.height == 0 {
+            return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
+        }
+        Ok(Self {
+            prepared,
+            settings,
+            camera: CameraRays::new(camera, view.width, view.height),
+            filter: FilterSampler::new(settings.filter),
+            wanted: Wanted::default(),
+        })
+    }
+
+    #[must_use]
+    pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
+        Self { wanted, ..self }
+    }
+
+    /// One sample of the pixel (x, y). Radiance that is not finite counts as 0.
+    pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
+        self.trace(x, y, sample_index).values
+    }
+
+    /// Where a sample's path begins.
+    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
+        let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
+        let [dx, dy] = self.filter.sample([filter_u, filter_v]);
+        self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v])
+    }
+
+    #[inline]
+    pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
+        let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
+        let ray = self.camera_ray(&sampler, x, y);
+        let mut path = Path {
+            integrator: self,
+            sampler,
+            throughput: Spectrum::ONE,
+            radiance: Spectrum::ZERO,
+            absorption: Spectrum::ZERO,
+            eta_scale: 1.0,
+            depth: 0,
+            origin: ray.origin,
+            direction: ray.direction,
+            cone: ray.cone,
+            previous: Previous { p: ray.origin, pdf: None },
+            wants_albedo: self.wanted.albedo,
+            record: PathRecord::default(),
+        };
+        while path.advance() {}
+        path.finish()
+    }
+}
+
+/// Where the path comes from, as far as multiple importance sampling must know.
+#[derive(Clone, Copy)]
+struct Previous {
+    /// The point for which lights were sampled.
+    p: Vec3,
+    /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
+    pdf: Option<f32>,
+}
+
+/// A path under way.
+struct Path<'a> {
+    integrator: &'a PathIntegrator<'a>,
+    sampler: PixelSampler,
+    throughput: Spectrum,
+    radiance: Spectrum,
+    /// Of the solid that the path is in.
+    absorption: Spectrum,
+    /// What the throughput owes to radiance that was squeezed into a denser solid, not to losses.
+    eta_scale: f32,
+    depth: u32,
+    origin: Vec3,
+    direction: Vec3,
+    cone: RayCone,
+    previous: Previous,
+    wants_albedo: bool,
+    record: PathRecord,
+}
+
+impl Path<'_> {
+    /// Goes to the next surface and scatters there. False when the path is at its end.
+    #[inline]
+    fn advance(&mut self) -> bool {
+        let prepared = self.integrator.prepared;
+        let hit = self.intersect();
+        if hit.is_none() {
+            self.add_environment();
+            return false;
+        }
+        self.record.vertex_count += 1;
+        if self.absorption != Spectrum::ZERO {
+            self.throughput *= exp(-self.absorption * hit.t);
+        }
+        self.cone = self.cone.at(hit.t);
+        let point = Interaction::new(prepared, &hit, self.origin, self.direction, self.cone);
+        if self.depth == 0 {
+            self.record_first(&point, hit.t);
+        }
+        let (material, known) = prepared.material(point.material);
+        if material.unlit {
+            let color = material.base_color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate();
+            self.radiance += self.throughput * color;
+            self.record_albedo(color);
+            return false;
+        }
+        if known.shines && (point.front || material.double_sided) {
+            self.add_emission(&point);
+        }
+        let is_last = self.depth >= self.integrator.settings.max_depth;
+        if is_last && !self.wants_albedo {
+            return false;
+        }
+        let bsdf = bsdf_at(prepared, &point);
+        let wo = point.to_local(point.wo);
+        let is_delta_only = bsdf.is_delta_only();
+        if self.wants_albedo && (is_last || !is_delta_only) {
+            self.record_albedo(bsdf.albedo(wo));
+        }
+        if is_last {
+            return false;
+        }
+        if !is_delta_only {
+            self.add_direct_light(&point, &bsdf, wo);
+        }
+        self.scatter(&point, &bsdf, wo)
+    }
+
+    #[inline]
+    fn intersect(&mut self) -> Hit {
+        let prepared = self.integrator.prepared;
+        let ray = Ray::new(self.origin, self.direction);
+        if self.integrator.wanted.cost {
+            let mut steps = 0;
+            let hit = prepared.accel().intersect_counted(&ray, &mut steps);
+            self.record.values.cost += steps as f32 + VERTEX_STEPS;
+            if !prepared.has_opacity() {
+                return hit;
+            }
+        }
+        if prepared.has_opacity() {
+            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(hit))
+        } else {
+            prepared.accel().intersect(&ray)
+        }
+    }
+
+    /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
+    /// candidates of one ray may be asked in any order and more than once.
+    fn is_there(&self, hit: &Hit) -> bool {
+        is_there(self.integrator.prepared, hit, || {
+            let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+            self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
+        })
+    }
+
+    #[inline]
+    fn is_occluded(&mut self, ray: &Ray) -> bool {
+        let prepared = self.integrator.prepared;
+        self.record.values.cost += SHADOW_STEPS;
+        if prepared.has_opacity() {
+            prepared.accel().occluded_filtered(ray, |hit| self.is_there(hit))
+        } else {
+            prepared.accel().occluded(ray)
+        }
+    }
+
+    fn add_environment(&mut self) {
+        let prepared = self.integrator.prepared;
+        let radiance = prepared.lights().environment_radiance(prepared.scene(), self.direction);
+        if radiance != Spectrum::ZERO {
+            let weight = self.found_by_bsdf(|_| prepared.lights().environment_pdf(self.direction));
+            self.radiance += self.throughput * radiance * weight;
+        }
+    }
+
+    /// Adds what a surface emits towards the path.
+    fn add_emission(&mut self, point: &Interaction) {
+        let prepared = self.integrator.prepared;
+        let scene = &**prepared.scene();
+        let hit = &point.hit;
+        let radiance = match hit.sphere() {
+            Some(_) => prepared.material(point.material).0.emission.eval(scene, [sphere_uv(point.ng); 2], 0.0),
+            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
+        };
+        if radiance == Spectrum::ZERO {
+            return;
+        }
+        let weight = self.found_by_bsdf(|from| match hit.sphere() {
+            Some(sphere) => prepared.lights().sphere_pdf(scene, sphere, from, point.p),
+            None => prepared.lights().triangle_pdf(prepared, hit.instance, hit.primitive, from, point.p, point.ng),
+        });
+        self.radiance += self.throughput * radiance * weight;
+    }
+
+    /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
+    /// found it from the point before.
+    #[inline]
+    fn found_by_bsdf(&self, light_pdf: impl FnOnce(Vec3) -> f32) -> f32 {
+        let settings = self.integrator.settings;
+        let Some(pdf) = self.previous.pdf else { return 1.0 };
+        match settings.direct_light {
+            DirectLight::LightSampling => 0.0,
+            DirectLight::BsdfSampling => 1.0,
+            DirectLight::Combined => {
+                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(self.previous.p))
+            }
+        }
+    }
+
+    /// Next-event estimation.
+    #[inline]
+    fn add_direct_light(&mut self, point: &Interaction, bsdf: &Bsdf, wo: Vec3) {
+        let settings = self.integrator.settings;
+        let prepared = self.integrator.prepared;
+        if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
+            return;
+        }
+        let count = settings.light_samples.max(1);
+        for part in 0..count {
+            let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+            let Some(light) = prepared.lights().sample(prepared, point.p_outside, u) else { continue };
+            let contribution = self.light_contribution(point, bsdf, wo, &light, count as f32);
+            if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
+                self.radiance += self.throughput * contribution;
+            }
+        }
+    }
+
+    /// What one of `count` light samples adds if nothing is between.
+    #[inline]
+    fn light_contribution(
+        &self,
+        point: &Interaction,
+        bsdf: &Bsdf,
+        wo: Vec3,
+        light: &LightSample,
+        count: f32,
+    ) -> Spectrum {
+        let wi = point.to_local(light.wi);
+        // A shading normal must not let light through the real surface.
+        if (wi.z > 0.0) != point.is_reflection(light.wi) {
+            return Spectrum::ZERO;
+        }
+        let (value, bsdf_pdf) = bsdf.eval_pdf(wo, wi);
+        if value == Spectrum::ZERO {
+            return Spectrum::ZERO;
+        }
+        let expected = count * light.pdf;
+        let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
+        let weight = if is_shared { power_heuristic(expected, bsdf_pdf) } else { 1.0 };
+        value * light.radiance * (wi.z.abs() * weight / expected)
+    }
+
+    /// Chooses where the path goes on. False when it ends here.
+    #[inline]
+    fn scatter(&mut self, point: &Interaction, bsdf: &Bsdf, wo: Vec3) -> bool {
+        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+        let Some(sample) = bsdf.sample(wo, u[0], [u[1], u[2]]) else { return false };
+        let wi = point.to_world(sample.wi);
+        let is_reflection = point.is_reflection(wi);
+        if (sample.wi.z > 0.0) != is_reflection {
+            return false;
+        }
+        self.throughput *= sample.weight();
+        if !is_reflection {
+            let (material, known) = self.integrator.prepared.material(point.material);
+            // Into the solid when the path came from its outside, else out of it.
+            self.absorption = if point.front && !material.thin { known.absorption } else { Spectrum::ZERO };
+            self.eta_scale *= sample.eta * sample.eta;
+        }
+        let is_delta = sample.is_delta();
+        if !is_delta {
+            self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+        }
+        self.previous = Previous { p: point.p_outside, pdf: (!is_delta).then_some(sample.pdf) };
+        self.origin = point.ray_origin(wi);
+        self.direction = wi;
+        self.depth += 1;
+        self.survives(u[3])
+    }
+
+    /// Russian roulette: a path goes on with the probability of what it still carries.
+    #[inline]
+    fn survives(&mut self, u: f32) -> bool {
+        let carried = self.throughput.max_element() * self.eta_scale;
+        if carried <= 0.0 || carried.is_nan() {
+            return false;
+        }
+        if self.depth <= self.integrator.settings.roulette_depth {
+            return true;
+        }
+        let survival = carried.min(ROULETTE_SURVIVAL_MAX);
+        self.throughput /= survival;
+        u < survival
+    }
+
+    fn record_first(&mut self, point: &Interaction, distance: f32) {
+        let values = &mut self.record.values;
+        values.alpha = 1.0;
+        values.depth = distance;
+        values.normal = point.frame[2].to_array();
+    }
+
+    fn record_albedo(&mut self, albedo: Spectrum) {
+        if self.wants_albedo {
+            self.record.values.albedo = albedo.to_array();
+            self.wants_albedo = false;
+        }
+    }
+
+    fn finish(mut self) -> PathRecord {
+        if self.radiance.is_finite() {
+            self.record.values.radiance = self.radiance.to_array();
+        } else {
+            self.record.is_dropped = true;
+        }
+        self.record
+    }
+}
+
+/// The scattering at a point.
+#[inline]
+pub(crate) fn bsdf_at(prepared: &PreparedScene, point: &Interaction) -> Bsdf {
+    let (material, _) = prepared.material(point.material);
+    let scene = prepared.scene();
+    Bsdf::new(&SurfaceParams::of(scene, material, point.uvs, point.color, point.footprint, point.front))
+}
+
+/// The ray that asks whether a light is seen.
+#[inline]
+fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
+    let origin = point.ray_origin(light.wi);
+    if light.distance.is_infinite() {
+        return Ray::new(origin, light.wi);
+    }
+    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
+    let target = point.p_outside + light.wi * light.distance;
+    Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
+}
+
+/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
+#[inline]
+fn power_heuristic(chosen: f32, other: f32) -> f32 {
+    // By the ratio, so that squares of large densities do not overflow.
+    let ratio = other / chosen;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+fn exp(v: Vec3) -> Vec3 {
+    Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_two_strategies_add_up_to_one() {
+        for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
+            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
+        }
+        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+    }
+}

@@ -1,0 +1,315 @@
+//! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
+
+use bottega_kernels::{Hit, math, offset_ray_origin};
+use bottega_scene::{AlphaMode, Mesh, Scene, Spectrum, TextureMap};
+use glam::{Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
+
+use crate::{
+    camera::RayCone,
+    prepare::{PreparedMaterial, PreparedScene},
+    sampling::orthonormal_basis,
+};
+
+/// A point of a surface, seen from a direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Interaction {
+    /// World space, on the surface.
+    pub(crate) p: Vec3,
+    /// Where rays start that stay on the side of `wo`: above the facets of a curved surface, so that these do not
+    /// shade themselves. Equal to `p` for a flat surface and for one that lets light through.
+    pub(crate) p_outside: Vec3,
+    /// Geometric normal, unit length, on the front side.
+    pub(crate) ng: Vec3,
+    /// Shading frame: x, y, z = tangent, bitangent, normal; the normal is on the side of `wo`.
+    pub(crate) frame: [Vec3; 3],
+    /// Back along the ray, unit length.
+    pub(crate) wo: Vec3,
+    /// Whether `wo` is on the front side.
+    pub(crate) front: bool,
+    /// Texture coordinates.
+    pub(crate) uvs: [Vec2; 2],
+    /// Interpolated vertex color; white where there is none.
+    pub(crate) color: Vec4,
+    /// Width of texture lookups.
+    pub(crate) footprint: f32,
+    /// Index of the material.
+    pub(crate) material: u32,
+    /// The hit.
+    pub(crate) hit: Hit,
+}
+
+impl Interaction {
+    /// Reconstructs the point that a ray hit.
+    ///
+    /// - `origin`, `direction`: the ray; unit length.
+    /// - `cone`: its width at the hit.
+    #[inline]
+    pub(crate) fn new(prepared: &PreparedScene, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
+        match hit.sphere() {
+            Some(sphere) => Self::on_sphere(prepared, sphere, hit, origin, direction, cone),
+            None => Self::on_triangle(prepared, hit, direction, cone),
+        }
+    }
+
+    fn on_sphere(
+        prepared: &PreparedScene,
+        index: u32,
+        hit: &Hit,
+        origin: Vec3,
+        direction: Vec3,
+        cone: RayCone,
+    ) -> Self {
+        let scene = prepared.scene();
+        let sphere = &scene.spheres[index as usize];
+        let ng = (origin + hit.t * direction - sphere.center).normalize_or(-direction);
+        let (material, known) = prepared.material(sphere.material);
+        let uv = if known.is_textured { sphere_uv(ng) } else { Vec2::ZERO };
+        // One turn of u around the equator.
+        let footprint = if known.is_textured { cone.width / (2.0 * PI * sphere.radius) } else { 0.0 };
+        let p = sphere.center + sphere.radius * ng;
+        let mut point = Self {
+            p,
+            p_outside: p,
+            ng,
+            frame: [Vec3::ZERO; 3],
+            wo: -direction,
+            front: direction.dot(ng) < 0.0,
+            uvs: [uv; 2],
+            color: Vec4::ONE,
+            footprint,
+            material: sphere.material,
+            hit: *hit,
+        };
+        let tangent = || (Vec3::Y.cross(ng).normalize_or(Vec3::X), 1.0);
+        let ns = match &material.normal {
+            Some((map, scale)) => mapped_normal(scene, map, *scale, &point, ng, tangent()),
+            None => ng,
+        };
+        point.set_frame(ns);
+        point
+    }
+
+    #[inline]
+    fn on_triangle(prepared: &PreparedScene, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
+        let scene = &**prepared.scene();
+        let instance = &scene.instances[hit.instance as usize];
+        let known_instance = prepared.instance(hit.instance);
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let triangle = mesh.triangles[hit.primitive as usize];
+        let (u, v) = (hit.u, hit.v);
+        let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+        let (e1, e2) = (p1 - p0, p2 - p0);
+        let local = p0 + e1 * u + e2 * v;
+        let to_normal = known_instance.world_from_normal;
+        // Twice the area, along the normal.
+        let area_vector = to_normal * e1.cross(e2);
+        let ng = area_vector.normalize_or(-direction);
+        let p = instance.world_from_object.transform_point3(local);
+        let (material, known) = prepared.material(mesh.material);
+        let mut point = Self {
+            p,
+            p_outside: p,
+            ng,
+            frame: [Vec3::ZERO; 3],
+            wo: -direction,
+            front: direction.dot(ng) < 0.0,
+            uvs: [Vec2::ZERO; 2],
+            color: interpolate(&mesh.colors, triangle, u, v).unwrap_or(Vec4::ONE),
+            footprint: 0.0,
+            material: mesh.material,
+            hit: *hit,
+        };
+        if known.is_textured {
+            point.uvs = uvs_at(mesh, triangle, u, v);
+            point.footprint = footprint(mesh, triangle, area_vector.length(), cone.width, direction.dot(ng));
+        }
+        let mut ns = ng;
+        if !mesh.normals.is_empty() {
+            let normals = triangle.map(|vertex| mesh.normals[vertex as usize]);
+            let smooth = normals[0] * (1.0 - u - v) + normals[1] * u + normals[2] * v;
+            ns = (to_normal * smooth).normalize_or(ng);
+            if !known.transmits {
+                let lift = lift_off_facets(local, &[p0, p1, p2], &normals, [1.0 - u - v, u, v], point.front);
+                point.p_outside = p + instance.world_from_object.transform_vector3(lift);
+            }
+        }
+        if let Some((map, scale)) = &material.normal {
+            let tangent = tangent_at(mesh, triangle, u, v, map.uv_set);
+            let (tangent, sign) = (instance.world_from_object.transform_vector3(tangent.0), tangent.1);
+            ns = mapped_normal(scene, map, *scale, &point, ns, (tangent, sign * known_instance.orientation));
+        }
+        point.set_frame(ns);
+        point
+    }
+
+    /// Makes the shading frame around `ns`, which may be on either side: turned to that of `wo`, and bent so that `wo`
+    /// sees it.
+    #[inline]
+    fn set_frame(&mut self, ns: Vec3) {
+        /// Least cosine between `wo` and the shading normal.
+        const COSINE_MIN: f32 = 1e-3;
+        let upright = if ns.dot(self.ng) < 0.0 { -ns } else { ns };
+        let mut n = if self.front { upright } else { -upright };
+        let cosine = n.dot(self.wo);
+        if cosine < COSINE_MIN {
+            n = (n + self.wo * (COSINE_MIN - cosine)).normalize();
+        }
+        let (s, t) = orthonormal_basis(n);
+        self.frame = [s, t, n];
+    }
+
+    /// A world-space direction in the shading frame.
+    #[inline]
+    pub(crate) fn to_local(&self, w: Vec3) -> Vec3 {
+        Vec3::new(w.dot(self.frame[0]), w.dot(self.frame[1]), w.dot(self.frame[2]))
+    }
+
+    /// A direction of the shading frame in world space.
+    #[inline]
+    pub(crate) fn to_world(&self, w: Vec3) -> Vec3 {
+        self.frame[0] * w.x + self.frame[1] * w.y + self.frame[2] * w.z
+    }
+
+    /// Whether a direction is on the side of `wo` of the real surface.
+    #[inline]
+    pub(crate) fn is_reflection(&self, wi: Vec3) -> bool {
+        (wi.dot(self.ng) > 0.0) == self.front
+    }
+
+    /// Where a ray starts that leaves in direction `wi`.
+    #[inline]
+    pub(crate) fn ray_origin(&self, wi: Vec3) -> Vec3 {
+        let p = if self.is_reflection(wi) { self.p_outside } else { self.p };
+        offset_ray_origin(p, self.ng, wi)
+    }
+}
+
+/// How far a point of a facet lies below the curved surface that its vertex normals tell of, as an offset.
+///
+/// Source: Hanika 2021, *Hacking the Shadow Terminator*, Ray Tracing Gems II, chapter 4.
+#[inline]
+fn lift_off_facets(p: Vec3, corners: &[Vec3; 3], normals: &[Vec3; 3], weights: [f32; 3], front: bool) -> Vec3 {
+    let side = if front { 1.0 } else { -1.0 };
+    let mut lift = Vec3::ZERO;
+    for i in 0..3 {
+        let below = (side * (p - corners[i]).dot(normals[i])).min(0.0);
+        lift -= normals[i] * (side * weights[i] * below);
+    }
+    lift
+}
+
+/// A value per vertex at barycentric coordinates; `None` where the mesh has none.
+#[inline]
+fn interpolate<T>(values: &[T], triangle: [u32; 3], u: f32, v: f32) -> Option<T>
+where
+    T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+{
+    if values.is_empty() {
+        return None;
+    }
+    let [a, b, c] = triangle.map(|vertex| values[vertex as usize]);
+    Some(a * (1.0 - u - v) + b * u + c * v)
+}
+
+#[inline]
+fn uvs_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32) -> [Vec2; 2] {
+    let first = interpolate(&mesh.uvs[0], triangle, u, v).unwrap_or_default();
+    [first, interpolate(&mesh.uvs[1], triangle, u, v).unwrap_or(first)]
+}
+
+/// Width of a beam in texture coordinates. Between the long and the short axis of its oblique cut: the geometric mean.
+fn footprint(mesh: &Mesh, triangle: [u32; 3], double_area: f32, width: f32, cosine: f32) -> f32 {
+    if mesh.uvs[0].is_empty() || double_area <= 0.0 {
+        return 0.0;
+    }
+    let [a, b, c] = triangle.map(|vertex| mesh.uvs[0][vertex as usize]);
+    let double_uv_area = (b - a).perp_dot(c - a).abs();
+    width * (double_uv_area / (double_area * cosine.abs().max(0.01))).sqrt()
+}
+
+/// The tangent of increasing u in object space, and the sign of the bitangent.
+fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set: u8) -> (Vec3, f32) {
+    if let Some(tangent) = interpolate(&mesh.tangents, triangle, u, v) {
+        // The sign is that of one vertex: all three agree in a sound mesh.
+        return (tangent.truncate(), mesh.tangents[triangle[0] as usize].w);
+    }
+    let uvs = &mesh.uvs[usize::from(uv_set & 1)];
+    let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+    if uvs.is_empty() {
+        return (p1 - p0, 1.0);
+    }
+    let [a, b, c] = triangle.map(|vertex| uvs[vertex as usize]);
+    let (d1, d2) = (b - a, c - a);
+    let determinant = d1.perp_dot(d2);
+    let tangent = ((p1 - p0) * d2.y - (p2 - p0) * d1.y) * determinant.signum();
+    // v grows downwards, so texture coordinates that are not mirrored have a negative determinant; n × t then points
+    // up the picture, as normal maps want it.
+    (tangent, -determinant.signum())
+}
+
+/// The normal that a normal map tells of. Outward like `ns`.
+fn mapped_normal(
+    scene: &Scene,
+    map: &TextureMap,
+    scale: f32,
+    point: &Interaction,
+    ns: Vec3,
+    tangent: (Vec3, f32),
+) -> Vec3 {
+    let uv = point.uvs[usize::from(map.uv_set & 1)];
+    let texel = scene.images[map.image.0 as usize].eval(map, uv, point.footprint).truncate();
+    let bent = (texel * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
+    let t = tangent.0 - ns * ns.dot(tangent.0);
+    let Some(t) = t.try_normalize() else { return ns };
+    let b = ns.cross(t) * tangent.1;
+    (t * bent.x + b * bent.y + ns * bent.z).normalize_or(ns)
+}
+
+/// Texture coordinates on a sphere: u around +y, v from the upper pole down.
+pub(crate) fn sphere_uv(n: Vec3) -> Vec2 {
+    let u = 0.5 + math::atan2(n.x, n.z) / (2.0 * PI);
+    Vec2::new(u, math::acos(n.y) / PI)
+}
+
+/// What a triangle emits at barycentric coordinates.
+#[inline]
+pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), footprint: f32) -> Spectrum {
+    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+    let emission = &scene.materials[mesh.material as usize].emission;
+    if emission.texture.is_none() {
+        return emission.factor;
+    }
+    emission.eval(scene, uvs_at(mesh, mesh.triangles[triangle as usize], b.0, b.1), footprint)
+}
+
+/// How opaque a triangle is at barycentric coordinates.
+pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)) -> f32 {
+    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+    let vertices = mesh.triangles[triangle as usize];
+    let alpha = interpolate(&mesh.colors, vertices, b.0, b.1).map_or(1.0, |color| color.w);
+    scene.materials[mesh.material as usize].opacity(scene, uvs_at(mesh, vertices, b.0, b.1), 0.0, alpha)
+}
+
+/// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent.
+pub(crate) fn is_there(prepared: &PreparedScene, hit: &Hit, chance: impl FnOnce() -> f32) -> bool {
+    let scene = &**prepared.scene();
+    let (material, opacity): (u32, _) = match hit.sphere() {
+        Some(sphere) => (scene.spheres[sphere as usize].material, None),
+        None => (scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material, Some(hit)),
+    };
+    let (material, PreparedMaterial { has_opacity, .. }) = prepared.material(material);
+    if !has_opacity {
+        return true;
+    }
+    let opacity = match opacity {
+        Some(hit) => opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)),
+        // A sphere has no vertex colors, and the kernel's hit does not tell where on it: its factor alone counts.
+        None => match material.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask { cutoff } => f32::from(u8::from(material.alpha >= cutoff)),
+            AlphaMode::Blend => material.alpha,
+        },
+    };
+    opacity >= 1.0 || (opacity > 0.0 && chance() < opacity)
+}

@@ -1,0 +1,185 @@
+//! Spheres that shine, sampled by the solid angle under which they are seen.
+
+use std::f32::consts::PI;
+
+use bottega_kernels::math;
+use bottega_scene::{Scene, Spectrum, Sphere};
+use glam::Vec3;
+
+use super::{LightSample, exitance};
+use crate::{
+    interaction::sphere_uv,
+    sampling::{orthonormal_basis, uniform_sphere},
+};
+
+/// Luminous power, for the choice of a light.
+pub(super) fn power(scene: &Scene, index: u32) -> f32 {
+    const STEPS: u32 = 8;
+    let sphere = &scene.spheres[index as usize];
+    let material = &scene.materials[sphere.material as usize];
+    let mean = if material.emission.texture.is_some() {
+        let normals = (0..STEPS * STEPS).map(|i| {
+            uniform_sphere([((i % STEPS) as f32 + 0.5) / STEPS as f32, ((i / STEPS) as f32 + 0.5) / STEPS as f32])
+        });
+        let footprint = 1.0 / STEPS as f32;
+        normals.map(|n| material.emission.eval(scene, [sphere_uv(n); 2], footprint)).sum::<Spectrum>()
+            / (STEPS * STEPS) as f32
+    } else {
+        material.emission.factor
+    };
+    4.0 * PI * sphere.radius * sphere.radius * exitance(mean, material.double_sided)
+}
+
+/// The part of the sphere of directions that a sphere covers, seen from outside.
+struct Cone {
+    axis: Vec3,
+    distance: f32,
+    /// 1 − cos of its half angle, without cancellation.
+    one_minus_cos: f32,
+}
+
+impl Cone {
+    /// `None` at or below the surface of the sphere.
+    fn new(sphere: &Sphere, from: Vec3) -> Option<Self> {
+        let to_center = sphere.center - from;
+        let distance = to_center.length();
+        let sine = sphere.radius / distance;
+        let sine_squared = sine * sine;
+        // A hair's breadth above the surface the cone is as good as a half space, and its numbers are not.
+        (distance > sphere.radius && sine_squared < 0.9999).then(|| Self {
+            axis: to_center / distance,
+            distance,
+            one_minus_cos: sine_squared / (1.0 + (1.0 - sine_squared).sqrt()),
+        })
+    }
+
+    fn pdf(&self) -> f32 {
+        1.0 / (2.0 * PI * self.one_minus_cos)
+    }
+}
+
+/// Draws a place on the sphere for the point `from`.
+pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+    let sphere = &scene.spheres[index as usize];
+    let (wi, distance, pdf) = match Cone::new(sphere, from) {
+        Some(cone) => {
+            let (direction, distance) = sample_cone(&cone, sphere.radius, u);
+            (direction, distance, cone.pdf())
+        }
+        None => {
+            let n = uniform_sphere(u);
+            let to_light = sphere.center + sphere.radius * n - from;
+            let distance = to_light.length();
+            if distance <= 0.0 {
+                return None;
+            }
+            let wi = to_light / distance;
+            (wi, distance, area_pdf(sphere, wi, distance, n)?)
+        }
+    };
+    let n = (from + distance * wi - sphere.center).normalize_or_zero();
+    let material = &scene.materials[sphere.material as usize];
+    if !(material.double_sided || wi.dot(n) < 0.0) {
+        return None;
+    }
+    let radiance = material.emission.eval(scene, [sphere_uv(n); 2], 0.0);
+    Some(LightSample { wi, distance, radiance, pdf, is_delta: false })
+}
+
+/// A direction uniform over the cone, and how far the sphere is in it.
+fn sample_cone(cone: &Cone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
+    let one_minus_cos = u[0] * cone.one_minus_cos;
+    let sine_squared = one_minus_cos * (2.0 - one_minus_cos);
+    let (sin_phi, cos_phi) = math::sin_cos(2.0 * PI * u[1]);
+    let (s, t) = orthonormal_basis(cone.axis);
+    let sine = sine_squared.sqrt();
+    let wi = (s * (sine * cos_phi) + t * (sine * sin_phi) + cone.axis * (1.0 - one_minus_cos)).normalize();
+    let half_chord = (radius * radius - cone.distance * cone.distance * sine_squared).max(0.0).sqrt();
+    (wi, cone.distance * (1.0 - one_minus_cos) - half_chord)
+}
+
+/// Density of a place drawn uniformly by area, as seen along `wi` from `distance` away.
+fn area_pdf(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<f32> {
+    let cosine = wi.dot(n).abs();
+    let pdf = distance * distance / (cosine * 4.0 * PI * sphere.radius * sphere.radius);
+    (cosine > 0.0 && pdf.is_finite()).then_some(pdf)
+}
+
+/// Density per solid angle with which [`sample`] draws the place `p` from `from`.
+pub(super) fn pdf(scene: &Scene, index: u32, from: Vec3, p: Vec3) -> f32 {
+    let sphere = &scene.spheres[index as usize];
+    if let Some(cone) = Cone::new(sphere, from) {
+        return cone.pdf();
+    }
+    let to_light = p - from;
+    let distance = to_light.length();
+    if distance <= 0.0 {
+        return 0.0;
+    }
+    area_pdf(sphere, to_light / distance, distance, (p - sphere.center).normalize_or_zero()).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bottega_scene::Material;
+    use proptest::prelude::*;
+
+    fn scene(radius: f32, double_sided: bool) -> Scene {
+        let material = Material { emission: Vec3::splat(3.0).into(), double_sided, ..Material::default() };
+        Scene {
+            spheres: vec![Sphere { center: Vec3::new(1.0, 2.0, 3.0), radius, material: 0 }],
+            materials: vec![material],
+            ..Scene::default()
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_sample_lies_on_the_sphere_and_has_the_density_stated(
+            distance in 1e-3_f32..1e4, azimuth in 0.0_f32..6.2, u in 0.0_f32..1.0, v in 0.0_f32..1.0,
+        ) {
+            let scene = scene(0.5, true);
+            let from = Vec3::new(1.0, 2.0, 3.0) + distance * Vec3::new(azimuth.cos(), 0.6, azimuth.sin());
+            if let Some(sample) = sample(&scene, 0, from, [u, v]) {
+                let p = from + sample.wi * sample.distance;
+                prop_assert!(((p - Vec3::new(1.0, 2.0, 3.0)).length() - 0.5).abs() < 1e-3 + 1e-5 * distance);
+                let again = pdf(&scene, 0, from, p);
+                prop_assert!((again - sample.pdf).abs() < 2e-2 * sample.pdf, "{again} {}", sample.pdf);
+            }
+        }
+    }
+
+    #[test]
+    fn irradiance_below_a_sphere_is_that_of_the_formula_however_near_or_far() {
+        // E = π L sin²θ for a sphere straight above, with sin θ = radius / distance.
+        for distance in [1.01, 1.5, 3.0, 1000.0] {
+            let scene = scene(1.0, false);
+            let from = Vec3::new(1.0, 2.0 - distance, 3.0);
+            let steps = 64;
+            let mut irradiance = 0.0;
+            for i in 0..steps * steps {
+                let u = [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32];
+                if let Some(sample) = sample(&scene, 0, from, u) {
+                    irradiance += sample.radiance.x * sample.wi.y.max(0.0) / sample.pdf / (steps * steps) as f32;
+                }
+            }
+            let exact = PI * 3.0 / (distance * distance);
+            assert!((irradiance / exact - 1.0).abs() < 2e-3, "{distance}: {irradiance} {exact}");
+        }
+    }
+
+    #[test]
+    fn from_inside_only_a_double_sided_sphere_is_seen() {
+        let inside = Vec3::new(1.2, 2.0, 3.0);
+        assert!(sample(&scene(1.0, false), 0, inside, [0.3, 0.4]).is_none());
+        let scene = scene(1.0, true);
+        let steps = 100;
+        let sum: f32 = (0..steps * steps)
+            .map(|i| [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32])
+            .filter_map(|u| sample(&scene, 0, inside, u))
+            .map(|sample| 1.0 / sample.pdf)
+            .sum();
+        assert!((sum / (steps * steps) as f32 - 4.0 * PI).abs() < 0.02);
+    }
+}

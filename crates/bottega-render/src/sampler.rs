@@ -1,0 +1,251 @@
+//! Uniform numbers for Monte Carlo integration, as a pure function of (seed, pixel, sample index, dimension).
+//!
+//! Dimensions come in sets of four: an Owen-scrambled Sobol' sequence of its own for every set, so that the four
+//! numbers of a set are stratified together and any number of sets can be had. Nothing is stored and nothing
+//! advances: whoever asks for the same numbers gets the same bits, on any thread, in any order, in any pass.
+//!
+//! Source: Burley 2020, *Practical Hash-based Owen Scrambling* (shuffled scrambled Sobol' in four dimensions); the
+//! hash is that of Laine and Karras 2011 with the better mixing constants published by Vegdahl 2021.
+
+mod sobol;
+
+/// The four uniform numbers of one dimension set, each in [0, 1).
+pub type Quad = [f32; 4];
+
+/// Names the dimension sets of a path, so that each decision at each vertex has numbers of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct DimensionSet(u32);
+
+impl DimensionSet {
+    /// Place in the pixel (2), place on the lens (2).
+    pub const CAMERA: Self = Self(0);
+
+    /// Choice of the light (1), place on it (2), spare (1), at the path's vertex `vertex` counted from the camera.
+    pub fn light(vertex: u32) -> Self {
+        Self(1 + 2 * vertex)
+    }
+
+    /// Choice of the lobe (1), direction (2), Russian roulette (1), at the path's vertex `vertex`.
+    pub fn scattering(vertex: u32) -> Self {
+        Self(2 + 2 * vertex)
+    }
+}
+
+/// The uniform numbers of one sample of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelSampler {
+    pixel_key: u64,
+    sample_index: u32,
+}
+
+impl PixelSampler {
+    /// The numbers of sample `sample_index` of the pixel (x, y) of the picture.
+    pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
+        let pixel = u64::from(x) | u64::from(y) << 32;
+        Self { pixel_key: mix(mix(seed) ^ pixel), sample_index }
+    }
+
+    /// The four numbers of a dimension set.
+    #[inline]
+    pub fn quad(&self, set: DimensionSet) -> Quad {
+        self.scrambled_point(set, self.sample_index)
+    }
+
+    /// The numbers of part `part` of `part_count`, where this sample splits into several in that set. The parts of
+    /// all samples together make one sequence, so they are stratified against each other as well.
+    #[inline]
+    pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
+        debug_assert!(part < part_count);
+        self.scrambled_point(set, self.sample_index.wrapping_mul(part_count).wrapping_add(part))
+    }
+
+    /// The first number of a set.
+    pub fn get_1d(&self, set: DimensionSet) -> f32 {
+        self.quad(set)[0]
+    }
+
+    /// The first two numbers of a set.
+    pub fn get_2d(&self, set: DimensionSet) -> glam::Vec2 {
+        let [x, y, ..] = self.quad(set);
+        glam::Vec2::new(x, y)
+    }
+
+    /// Uniform in [0, 1), from the sample and `key` alone: for decisions that have no dimension, such as whether a
+    /// half-transparent surface is there.
+    pub fn hashed(&self, key: u64) -> f32 {
+        let bits = mix(mix(self.pixel_key ^ key) ^ u64::from(self.sample_index));
+        unit_interval((bits >> 32) as u32)
+    }
+
+    #[inline]
+    fn scrambled_point(&self, set: DimensionSet, index: u32) -> Quad {
+        let set_key = mix(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+        let second = mix(set_key);
+        let third = mix(second);
+        let scrambles = [second as u32, (second >> 32) as u32, third as u32, (third >> 32) as u32];
+        // Shuffle the order of the points, differently for each set, or sets would be correlated.
+        let shuffled = owen_scramble_reversed(index.reverse_bits(), set_key as u32).reverse_bits();
+        let reversed = sobol::reversed_point(shuffled);
+        let mut point = [0.0; 4];
+        for ((value, bits), scramble) in point.iter_mut().zip(reversed).zip(scrambles) {
+            *value = unit_interval(owen_scramble_reversed(bits, scramble).reverse_bits());
+        }
+        point
+    }
+}
+
+/// The 24 high bits as a number in [0, 1).
+#[inline]
+fn unit_interval(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
+/// A bijection of 64 bits that mixes well (the finalizer of SplitMix64, Steele et al. 2014).
+#[inline]
+pub(crate) fn mix(mut x: u64) -> u64 {
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Owen scrambling of a number whose bits are reversed: a bit is flipped depending on those below it only.
+#[inline]
+fn owen_scramble_reversed(mut x: u32, seed: u32) -> u32 {
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^ x.wrapping_mul(0x53a2_2864)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_4;
+
+    use super::*;
+
+    /// Whether the points fill an elementary grid of 2^a × 2^b cells with one point each.
+    fn fills_grid(points: &[(f32, f32)], columns: usize, rows: usize) -> bool {
+        let mut cells = vec![0; columns * rows];
+        for &(x, y) in points {
+            cells[(y * rows as f32) as usize * columns + (x * columns as f32) as usize] += 1;
+        }
+        points.len() == cells.len() && cells.iter().all(|&count| count == 1)
+    }
+
+    #[test]
+    fn the_first_two_dimensions_are_a_net_in_every_set_of_every_pixel() {
+        for (x, y, set) in [(0, 0, 0), (17, 4, 1), (300, 7, 5), (5, 5, 40)] {
+            let points: Vec<_> = (0..256)
+                .map(|i| {
+                    let q = PixelSampler::new(9, x, y, i).quad(DimensionSet(set));
+                    (q[0], q[1])
+                })
+                .collect();
+            for log_columns in 0..=8 {
+                assert!(fills_grid(&points, 1 << log_columns, 256 >> log_columns), "{x} {y} {set}: 2^{log_columns}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_dimension_is_stratified_and_every_pair_nearly() {
+        let points: Vec<Quad> = (0..256).map(|i| PixelSampler::new(3, 8, 2, i).quad(DimensionSet(7))).collect();
+        for d in 0..4 {
+            let line: Vec<_> = points.iter().map(|q| (q[d], 0.0)).collect();
+            assert!(fills_grid(&line, 256, 1), "dimension {d}");
+            for e in 0..d {
+                // The quality parameter t of Sobol' pairs here is at most 3: 2^3 points in each of 32 cells.
+                let mut cells = [0; 32];
+                for q in &points {
+                    cells[(q[d] * 8.0) as usize * 4 + (q[e] * 4.0) as usize] += 1;
+                }
+                assert!(cells.iter().all(|&count| count == 8), "pair {d} {e}: {cells:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn aligned_ranges_of_samples_are_stratified_too() {
+        for start in [64, 128, 960] {
+            let line: Vec<_> =
+                (start..start + 64).map(|i| (PixelSampler::new(3, 1, 2, i).quad(DimensionSet(3))[0], 0.0)).collect();
+            assert!(fills_grid(&line, 64, 1));
+        }
+    }
+
+    #[test]
+    fn numbers_are_uniform_over_pixels_sets_and_seeds() {
+        for variant in 0..3 {
+            let mut bins = [0_u32; 64];
+            for i in 0..6400_u32 {
+                let (seed, x, set) = [(1, i, 0), (u64::from(i), 4, 0), (1, 4, i)][variant];
+                for value in PixelSampler::new(seed, x, 3, 0).quad(DimensionSet(set)) {
+                    bins[(value * 64.0) as usize] += 1;
+                }
+            }
+            // χ² with 63 degrees of freedom stays below 120 with probability 1 − 2e-5.
+            let chi_squared: f64 = bins.iter().map(|&n| (f64::from(n) - 400.0).powi(2) / 400.0).sum();
+            assert!(chi_squared < 120.0, "variant {variant}: {chi_squared}");
+        }
+    }
+
+    #[test]
+    fn integration_error_falls_faster_than_that_of_random_numbers() {
+        // The mean over pixels of the squared error of ∫ f, f smooth in four dimensions with mean (1 − e⁻¹)⁴, and a disc.
+        let exact = (1.0 - (-1.0_f64).exp()).powi(4);
+        let smooth = |q: Quad| f64::from(-q.iter().sum::<f32>()).exp();
+        let disc = |q: Quad| f64::from(u8::from(q[0] * q[0] + q[1] * q[1] < 1.0));
+        for count in [64, 100, 196, 1024] {
+            let mut errors = [0.0; 3];
+            for pixel in 0..64 {
+                let mut means = [0.0; 3];
+                for i in 0..count {
+                    let sampler = PixelSampler::new(0, pixel, 0, i);
+                    let quad = sampler.quad(DimensionSet(2));
+                    let random: Quad = std::array::from_fn(|d| sampler.hashed(d as u64));
+                    means[0] += smooth(quad) / f64::from(count);
+                    means[1] += smooth(random) / f64::from(count);
+                    means[2] += disc(quad) / f64::from(count);
+                }
+                for (error, (mean, exact)) in errors.iter_mut().zip(means.iter().zip([exact, exact, FRAC_PI_4])) {
+                    *error += (mean - exact).powi(2) / 64.0;
+                }
+            }
+            assert!(errors[0] < 0.1 * errors[1], "{count}: {errors:?}");
+            let random_disc = FRAC_PI_4 * (1.0 - FRAC_PI_4) / f64::from(count);
+            assert!(errors[2] < 0.4 * random_disc, "{count}: {errors:?} against {random_disc}");
+        }
+    }
+
+    #[test]
+    fn neighbouring_pixels_and_sets_are_not_correlated() {
+        let correlation = |a: &dyn Fn(u32) -> f32, b: &dyn Fn(u32) -> f32| {
+            let n = 4096;
+            let sum: f64 = (0..n).map(|i| (f64::from(a(i)) - 0.5) * (f64::from(b(i)) - 0.5)).sum();
+            12.0 * sum / f64::from(n)
+        };
+        let pixel =
+            |x: u32, y: u32, set: u32, d: usize| move |i: u32| PixelSampler::new(5, x, y, i).quad(DimensionSet(set))[d];
+        let across = |dx: u32, dy: u32| {
+            correlation(&|i| pixel(i % 64, i / 64, 1, 0)(0), &|i| pixel(i % 64 + dx, i / 64 + dy, 1, 0)(0))
+        };
+        let limit = 5.0 / 64.0; // five standard errors of 4096 independent pairs
+        for (dx, dy) in [(1, 0), (0, 1), (1, 1)] {
+            assert!(across(dx, dy).abs() < limit);
+        }
+        for d in 0..4 {
+            assert!(correlation(&pixel(3, 3, 1, d), &pixel(4, 3, 1, d)).abs() < limit);
+            assert!(correlation(&pixel(3, 3, 1, d), &pixel(3, 3, 2, d)).abs() < limit);
+        }
+    }
+
+    #[test]
+    fn split_parts_continue_one_sequence() {
+        let split: Vec<_> = (0..16)
+            .flat_map(|i| (0..4).map(move |k| PixelSampler::new(1, 2, 3, i).split_quad(DimensionSet(1), k, 4)))
+            .collect();
+        let whole: Vec<_> = (0..64).map(|i| PixelSampler::new(1, 2, 3, i).quad(DimensionSet(1))).collect();
+        assert_eq!(split, whole);
+    }
+}

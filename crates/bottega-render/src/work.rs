@@ -1,0 +1,204 @@
+//! What the renderer asks of the Hardware Resource Allocator, and what a processor does for it.
+
+use std::{fmt, ops::Range, sync::Arc};
+
+use bottega_hra::{DataId, Primitive, RayQuery, RayWork, Work};
+use bottega_image::{Aov, Rect, Tile};
+use bottega_kernels::{Hit, Ray};
+
+use crate::{
+    PathSettings, PreparedScene, RenderError, View,
+    integrator::{PathIntegrator, Wanted},
+    survey::{SurveyPixel, probe},
+};
+
+/// A unit of rendering work. It refers to the scene and never carries it.
+#[derive(Clone)]
+pub enum RenderWork {
+    /// The closest hit of each ray.
+    Rays {
+        /// The scene.
+        scene: Arc<PreparedScene>,
+        /// The rays.
+        rays: Vec<Ray>,
+    },
+    /// Whether each ray hits anything.
+    Occlusion {
+        /// The scene.
+        scene: Arc<PreparedScene>,
+        /// The rays.
+        rays: Vec<Ray>,
+    },
+    /// Samples of a block of pixels.
+    Block(BlockWork),
+    /// A fast look at a block of pixels.
+    Probe(ProbeWork),
+}
+
+/// Samples of a block of pixels, added to running sums.
+#[derive(Clone)]
+pub struct BlockWork {
+    /// The scene.
+    pub scene: Arc<PreparedScene>,
+    /// The picture.
+    pub view: View,
+    /// How.
+    pub settings: Arc<PathSettings>,
+    /// The running sums of all samples before; the pixels are those of its rectangle.
+    pub tile: Tile,
+    /// Which samples to add to each pixel.
+    pub samples: Range<u32>,
+}
+
+/// A fast look at a block of pixels.
+#[derive(Clone)]
+pub struct ProbeWork {
+    /// The scene.
+    pub scene: Arc<PreparedScene>,
+    /// The picture.
+    pub view: View,
+    /// How.
+    pub settings: Arc<PathSettings>,
+    /// Which pixels.
+    pub rect: Rect,
+    /// Samples a pixel.
+    pub sample_count: u32,
+}
+
+/// What came of a [`RenderWork`], of the same kind.
+#[derive(Clone, Debug)]
+pub enum RenderOutput {
+    /// One a ray.
+    Hits(Vec<Hit>),
+    /// One a ray.
+    Occlusion(Vec<bool>),
+    /// The sums, with the samples added.
+    Block(BlockOutput),
+    /// One a pixel, row-major.
+    Probe(Vec<SurveyPixel>),
+    /// The picture asked for cannot be painted.
+    Refused(Arc<RenderError>),
+}
+
+/// What came of a [`BlockWork`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockOutput {
+    /// The sums, with the samples added.
+    pub tile: Tile,
+    /// Samples whose radiance was not finite and counted as 0.
+    pub dropped_count: u64,
+}
+
+impl RenderWork {
+    /// Does the work on the calling thread.
+    pub fn perform(self) -> RenderOutput {
+        match self {
+            Self::Rays { scene, rays } => {
+                let mut hits = vec![Hit::NONE; rays.len()];
+                scene.accel().intersect_batch(&rays, &mut hits);
+                RenderOutput::Hits(hits)
+            }
+            Self::Occlusion { scene, rays } => {
+                let mut occluded = vec![false; rays.len()];
+                scene.accel().occluded_batch(&rays, &mut occluded);
+                RenderOutput::Occlusion(occluded)
+            }
+            Self::Block(block) => match block.perform() {
+                Ok(output) => RenderOutput::Block(output),
+                Err(error) => RenderOutput::Refused(Arc::new(error)),
+            },
+            Self::Probe(work) => match probe(&work.scene, work.view, &work.settings, work.rect, work.sample_count) {
+                Ok(pixels) => RenderOutput::Probe(pixels),
+                Err(error) => RenderOutput::Refused(Arc::new(error)),
+            },
+        }
+    }
+
+    fn scene(&self) -> &PreparedScene {
+        match self {
+            Self::Rays { scene, .. } | Self::Occlusion { scene, .. } => scene,
+            Self::Block(block) => &block.scene,
+            Self::Probe(probe) => &probe.scene,
+        }
+    }
+}
+
+impl BlockWork {
+    /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their
+    /// indices, so any cut into ranges ends with the same bits.
+    pub fn perform(self) -> Result<BlockOutput, RenderError> {
+        let Self { scene, view, settings, mut tile, samples } = self;
+        let layout = tile.layout();
+        let wanted = Wanted { albedo: layout.offset(Aov::Albedo).is_some(), cost: layout.offset(Aov::Cost).is_some() };
+        let integrator = PathIntegrator::new(&scene, view, &settings)?.with_wanted(wanted);
+        let mut dropped_count = 0;
+        for (x, y) in tile.rect().pixels() {
+            for sample in samples.clone() {
+                let record = integrator.trace(x, y, sample);
+                dropped_count += u64::from(record.is_dropped);
+                tile.add(x, y, &record.values);
+            }
+        }
+        Ok(BlockOutput { tile, dropped_count })
+    }
+}
+
+impl Work for RenderWork {
+    type Output = RenderOutput;
+
+    fn primitive(&self) -> Primitive {
+        match self {
+            Self::Rays { .. } => Primitive::Intersect,
+            Self::Occlusion { .. } => Primitive::Occluded,
+            Self::Block(_) | Self::Probe(_) => Primitive::PixelBlock,
+        }
+    }
+
+    fn size(&self) -> u64 {
+        match self {
+            Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => rays.len() as u64,
+            Self::Block(block) => block.tile.rect().area() * block.samples.len() as u64,
+            Self::Probe(probe) => probe.rect.area() * u64::from(probe.sample_count),
+        }
+    }
+
+    fn data(&self) -> Option<DataId> {
+        Some(self.scene().data_id())
+    }
+
+    fn payload_bytes(&self) -> u64 {
+        match self {
+            Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => size_of_val(&**rays) as u64,
+            Self::Block(block) => size_of_val(block.tile.sums()) as u64,
+            Self::Probe(_) => 0,
+        }
+    }
+
+    fn backup(&self) -> Option<Self> {
+        Some(self.clone())
+    }
+}
+
+impl RayWork for RenderWork {
+    fn query(&self) -> Option<RayQuery<'_>> {
+        match self {
+            Self::Rays { rays, .. } => Some(RayQuery::Intersect(rays)),
+            Self::Occlusion { rays, .. } => Some(RayQuery::Occluded(rays)),
+            Self::Block(_) | Self::Probe(_) => None,
+        }
+    }
+
+    fn hits(self, hits: Vec<Hit>) -> RenderOutput {
+        RenderOutput::Hits(hits)
+    }
+
+    fn occlusion(self, occluded: Vec<bool>) -> RenderOutput {
+        RenderOutput::Occlusion(occluded)
+    }
+}
+
+impl fmt::Debug for RenderWork {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × {}", self.primitive(), self.size())
+    }
+}
