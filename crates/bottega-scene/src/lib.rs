@@ -7,16 +7,18 @@
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
 
 mod camera;
+mod image;
 mod light;
 mod material;
 mod model;
 mod texture;
 
 pub use camera::{Camera, Projection};
+pub use image::{Encoding, Image};
 pub use light::{Environment, Light, LightKind};
 pub use material::{AlphaMode, ColorParam, Material, ScalarParam};
 pub use model::{Instance, Mesh, Scene, Sphere};
-pub use texture::{Channel, Image, ImageId, TextureMap, Wrap};
+pub use texture::{Channel, ImageId, TextureMap, Wrap};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.
 pub type Spectrum = glam::Vec3;

@@ -1,7 +1,9 @@
 //! The one layered surface material. It is a superset of glTF 2.0's metallic-roughness model and its extensions, in
 //! the manner of the Dielectric Specular / OpenPBR family.
 
-use crate::{Channel, Spectrum, TextureMap};
+use glam::{Vec2, Vec4};
+
+use crate::{Channel, Scene, Spectrum, TextureMap};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +21,32 @@ pub struct ScalarParam {
     pub factor: f32,
     /// The texture and which of its channels.
     pub texture: Option<(TextureMap, Channel)>,
+}
+
+impl ColorParam {
+    /// The colour at a point with these two sets of texture coordinates; `footprint` as for
+    /// [`Image::eval`](crate::Image::eval). Panics when the texture's image is not in the scene, which
+    /// [`Scene::validate`] excludes.
+    pub fn eval(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32) -> Spectrum {
+        match &self.texture {
+            None => self.factor,
+            Some(map) => self.factor * look_up(scene, map, uvs, footprint).truncate(),
+        }
+    }
+}
+
+impl ScalarParam {
+    /// The number at a point; see [`ColorParam::eval`].
+    pub fn eval(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32) -> f32 {
+        match &self.texture {
+            None => self.factor,
+            Some((map, channel)) => self.factor * look_up(scene, map, uvs, footprint)[*channel as usize],
+        }
+    }
+}
+
+fn look_up(scene: &Scene, map: &TextureMap, uvs: [Vec2; 2], footprint: f32) -> Vec4 {
+    scene.images[map.image.0 as usize].eval(map, uvs[usize::from(map.uv_set & 1)], footprint)
 }
 
 impl From<Spectrum> for ColorParam {
@@ -124,5 +152,56 @@ impl Default for Material {
             double_sided: true,
             unlit: false,
         }
+    }
+}
+
+impl Material {
+    /// Whether the surface may let rays pass as if it were not there. Where not, [`opacity`](Self::opacity) is 1.
+    pub fn has_opacity(&self) -> bool {
+        self.alpha_mode != AlphaMode::Opaque
+    }
+
+    /// Probability that the surface is there, in [0, 1]: 0 or 1 where the material masks.
+    ///
+    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 where there are none.
+    /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
+    pub fn opacity(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32, vertex_alpha: f32) -> f32 {
+        let alpha = || {
+            let texture = self.base_color.texture.as_ref().map_or(1.0, |map| {
+                let uv = uvs[usize::from(map.uv_set & 1)];
+                scene.images[map.image.0 as usize].alpha(map, uv, footprint)
+            });
+            self.alpha * vertex_alpha * texture
+        };
+        match self.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha() >= cutoff)),
+            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+        }
+    }
+
+    /// Whether it shines: its emission is not black, or it is unlit.
+    pub fn is_emissive(&self) -> bool {
+        self.unlit || self.emission.factor.max_element() > 0.0
+    }
+
+    /// Every texture that the material refers to.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureMap> {
+        let colors = [&self.base_color, &self.specular_color, &self.sheen_color, &self.emission];
+        let scalars = [
+            &self.metallic,
+            &self.roughness,
+            &self.specular,
+            &self.transmission,
+            &self.coat,
+            &self.coat_roughness,
+            &self.sheen_roughness,
+        ];
+        let normals = [&self.normal, &self.coat_normal];
+        colors
+            .into_iter()
+            .filter_map(|color| color.texture.as_ref())
+            .chain(scalars.into_iter().filter_map(|scalar| scalar.texture.as_ref().map(|(map, _)| map)))
+            .chain(normals.into_iter().filter_map(|normal| normal.as_ref().map(|(map, _)| map)))
     }
 }

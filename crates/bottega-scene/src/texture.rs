@@ -48,11 +48,16 @@ pub struct TextureMap {
     pub smooth: bool,
 }
 
-/// A picture with its mip levels, already decoded to linear values on lookup.
-///
-/// Row 0 is the upper row; v = 0 is its upper edge (glTF's convention).
-#[derive(Clone, Debug, PartialEq)]
-pub struct Image {
-    /// Where it came from, for messages.
-    pub name: String,
+impl TextureMap {
+    /// The picture as it is: first set of texture coordinates, repeated, interpolated.
+    pub fn new(image: ImageId) -> Self {
+        Self {
+            image,
+            uv_set: 0,
+            picture_from_uv: Affine2::IDENTITY,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            smooth: true,
+        }
+    }
 }

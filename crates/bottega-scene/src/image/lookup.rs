@@ -1,0 +1,231 @@
+//! Looking a picture up: wrapping, bilinear within a mip level, linear between levels.
+//!
+//! Nothing here depends on the platform: the level of detail uses the bits of a float instead of a logarithm.
+
+use glam::{Vec2, Vec4};
+
+use super::pyramid::{Level, Pyramid, Texel};
+use super::{Image, Texels, with_pyramid};
+use crate::{TextureMap, Wrap};
+
+impl Image {
+    /// Linear RGBA of the picture as `map` lays it on a surface.
+    ///
+    /// - `uv`: texture coordinates before the transformation of `map`; one that is not finite counts as 0.
+    /// - `footprint`: width of the lookup in units of `uv`; 0 (or NaN): as sharp as the picture is. A picture that is
+    ///   not `smooth` has square texels from near, and is filtered like any other from afar.
+    pub fn eval(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> Vec4 {
+        let at = map.picture_from_uv.transform_point2(uv);
+        with_pyramid!(&self.texels, pyramid => pyramid.lookup(map, at, footprint))
+    }
+
+    /// Alpha of the picture as `map` lays it on a surface; see [`eval`](Self::eval). Free where there is no alpha.
+    pub fn alpha(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> f32 {
+        if self.has_alpha() { self.eval(map, uv, footprint).w } else { 1.0 }
+    }
+}
+
+impl<T: Texel> Pyramid<T> {
+    #[inline]
+    fn lookup(&self, map: &TextureMap, at: Vec2, footprint: f32) -> Vec4 {
+        let table = self.table();
+        let finest = &self.levels[0];
+        let detail = level_of_detail(map, finest.width, finest.height, footprint);
+        if detail <= 0.0 {
+            return if map.smooth { bilinear(finest, table, map, at) } else { nearest(finest, table, map, at) };
+        }
+        let last = self.levels.len() - 1;
+        let level = detail as usize;
+        if level >= last {
+            return self.levels[last].texels[0].decode(table);
+        }
+        let fine = bilinear(&self.levels[level], table, map, at);
+        let coarse = bilinear(&self.levels[level + 1], table, map, at);
+        fine + (coarse - fine) * (detail - level as f32)
+    }
+}
+
+/// log₂ of the footprint in texels of the finest level, along that axis where it covers more of them.
+#[inline]
+fn level_of_detail(map: &TextureMap, width: u32, height: u32, footprint: f32) -> f32 {
+    if footprint.is_nan() || footprint <= 0.0 {
+        return 0.0;
+    }
+    let m = map.picture_from_uv.matrix2;
+    let columns = m.row(0).length_squared() * (width as f32 * width as f32);
+    let rows = m.row(1).length_squared() * (height as f32 * height as f32);
+    0.5 * log2_piecewise(columns.max(rows) * footprint * footprint)
+}
+
+/// log₂ between its values at powers of two, linearly: at most 0.09 below the true value, which no eye sees in a
+/// blend of two mip levels. 128 for infinity and NaN.
+#[inline]
+fn log2_piecewise(x: f32) -> f32 {
+    let bits = x.abs().to_bits().min(f32::INFINITY.to_bits());
+    let exponent = (bits >> 23) as i32 - 127;
+    exponent as f32 + (bits & 0x7f_ffff) as f32 * (1.0 / 8_388_608.0)
+}
+
+/// A texture coordinate brought into [0, 1].
+#[inline]
+fn wrapped(x: f32, wrap: Wrap) -> f32 {
+    match wrap {
+        Wrap::Repeat => fraction(x),
+        Wrap::Mirror => {
+            let phase = 2.0 * fraction(0.5 * x);
+            if phase > 1.0 { 2.0 - phase } else { phase }
+        }
+        // Written so that NaN becomes 0.
+        Wrap::Clamp => x.max(0.0).min(1.0),
+    }
+}
+
+/// x − ⌊x⌋, or 0 where a float has no fraction any more (also for infinity and NaN).
+#[inline]
+fn fraction(x: f32) -> f32 {
+    if x.abs() < 8_388_608.0 {
+        let rest = x - x as i32 as f32;
+        if rest < 0.0 { rest + 1.0 } else { rest }
+    } else {
+        0.0
+    }
+}
+
+/// The two neighbouring texels along one axis, and the weight of the second one.
+#[inline]
+fn neighbors(x: f32, wrap: Wrap, size: u32) -> (usize, usize, f32) {
+    let last = size as i32 - 1;
+    let center = wrapped(x, wrap) * size as f32 + 0.5;
+    let second = (center as i32).min(last + 1);
+    let weight = center - second as f32;
+    let first = second - 1;
+    let (first, second) = match wrap {
+        Wrap::Repeat => (if first < 0 { last } else { first }, if second > last { 0 } else { second }),
+        Wrap::Mirror | Wrap::Clamp => (first.max(0), second.min(last)),
+    };
+    (first as usize, second as usize, weight)
+}
+
+#[inline]
+fn bilinear<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> Vec4 {
+    let (x0, x1, u) = neighbors(at.x, map.wrap_u, level.width);
+    let (y0, y1, v) = neighbors(at.y, map.wrap_v, level.height);
+    let width = level.width as usize;
+    let texel = |x: usize, y: usize| level.texels[y * width + x].decode(table);
+    let upper = texel(x0, y0) * (1.0 - u) + texel(x1, y0) * u;
+    let lower = texel(x0, y1) * (1.0 - u) + texel(x1, y1) * u;
+    upper * (1.0 - v) + lower * v
+}
+
+#[inline]
+fn nearest<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> Vec4 {
+    let index = |x: f32, wrap: Wrap, size: u32| ((wrapped(x, wrap) * size as f32) as usize).min(size as usize - 1);
+    let x = index(at.x, map.wrap_u, level.width);
+    let y = index(at.y, map.wrap_v, level.height);
+    level.texels[y * level.width as usize + x].decode(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Affine2;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::ImageId;
+
+    fn map() -> TextureMap {
+        TextureMap::new(ImageId(0))
+    }
+
+    /// Red grows along x, green along y.
+    fn ramp(width: u32, height: u32) -> Image {
+        let texels = (0..width * height).map(|i| [(i % width) as f32, (i / width) as f32, 0.0]).collect();
+        Image::from_linear_rgb("ramp", width, height, texels)
+    }
+
+    #[test]
+    fn the_centre_of_a_texel_has_its_value() {
+        let image = ramp(7, 5);
+        for (x, y) in [(0, 0), (6, 4), (3, 2), (0, 4)] {
+            let uv = Vec2::new((x as f32 + 0.5) / 7.0, (y as f32 + 0.5) / 5.0);
+            assert!((image.eval(&map(), uv, 0.0) - image.texel(x, y)).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn between_texels_values_are_interpolated() {
+        let image = ramp(8, 8);
+        let value = image.eval(&map(), Vec2::new(0.3, 0.6), 0.0);
+        assert!((value - Vec4::new(0.3 * 8.0 - 0.5, 0.6 * 8.0 - 0.5, 0.0, 1.0)).length() < 1e-5, "{value}");
+    }
+
+    #[test]
+    fn wrap_modes_say_what_is_beyond_the_edge() {
+        let image = ramp(4, 1);
+        let at = |wrap, u| {
+            let map = TextureMap { wrap_u: wrap, smooth: false, ..map() };
+            image.eval(&map, Vec2::new(u, 0.5), 0.0).x
+        };
+        assert_eq!((at(Wrap::Repeat, 1.1), at(Wrap::Repeat, -0.1)), (0.0, 3.0));
+        assert_eq!((at(Wrap::Mirror, 1.1), at(Wrap::Mirror, -0.1), at(Wrap::Mirror, 2.1)), (3.0, 0.0, 0.0));
+        assert_eq!((at(Wrap::Clamp, 7.0), at(Wrap::Clamp, -7.0)), (3.0, 0.0));
+        // Bilinear, the seam of a repeated picture lies between its last and its first texel.
+        assert_eq!(image.eval(&map(), Vec2::new(1.0, 0.5), 0.0).x, 1.5);
+        let mirror = TextureMap { wrap_u: Wrap::Mirror, ..map() };
+        assert_eq!(image.eval(&mirror, Vec2::new(1.0, 0.5), 0.0).x, 3.0);
+    }
+
+    #[test]
+    fn a_wide_footprint_sees_the_mean() {
+        let image = ramp(16, 16);
+        for footprint in [1.0, 10.0, f32::INFINITY] {
+            let value = image.eval(&map(), Vec2::new(0.2, 0.9), footprint);
+            assert!((value - Vec4::new(7.5, 7.5, 0.0, 1.0)).length() < 1e-4, "{footprint}: {value}");
+        }
+    }
+
+    #[test]
+    fn the_level_follows_the_footprint_and_the_transform() {
+        let plain = map();
+        assert_eq!(level_of_detail(&plain, 64, 32, 4.0 / 64.0), 2.0);
+        let tiled = TextureMap { picture_from_uv: Affine2::from_scale(Vec2::splat(4.0)), ..map() };
+        assert_eq!(level_of_detail(&tiled, 64, 32, 4.0 / 64.0), 4.0);
+        assert!(level_of_detail(&plain, 64, 64, 0.5 / 64.0) < 0.0);
+        assert_eq!(level_of_detail(&plain, 64, 64, f32::NAN), 0.0);
+    }
+
+    #[test]
+    fn texture_transforms_move_the_picture() {
+        let image = ramp(4, 4);
+        let map =
+            TextureMap { picture_from_uv: Affine2::from_translation(Vec2::new(0.25, 0.0)), smooth: false, ..map() };
+        assert_eq!(image.eval(&map, Vec2::new(0.1, 0.1), 0.0).x, 1.0);
+    }
+
+    proptest! {
+        #[test]
+        fn any_lookup_stays_between_the_least_and_the_greatest_texel(
+            u in any::<f32>(), v in any::<f32>(), footprint in any::<f32>(), width in 1u32..9, height in 1u32..9,
+            wrap in 0..3usize, smooth: bool,
+        ) {
+            let image = ramp(width, height);
+            let wrap = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][wrap];
+            let map = TextureMap { wrap_u: wrap, wrap_v: wrap, smooth, ..map() };
+            let value = image.eval(&map, Vec2::new(u, v), footprint);
+            prop_assert!(value.is_finite());
+            prop_assert!(value.x >= -1e-4 && value.x <= (width - 1) as f32 + 1e-4);
+            prop_assert!(value.y >= -1e-4 && value.y <= (height - 1) as f32 + 1e-4);
+        }
+
+        #[test]
+        fn repeating_and_mirroring_are_periodic(u in -4.0f32..4.0, v in -4.0f32..4.0) {
+            let image = ramp(5, 3);
+            let mirror = TextureMap { wrap_u: Wrap::Mirror, wrap_v: Wrap::Mirror, ..map() };
+            for (map, period) in [(map(), 1.0), (mirror, 2.0)] {
+                let here = image.eval(&map, Vec2::new(u, v), 0.0);
+                let there = image.eval(&map, Vec2::new(u + period, v - period), 0.0);
+                prop_assert!((here - there).length() < 1e-3);
+            }
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Pictures with their mip levels: decoding, storage, lookup.
+
+mod lookup;
+mod pyramid;
+mod srgb;
+
+use glam::Vec4;
+
+pub use pyramid::Encoding;
+use pyramid::{Pyramid, Texel};
+
+/// A picture with its mip levels, decoded to linear values on lookup.
+///
+/// Row 0 is the upper row; v = 0 is its upper edge (glTF's convention). It keeps the precision of its file: 8-bit
+/// pictures take 1, 3 or 4 bytes a texel, 16-bit ones 8, those of high dynamic range 12 or 16; the mip levels add
+/// a third.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Where it came from, for messages.
+    pub name: String,
+    texels: Texels,
+}
+
+/// The closed set of formats.
+#[derive(Clone, Debug, PartialEq)]
+enum Texels {
+    Gray8(Pyramid<u8>),
+    Rgb8(Pyramid<[u8; 3]>),
+    Rgba8(Pyramid<[u8; 4]>),
+    Rgba16(Pyramid<[u16; 4]>),
+    Rgb32(Pyramid<[f32; 3]>),
+    Rgba32(Pyramid<[f32; 4]>),
+}
+
+/// Runs one generic expression on the pyramid, whatever its format.
+macro_rules! with_pyramid {
+    ($texels:expr, $pyramid:ident => $body:expr) => {
+        match $texels {
+            Texels::Gray8($pyramid) => $body,
+            Texels::Rgb8($pyramid) => $body,
+            Texels::Rgba8($pyramid) => $body,
+            Texels::Rgba16($pyramid) => $body,
+            Texels::Rgb32($pyramid) => $body,
+            Texels::Rgba32($pyramid) => $body,
+        }
+    };
+}
+use with_pyramid;
+
+impl Image {
+    /// A picture of linear RGB without alpha, row-major from the upper row. What is not finite, or negative, becomes 0.
+    ///
+    /// Panics unless `texels` has `width × height` elements, at least one.
+    pub fn from_linear_rgb(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 3]>) -> Self {
+        texels.iter_mut().flatten().for_each(make_radiance);
+        Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
+    }
+
+    /// A picture of linear RGBA (alpha not multiplied in), row-major from the upper row; see
+    /// [`from_linear_rgb`](Self::from_linear_rgb).
+    pub fn from_linear_rgba(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 4]>) -> Self {
+        texels.iter_mut().flatten().for_each(make_radiance);
+        Self { name: name.into(), texels: Texels::Rgba32(Pyramid::new(width, height, texels, Encoding::Linear)) }
+    }
+
+    /// A picture of 8-bit RGBA codes, row-major from the upper row; `srgb`: the colours are encoded as sRGB.
+    ///
+    /// Panics unless `texels` has `width × height` elements, at least one.
+    pub fn from_rgba8(name: impl Into<String>, width: u32, height: u32, texels: Vec<[u8; 4]>, srgb: bool) -> Self {
+        let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
+        // Alpha that says nothing need not be kept, nor asked for.
+        let texels = if texels.iter().all(|texel| texel[3] == 255) {
+            let opaque = texels.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+            Texels::Rgb8(Pyramid::new(width, height, opaque, encoding))
+        } else {
+            Texels::Rgba8(Pyramid::new(width, height, texels, encoding))
+        };
+        Self { name: name.into(), texels }
+    }
+
+    /// A picture of 8-bit RGB codes; see [`from_rgba8`](Self::from_rgba8).
+    pub fn from_rgb8(name: impl Into<String>, width: u32, height: u32, texels: Vec<[u8; 3]>, srgb: bool) -> Self {
+        let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
+        Self { name: name.into(), texels: Texels::Rgb8(Pyramid::new(width, height, texels, encoding)) }
+    }
+
+    /// A picture of 8-bit gray codes; see [`from_rgba8`](Self::from_rgba8).
+    pub fn from_gray8(name: impl Into<String>, width: u32, height: u32, texels: Vec<u8>, srgb: bool) -> Self {
+        let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
+        Self { name: name.into(), texels: Texels::Gray8(Pyramid::new(width, height, texels, encoding)) }
+    }
+
+    /// A picture of 16-bit RGBA codes; `srgb`: the colours are encoded as sRGB, and are decoded here.
+    ///
+    /// Panics unless `texels` has `width × height` elements, at least one.
+    pub fn from_rgba16(
+        name: impl Into<String>,
+        width: u32,
+        height: u32,
+        mut texels: Vec<[u16; 4]>,
+        srgb: bool,
+    ) -> Self {
+        if srgb {
+            let linear = |code: u16| (srgb::decode(f64::from(code) / 65535.0) * 65535.0 + 0.5) as u16;
+            let table: Vec<u16> = (0..=u16::MAX).map(linear).collect();
+            for code in texels.iter_mut().flat_map(|texel| &mut texel[..3]) {
+                *code = table[*code as usize];
+            }
+        }
+        Self { name: name.into(), texels: Texels::Rgba16(Pyramid::new(width, height, texels, Encoding::Linear)) }
+    }
+
+    /// The picture that stands for one that is missing: one texel of magenta.
+    pub fn missing(name: impl Into<String>) -> Self {
+        Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
+    }
+
+    /// Columns and rows of the finest level.
+    pub fn size(&self) -> (u32, u32) {
+        self.level_size(0)
+    }
+
+    /// Number of mip levels, at least 1; the last one has a single texel.
+    pub fn level_count(&self) -> usize {
+        with_pyramid!(&self.texels, pyramid => pyramid.levels.len())
+    }
+
+    /// Columns and rows of a mip level; level 0 is the finest. Panics when there is no such level.
+    pub fn level_size(&self, level: usize) -> (u32, u32) {
+        with_pyramid!(&self.texels, pyramid => (pyramid.levels[level].width, pyramid.levels[level].height))
+    }
+
+    /// Linear RGBA of one texel of the finest level. Panics outside of it.
+    pub fn texel(&self, x: u32, y: u32) -> Vec4 {
+        self.level_texel(0, x, y)
+    }
+
+    /// Linear RGBA of one texel. Panics when the level, the column or the row does not exist.
+    pub fn level_texel(&self, level: usize, x: u32, y: u32) -> Vec4 {
+        with_pyramid!(&self.texels, pyramid => {
+            let table = pyramid.table();
+            let level = &pyramid.levels[level];
+            assert!(x < level.width && y < level.height, "texel ({x}, {y}) of {} × {}", level.width, level.height);
+            level.texels[y as usize * level.width as usize + x as usize].decode(table)
+        })
+    }
+
+    /// Mean of all texels, linear RGBA.
+    pub fn mean(&self) -> Vec4 {
+        self.level_texel(self.level_count() - 1, 0, 0)
+    }
+
+    /// Whether some texel may have an alpha below 1.
+    pub fn has_alpha(&self) -> bool {
+        matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))
+    }
+
+    /// Whether its values may exceed 1.
+    pub fn is_high_dynamic_range(&self) -> bool {
+        matches!(self.texels, Texels::Rgb32(_) | Texels::Rgba32(_))
+    }
+
+    /// Bytes that the texels of all levels take.
+    pub fn memory_bytes(&self) -> usize {
+        with_pyramid!(&self.texels, pyramid => pyramid.memory_bytes())
+    }
+}
+
+fn make_radiance(value: &mut f32) {
+    if !(value.is_finite() && *value > 0.0) {
+        *value = 0.0;
+    }
+}
