@@ -1,0 +1,157 @@
+//! How much of the light a boundary reflects.
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+/// Reflectance of a smooth dielectric boundary for unpolarized light, by Fresnel's equations.
+///
+/// - `cos_o`: cosine between the direction and the normal, in [0, 1].
+/// - `eta`: index of refraction beyond the boundary over that on the side of the direction.
+///
+/// 1 where there is no refracted direction (total internal reflection).
+pub fn dielectric(cos_o: f32, eta: f32) -> f32 {
+    let cos_o = cos_o.clamp(0.0, 1.0);
+    let sin2_i = (1.0 - cos_o * cos_o) / (eta * eta);
+    if sin2_i >= 1.0 {
+        return 1.0;
+    }
+    let cos_i = (1.0 - sin2_i).sqrt();
+    let parallel = (eta * cos_o - cos_i) / (eta * cos_o + cos_i);
+    let perpendicular = (cos_o - eta * cos_i) / (cos_o + eta * cos_i);
+    0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+/// The direction in which `wo` goes on beyond a boundary with normal `h` (wo · h > 0); points away from the boundary
+/// like `wo`. `None`: total internal reflection. `eta` as in [`dielectric`].
+pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+    let cos_o = wo.dot(h);
+    let sin2_i = (1.0 - cos_o * cos_o).max(0.0) / (eta * eta);
+    if sin2_i >= 1.0 {
+        return None;
+    }
+    let cos_i = (1.0 - sin2_i).sqrt();
+    Some((h * (cos_o / eta - cos_i) - wo / eta).normalize())
+}
+
+/// `wo` mirrored at the normal `h`.
+pub fn reflect(wo: Vec3, h: Vec3) -> Vec3 {
+    2.0 * wo.dot(h) * h - wo
+}
+
+/// (1 − cos θ)⁵, the share of white in Schlick's Fresnel term. Source: Schlick 1994, An Inexpensive BRDF Model for
+/// Physically-based Rendering, eq. 15.
+pub fn schlick_weight(cos_o: f32) -> f32 {
+    let m = (1.0 - cos_o).clamp(0.0, 1.0);
+    let m2 = m * m;
+    m2 * m2 * m
+}
+
+/// Largest index of refraction that is told from larger ones, and its inverse the smallest; and the difference from 1
+/// below which a rough boundary would be too narrow a lobe for single precision.
+pub(super) const IOR_MAX: f32 = 5.0;
+pub(super) const IOR_STEP_MIN: f32 = 5e-3;
+
+/// Fresnel term of a dielectric with the strength and tint of KHR_materials_specular.
+///
+/// F = specular · (f₀ + (1 − f₀) s), where s = (F_exact − F₀) / (1 − F₀) is how far the exact reflectance has risen
+/// from its value F₀ at normal incidence to 1, and f₀ = min(F₀ · tint, 1). With specular 1 and a white tint it is the exact
+/// reflectance. (The extension writes Schlick's weight for s; that is used where the index stands for total
+/// reflection, F₀ = 1.)
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DielectricFresnel {
+    /// Index beyond the boundary over that on the side of wo.
+    pub(super) eta: f32,
+    /// f₀: tinted reflectance at normal incidence, before `specular`.
+    pub(super) f0: Spectrum,
+    /// Strength.
+    pub(super) specular: f32,
+    /// F₀: untinted reflectance at normal incidence; 1 stands for total reflection.
+    pub(super) f0_exact: f32,
+}
+
+impl DielectricFresnel {
+    /// `ior` of the solid, at least 1, or 0 for total reflection; `inside`: wo is within the solid.
+    pub(super) fn new(ior: f32, specular: f32, tint: Spectrum, inside: bool) -> Self {
+        let f0_exact = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
+        let eta = match (ior == 0.0, inside) {
+            (true, _) => 1.0,
+            (false, true) => 1.0 / ior,
+            (false, false) => ior,
+        };
+        Self { eta, f0: (tint * f0_exact).min(Spectrum::ONE), specular, f0_exact }
+    }
+
+    pub(super) fn is_total(&self) -> bool {
+        self.f0_exact >= 1.0
+    }
+
+    /// Reflectance for a direction at cosine `cos_o` to the (micro)normal.
+    pub(super) fn at(&self, cos_o: f32) -> Spectrum {
+        if self.is_total() {
+            return self.of_rise(schlick_weight(cos_o));
+        }
+        let exact = dielectric(cos_o, self.eta);
+        if exact >= 1.0 && self.eta < 1.0 {
+            // Total internal reflection: there is nowhere else for the light to go, however weak `specular` is.
+            return Spectrum::ONE;
+        }
+        self.of_rise((exact - self.f0_exact) / (1.0 - self.f0_exact))
+    }
+
+    /// F for a given s.
+    pub(super) fn of_rise(&self, rise: f32) -> Spectrum {
+        // Below 0 only for an index above 2 + √3, whose reflectance dips before it rises, with a black tint.
+        self.specular * (self.f0 + (Spectrum::ONE - self.f0) * rise).max(Spectrum::ZERO)
+    }
+}
+
+/// Mean of a colour's channels: what probabilities are made from.
+pub(super) fn mean(color: Spectrum) -> f32 {
+    (color.x + color.y + color.z) * (1.0 / 3.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reflectance_of_glass_has_its_textbook_values() {
+        assert!((dielectric(1.0, 1.5) - 0.04).abs() < 1e-6);
+        assert!((dielectric(1.0, 1.0 / 1.5) - 0.04).abs() < 1e-6);
+        assert_eq!(dielectric(0.0, 1.5), 1.0);
+        // Brewster's angle: only the perpendicular half is reflected, ((n² − 1) / (n² + 1))² / 2.
+        let brewster = 1.0 / (1.0f32 + 1.5 * 1.5).sqrt();
+        assert!((dielectric(brewster, 1.5) - 0.5 * (1.25f32 / 3.25).powi(2)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn beyond_the_critical_angle_everything_is_reflected() {
+        let critical = (1.0f32 - 1.0 / (1.5 * 1.5)).sqrt();
+        assert_eq!(dielectric(critical - 1e-3, 1.0 / 1.5), 1.0);
+        assert!(dielectric(critical + 1e-3, 1.0 / 1.5) < 1.0);
+        let wo = Vec3::new((1.0 - (critical - 1e-3).powi(2)).sqrt(), 0.0, critical - 1e-3);
+        assert_eq!(refract(wo, Vec3::Z, 1.0 / 1.5), None);
+    }
+
+    #[test]
+    fn both_ways_through_a_boundary_reflect_alike() {
+        for step in 1..50 {
+            let cos_o = step as f32 / 50.0;
+            let wo = Vec3::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
+            let wi = refract(wo, Vec3::Z, 1.5).unwrap();
+            assert!((wo.x + 1.5 * wi.x).abs() < 1e-6, "Snell's law");
+            assert!((dielectric(cos_o, 1.5) - dielectric(-wi.z, 1.0 / 1.5)).abs() < 2e-4);
+        }
+    }
+
+    #[test]
+    fn full_strength_and_a_white_tint_leave_fresnel_exact() {
+        for ior in [1.1, 1.5, 2.4, 5.0] {
+            let fresnel = DielectricFresnel::new(ior, 1.0, Spectrum::ONE, false);
+            for step in 0..=20 {
+                let cos_o = step as f32 / 20.0;
+                assert!((fresnel.at(cos_o).x - dielectric(cos_o, ior)).abs() < 2e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The base's GGX facets: metal and dielectric, mirrored light and light that goes through.
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::fresnel::{self, DielectricFresnel, mean};
+use super::ggx::Ggx;
+use super::{LobeFlags, TransportMode};
+
+/// What happens to light that is not reflected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Through {
+    /// It is scattered diffusely or absorbed.
+    Nothing,
+    /// It leaves a thin sheet on the other side, without refraction.
+    Thin,
+    /// It enters or leaves a solid.
+    Solid,
+}
+
+/// A rough or smooth boundary. Its facets reflect `metal` · Schlick + `dielectric` · Fresnel and let through the rest of
+/// the dielectric's share, tinted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Interface {
+    pub(super) ggx: Ggx,
+    /// Share of the surface that is metal, and its reflectance at normal incidence.
+    pub(super) metal: f32,
+    pub(super) metal_f0: Spectrum,
+    /// Share of the surface that reflects as a dielectric.
+    pub(super) dielectric: f32,
+    pub(super) fresnel: DielectricFresnel,
+    pub(super) through: Through,
+    /// Share of the surface that lets light through, times its colour.
+    pub(super) tint: Spectrum,
+}
+
+/// What one facet does with the light.
+#[derive(Clone, Copy)]
+struct Split {
+    reflected: Spectrum,
+    transmitted: Spectrum,
+    /// With which probability a sample is reflected.
+    reflection: f32,
+}
+
+/// A direction and, for a smooth boundary, all that there is to say about it.
+pub(super) struct Drawn {
+    pub(super) wi: Vec3,
+    pub(super) flags: LobeFlags,
+    pub(super) eta: f32,
+    /// f |cos θi| and probability, of a Dirac lobe.
+    pub(super) delta: Option<(Spectrum, f32)>,
+}
+
+impl Interface {
+    /// Index of refraction on the far side over that on the near side, for the directions.
+    pub(super) fn eta(&self) -> f32 {
+        if self.through == Through::Solid { self.fresnel.eta } else { 1.0 }
+    }
+
+    fn split(&self, cos: f32) -> Split {
+        let dielectric = self.fresnel.at(cos);
+        let metal = self.metal_f0 + (Spectrum::ONE - self.metal_f0) * fresnel::schlick_weight(cos);
+        let reflected = self.metal * metal + self.dielectric * dielectric;
+        if self.through == Through::Nothing {
+            return Split { reflected, transmitted: Spectrum::ZERO, reflection: 1.0 };
+        }
+        let transmitted = self.tint * (1.0 - dielectric.max_element());
+        let (r, t) = (mean(reflected), mean(transmitted));
+        let reflection = if r + t > 0.0 { r / (r + t) } else { 1.0 };
+        Split { reflected, transmitted, reflection }
+    }
+
+    pub(super) fn is_black(&self) -> bool {
+        self.metal <= 0.0 && self.dielectric * self.fresnel.specular <= 0.0 && self.tint == Spectrum::ZERO
+    }
+
+    /// What is reflected and goes through, where nothing or a thin sheet is below; `single`, `schlick`, `rise`: shares of
+    /// the light that facets reflect once with F = 1, Schlick's weight, and s.
+    pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32) -> Spectrum {
+        let metal = self.metal_f0 * (single - schlick) + schlick;
+        let f0 = self.fresnel.f0;
+        let dielectric = self.fresnel.specular * (f0 * (single - rise) + rise).max(Spectrum::ZERO);
+        let through = (single - dielectric.max_element()).max(0.0);
+        self.metal * metal + self.dielectric * dielectric + self.tint * through
+    }
+
+    /// What the boundary does at first sight with light at cosine `cos`: for choosing between lobes.
+    pub(super) fn smooth_albedo(&self, cos: f32) -> Spectrum {
+        let split = self.split(cos);
+        split.reflected + split.transmitted
+    }
+
+    /// f and density of a rough boundary; nothing of a smooth one.
+    pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+        if self.ggx.is_smooth() {
+            return (Spectrum::ZERO, 0.0);
+        }
+        match (wi.z > 0.0, self.through) {
+            (true, _) => self.mirrored(wo, wi, |split| (split.reflected, split.reflection)),
+            (false, Through::Nothing) => (Spectrum::ZERO, 0.0),
+            (false, Through::Thin) => {
+                let above = Vec3::new(wi.x, wi.y, -wi.z);
+                self.mirrored(wo, above, |split| (split.transmitted, 1.0 - split.reflection))
+            }
+            (false, Through::Solid) => self.refracted(wo, wi, mode),
+        }
+    }
+
+    fn mirrored(&self, wo: Vec3, wi: Vec3, share: impl Fn(Split) -> (Spectrum, f32)) -> (Spectrum, f32) {
+        let Some(h) = (wo + wi).try_normalize() else { return (Spectrum::ZERO, 0.0) };
+        let (color, probability) = share(self.split(wo.dot(h)));
+        let value = color * (self.ggx.density(h) * self.ggx.visibility(wo.z, wi.z));
+        (value, probability * self.ggx.reflection_pdf(wo, h))
+    }
+
+    /// Walter et al. 2007, eq. 16 to 21, with separable shadowing.
+    fn refracted(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+        let eta = self.eta();
+        let sum = wo + eta * wi;
+        let length2 = sum.length_squared();
+        let h = sum / length2.sqrt() * sum.z.signum();
+        let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
+        if !(cos_o > 0.0 && cos_i < 0.0) {
+            return (Spectrum::ZERO, 0.0);
+        }
+        let split = self.split(cos_o);
+        // dω_h / dω_i, eq. 17.
+        let jacobian = eta * eta * -cos_i / length2;
+        let pdf = (1.0 - split.reflection) * self.ggx.visible_normal_pdf(wo, h) * jacobian;
+        let facets = self.ggx.density(h) * self.ggx.masking(wo.z) * self.ggx.masking(-wi.z);
+        let mut value = split.transmitted * (facets * cos_o * jacobian / (wo.z * -wi.z));
+        if mode == TransportMode::Radiance {
+            value /= eta * eta;
+        }
+        (value, pdf)
+    }
+
+    /// Draws a facet, then one of its two ways. `None`: the light goes on between the facets.
+    pub(super) fn sample(&self, wo: Vec3, u_way: f32, u: [f32; 2], mode: TransportMode) -> Option<Drawn> {
+        let smooth = self.ggx.is_smooth();
+        let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
+        let split = self.split(wo.dot(h));
+        let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
+        if u_way < split.reflection {
+            let wi = fresnel::reflect(wo, h);
+            return (wi.z > 0.0).then(|| Drawn {
+                wi,
+                flags: LobeFlags::REFLECTION.union(sharp),
+                eta: 1.0,
+                delta: smooth.then_some((split.reflected, split.reflection)),
+            });
+        }
+        let eta = self.eta();
+        let wi = match self.through {
+            Through::Nothing => return None,
+            Through::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
+            Through::Solid => fresnel::refract(wo, h, eta)?,
+        };
+        let scale = if mode == TransportMode::Radiance { 1.0 / (eta * eta) } else { 1.0 };
+        (wi.z < 0.0).then(|| Drawn {
+            wi,
+            flags: LobeFlags::TRANSMISSION.union(sharp),
+            eta,
+            delta: smooth.then_some((split.transmitted * scale, 1.0 - split.reflection)),
+        })
+    }
+}

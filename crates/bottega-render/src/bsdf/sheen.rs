@@ -1,0 +1,99 @@
+//! Sheen: the soft rim light of cloth, by the Charlie distribution.
+
+use std::f32::consts::{PI, TAU};
+
+use bottega_kernels::math;
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::tables::{Mu, Rough, Tables};
+
+/// Smaller roughness than this is read as this: the lobe would be a line along the horizon.
+const ROUGHNESS_MIN: f32 = 0.1;
+
+/// A layer of fibers on top of everything.
+///
+/// Source: Estevez and Kulla 2017, Production Friendly Microfacet Sheen BRDF, eq. 2 (distribution) and section 3 (the
+/// fit of the shadowing), without the softened terminator, which is not reciprocal. Energy above 1, which the fit gives
+/// to grazing directions, is scaled away for all directions alike.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sheen {
+    color: Spectrum,
+    alpha: f32,
+    fit: [f32; 5],
+    rough: Rough,
+}
+
+impl Sheen {
+    /// `None` for a black colour.
+    pub(super) fn new(color: Spectrum, roughness: f32) -> Option<Self> {
+        let roughness = roughness.max(ROUGHNESS_MIN);
+        let alpha = roughness * roughness;
+        (color.max_element() > 0.0).then(|| Self { color, alpha, fit: fit(alpha), rough: Rough::new(roughness) })
+    }
+
+    /// f(wo, wi); both above the horizon.
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Spectrum {
+        let Some(h) = (wo + wi).try_normalize() else { return Spectrum::ZERO };
+        self.color * charlie(self.alpha, &self.fit, wo.z, wi.z, h)
+    }
+
+    /// Share of the light at a cosine that is reflected.
+    pub(super) fn albedo(&self, tables: &Tables, mu: Mu) -> Spectrum {
+        self.color * tables.sheen(Some(mu), self.rough)
+    }
+
+    /// Share of the light at a cosine that reaches what lies below (KHR_materials_sheen, albedo scaling).
+    pub(super) fn passed(&self, tables: &Tables, mu: Mu) -> f32 {
+        1.0 - self.color.max_element() * tables.sheen(Some(mu), self.rough)
+    }
+}
+
+/// D · G / (4 cos cos) of colour 1.
+fn charlie(alpha: f32, fit: &[f32; 5], cos_o: f32, cos_i: f32, h: Vec3) -> f32 {
+    let sin = (h.x * h.x + h.y * h.y).sqrt().min(1.0);
+    if sin <= 0.0 {
+        return 0.0;
+    }
+    let density = (2.0 + 1.0 / alpha) * math::powf(sin, 1.0 / alpha) / TAU;
+    let (cos_o, cos_i) = (cos_o.max(1e-4), cos_i.max(1e-4));
+    density / (4.0 * cos_o * cos_i * (1.0 + lambda(fit, cos_o) + lambda(fit, cos_i)))
+}
+
+/// Coefficients of the shadowing's fit for one roughness.
+fn fit(alpha: f32) -> [f32; 5] {
+    const NARROW: [f32; 5] = [25.3245, 3.32435, 0.16801, -1.27393, -4.85967];
+    const WIDE: [f32; 5] = [21.5473, 3.82987, 0.19823, -1.97760, -4.32054];
+    let narrow = (1.0 - alpha) * (1.0 - alpha);
+    std::array::from_fn(|i| narrow * NARROW[i] + (1.0 - narrow) * WIDE[i])
+}
+
+fn lambda(fit: &[f32; 5], cos: f32) -> f32 {
+    let [a, b, c, d, e] = *fit;
+    let l = |x: f32| a / (1.0 + b * math::powf(x, c)) + d * x + e;
+    math::exp(if cos < 0.5 { l(cos) } else { 2.0 * l(0.5) - l((1.0 - cos).max(1e-6)) })
+}
+
+/// Share of the light at cosine `mu` that sheen of colour 1 reflects. For the tables.
+pub(super) fn albedo_by_quadrature(mu: f32, roughness: f32) -> f32 {
+    const COSINES: usize = 24;
+    const AZIMUTHS: usize = 16;
+    let roughness = roughness.max(ROUGHNESS_MIN);
+    let alpha = roughness * roughness;
+    let fit = fit(alpha);
+    let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);
+    let mut sum = 0.0;
+    for i in 0..COSINES {
+        // Even in √cos: most of the light is near the horizon.
+        let root = (i as f32 + 0.5) / COSINES as f32;
+        let cos = root * root;
+        let sin = (1.0 - cos * cos).sqrt();
+        for j in 0..AZIMUTHS {
+            let (sin_phi, cos_phi) = math::sin_cos(PI * (j as f32 + 0.5) / AZIMUTHS as f32);
+            let wi = Vec3::new(sin * cos_phi, sin * sin_phi, cos);
+            let h = (wo + wi).normalize();
+            sum += charlie(alpha, &fit, mu, cos, h) * cos * 2.0 * root;
+        }
+    }
+    sum * TAU / (COSINES * AZIMUTHS) as f32
+}

@@ -1,0 +1,32 @@
+//! Maps from the unit square to directions.
+
+use std::f32::consts::{PI, TAU};
+
+use bottega_kernels::math;
+use glam::Vec3;
+
+/// The largest number below 1: what a uniform number is clamped to after it was stretched.
+pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// A direction of the upper hemisphere (+z) with density cos θ / π. Never below the horizon; z may be 0.
+pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
+    let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+    let radius = u[1].sqrt();
+    Vec3::new(radius * cos_phi, radius * sin_phi, (1.0 - u[1]).max(0.0).sqrt())
+}
+
+/// Density of [`cosine_hemisphere`], in sr⁻¹.
+pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
+    cos_theta.max(0.0) / PI
+}
+
+/// A direction of the upper hemisphere (+z) with constant density 1 / 2π.
+pub fn uniform_hemisphere(u: [f32; 2]) -> Vec3 {
+    let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+    let z = 1.0 - u[1];
+    let radius = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(radius * cos_phi, radius * sin_phi, z)
+}
+
+/// Density of [`uniform_hemisphere`], in sr⁻¹.
+pub const UNIFORM_HEMISPHERE_PDF: f32 = 1.0 / TAU;
