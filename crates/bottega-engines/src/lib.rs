@@ -3,7 +3,9 @@
 //! The farm knows an engine only by [`RenderEngine`]. The decision that shaped it: painting is started and reported,
 //! never waited for, so that one agent can have its next zone under way before the present one has drained.
 
+mod builtin;
 mod engine;
 
 pub use bottega_render::survey::{Survey, SurveyPixel};
+pub use builtin::{BuiltinEngine, BuiltinOptions};
 pub use engine::{EngineDescription, EngineError, Painted, RenderEngine, Tunables, ZoneTask};

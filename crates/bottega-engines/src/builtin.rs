@@ -1,0 +1,271 @@
+//! The built-in engine: paints zones with `bottega-render`, every block of pixels a work unit of the allocator.
+
+use std::{
+    collections::VecDeque,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use bottega_hra::{Completed, Hra, HraClient, HraConfig, HraReport, Resource, VirtualCpu, WorkUnit};
+use bottega_image::{Layout, Rect, Tile};
+use bottega_render::{BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View};
+
+use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+
+const NAME: &str = "builtin";
+
+/// Side of the blocks of pixels that one work unit holds.
+const BLOCK_SIDE: u32 = 16;
+
+/// What one work unit should take: long enough that handing it out costs nothing, short enough that the last ones of
+/// a picture end together.
+const UNIT_TIME: Duration = Duration::from_millis(8);
+
+/// Work units of one zone that are in the bin or at work, per processor: enough that none waits, few enough that a
+/// zone's blocks end one after the other.
+const UNITS_PER_LANE: usize = 3;
+
+/// What a sample of a pixel may take before any was measured.
+const SAMPLE_NS_GUESSED: u64 = 2_000;
+
+/// Past this a unit goes before all younger ones.
+const MAX_DELAY: Duration = Duration::from_secs(10);
+
+/// Where and how the built-in engine paints.
+#[derive(Clone, Debug)]
+pub struct BuiltinOptions {
+    /// Which camera, at which size.
+    pub view: View,
+    /// Seed, filter and depth; the farm's tunables take the place of depth and light samples zone by zone.
+    pub settings: PathSettings,
+    /// Which values a pixel keeps.
+    pub layout: Layout,
+    /// Processors to use.
+    pub threads: usize,
+}
+
+/// The built-in engine over the processors of this machine.
+pub struct BuiltinEngine {
+    shared: Arc<Shared>,
+    hra: Hra<RenderWork>,
+    zones: Mutex<Vec<JoinHandle<()>>>,
+}
+
+struct Shared {
+    scene: Arc<PreparedScene>,
+    options: BuiltinOptions,
+    cancelled: AtomicBool,
+    /// Nanoseconds that one sample of one pixel takes, learnt from the units done so far.
+    sample_ns: AtomicU64,
+    /// Samples whose radiance was not finite.
+    dropped_count: AtomicU64,
+}
+
+impl BuiltinEngine {
+    /// An engine on `options.threads` processors, and on whatever else is given as `devices`.
+    pub fn new(
+        scene: Arc<PreparedScene>,
+        options: BuiltinOptions,
+        devices: Vec<Box<dyn Resource<RenderWork>>>,
+    ) -> Self {
+        let mut resources = VirtualCpu::lanes(options.threads, RenderWork::perform);
+        resources.extend(devices);
+        let hra = Hra::new(HraConfig::default(), resources);
+        let shared = Shared {
+            scene,
+            options,
+            cancelled: AtomicBool::new(false),
+            sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
+            dropped_count: AtomicU64::new(0),
+        };
+        Self { shared: Arc::new(shared), hra, zones: Mutex::default() }
+    }
+
+    /// Samples so far whose radiance was not finite, and which therefore counted as black.
+    pub fn dropped_count(&self) -> u64 {
+        self.shared.dropped_count.load(Ordering::Relaxed)
+    }
+
+    /// What the resources of the allocator have done so far.
+    pub fn report(&self) -> HraReport {
+        self.hra.report()
+    }
+}
+
+impl RenderEngine for BuiltinEngine {
+    fn describe(&self) -> EngineDescription {
+        EngineDescription {
+            name: NAME.to_owned(),
+            has_max_depth: true,
+            has_light_samples: true,
+            resumes_samples: true,
+            exact_by_pixel: true,
+        }
+    }
+
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
+        let view = View { camera: self.shared.options.view.camera, width, height };
+        bottega_render::survey(&self.shared.scene, view, &self.hra.client())
+            .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
+    }
+
+    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>) {
+        let shared = Arc::clone(&self.shared);
+        let client = self.hra.client();
+        let zone = thread::spawn(move || done(ZonePainter::new(&shared, client, task).paint()));
+        let mut zones = self.zones.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        zones.retain(|zone| !zone.is_finished());
+        zones.push(zone);
+    }
+
+    fn cancel(&self) {
+        self.shared.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Drop for BuiltinEngine {
+    fn drop(&mut self) {
+        self.cancel();
+        let zones = self.zones.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner);
+        for zone in zones.drain(..) {
+            // A panic in there was already reported by the thread itself; there is nothing left to lose.
+            let _ = zone.join();
+        }
+    }
+}
+
+/// Paints one zone: hands out its blocks, a few at a time, and each block's samples pass by pass.
+struct ZonePainter<'a> {
+    shared: &'a Shared,
+    client: HraClient<RenderWork>,
+    settings: Arc<PathSettings>,
+    rect: Rect,
+    tile: Tile,
+    samples: std::ops::Range<u32>,
+    waiting: VecDeque<Rect>,
+    under_way: Vec<Option<BlockUnderWay>>,
+    busy: Duration,
+    complete: bool,
+}
+
+#[derive(Clone, Copy)]
+struct BlockUnderWay {
+    rect: Rect,
+    /// The first sample that no unit has been asked for.
+    next_sample: u32,
+    /// Samples in the unit at work.
+    in_unit: u32,
+}
+
+impl<'a> ZonePainter<'a> {
+    fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
+        let mut settings = shared.options.settings.clone();
+        settings.max_depth = task.tunables.max_depth;
+        settings.light_samples = task.tunables.light_samples;
+        let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+        Self {
+            shared,
+            client,
+            settings: Arc::new(settings),
+            rect: task.rect,
+            tile,
+            samples: task.samples,
+            waiting: task.rect.blocks(BLOCK_SIDE).collect(),
+            under_way: Vec::new(),
+            busy: Duration::ZERO,
+            complete: true,
+        }
+    }
+
+    fn paint(mut self) -> Result<Painted, EngineError> {
+        let window = UNITS_PER_LANE * self.shared.options.threads;
+        for _ in 0..window {
+            let ticket = self.under_way.len();
+            self.under_way.push(None);
+            self.start_block(ticket)?;
+        }
+        while let Some(completed) = self.client.take() {
+            self.finish_unit(completed)?;
+        }
+        Ok(Painted { tile: self.tile, busy: self.busy, complete: self.complete })
+    }
+
+    /// Hands out the first samples of the next waiting block that lacks any.
+    fn start_block(&mut self, ticket: usize) -> Result<(), EngineError> {
+        while let Some(rect) = self.waiting.pop_front() {
+            let mut block = Tile::new(rect, self.shared.options.layout);
+            block.copy_from(&self.tile);
+            // After an interruption some blocks have more samples than others, but all pixels of a block the same.
+            let taken = block.pixel(rect.x0, rect.y0)[Layout::SAMPLE_COUNT] as u32;
+            let next_sample = self.samples.start.max(taken);
+            if next_sample >= self.samples.end {
+                continue;
+            }
+            if self.shared.cancelled.load(Ordering::Relaxed) {
+                self.complete = false;
+                continue;
+            }
+            return self.submit(ticket, BlockUnderWay { rect, next_sample, in_unit: 0 }, block);
+        }
+        Ok(())
+    }
+
+    /// Hands out as many of the block's next samples as one unit should hold.
+    fn submit(&mut self, ticket: usize, mut block: BlockUnderWay, tile: Tile) -> Result<(), EngineError> {
+        let sample_ns = self.shared.sample_ns.load(Ordering::Relaxed).max(1) * block.rect.area();
+        let wanted = (UNIT_TIME.as_nanos() as u64 / sample_ns.max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+        let left = self.samples.end - block.next_sample;
+        block.in_unit = if wanted.saturating_mul(3) / 2 >= left { left } else { wanted };
+        let work = RenderWork::Block(BlockWork {
+            scene: Arc::clone(&self.shared.scene),
+            view: self.shared.options.view,
+            settings: Arc::clone(&self.settings),
+            tile,
+            samples: block.next_sample..block.next_sample + block.in_unit,
+        });
+        block.next_sample += block.in_unit;
+        self.under_way[ticket] = Some(block);
+        let unit = WorkUnit { work, ticket: ticket as u64, max_delay: MAX_DELAY, priority: 0 };
+        self.client.submit(unit).map_err(|error| self.failure(&error))
+    }
+
+    fn finish_unit(&mut self, completed: Completed<RenderOutput>) -> Result<(), EngineError> {
+        self.busy += completed.busy;
+        let ticket = completed.ticket as usize;
+        let tile = match completed.output {
+            Ok(RenderOutput::Block(output)) => {
+                self.shared.dropped_count.fetch_add(output.dropped_count, Ordering::Relaxed);
+                output.tile
+            }
+            Ok(RenderOutput::Refused(error)) => return Err(self.failure(&error)),
+            Ok(_) => unreachable!("a block was asked for"),
+            Err(error) => return Err(self.failure(&error)),
+        };
+        let Some(block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
+        self.learn(completed.busy, block.rect.area() * u64::from(block.in_unit));
+        if block.next_sample < self.samples.end {
+            if !self.shared.cancelled.load(Ordering::Relaxed) {
+                return self.submit(ticket, block, tile);
+            }
+            self.complete = false;
+        }
+        self.tile.copy_from(&tile);
+        self.start_block(ticket)
+    }
+
+    /// Follows the cost of a sample, so that units take about [`UNIT_TIME`] wherever in the picture they are. It
+    /// decides only how samples are cut into units, which the picture does not show.
+    fn learn(&self, busy: Duration, samples: u64) {
+        let measured = busy.as_nanos() as u64 / samples.max(1);
+        let before = self.shared.sample_ns.load(Ordering::Relaxed);
+        self.shared.sample_ns.store((before * 3 + measured) / 4, Ordering::Relaxed);
+    }
+
+    fn failure(&self, reason: &impl std::fmt::Display) -> EngineError {
+        EngineError::Zone { engine: NAME.to_owned(), rect: self.rect, reason: reason.to_string() }
+    }
+}
