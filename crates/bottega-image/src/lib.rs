@@ -5,14 +5,18 @@
 //! samples of a pixel are cut into passes, and whoever computes them, the sums have the same bits.
 //!
 //! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from
-//! any file as a [`Picture`] by [`read_picture`].
+//! any file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and, of noisy ones,
+//! [`rejected_share`]; a [`Canvas`] is what a person looks at.
 
+mod canvas;
+mod color_map;
 mod error;
 mod exr_read;
 mod exr_write;
 mod film;
 mod layout;
 mod metadata;
+mod metrics;
 mod output;
 mod picture;
 mod png_read;
@@ -20,17 +24,25 @@ mod png_write;
 mod read;
 mod rect;
 mod tile;
+mod tile_bytes;
 mod tone;
 
+pub use canvas::Canvas;
+pub use color_map::{ColorMap, false_color};
 pub use error::ImageError;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
 pub use film::Film;
 pub use layout::{Aov, AovSet, Layout};
 pub use metadata::Metadata;
+pub use metrics::{
+    FlipError, FlipOptions, FlipView, Moments, USUAL_TRIM, flip, mae, mean_z_score, rejected_share,
+    rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse,
+};
 pub use output::{OutputFormat, check_writable};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
-pub use read::{ImageFile, ReadLimits, read_image, read_picture};
+pub use read::{ImageFile, ReadLimits, read_image, read_image_bytes, read_picture};
 pub use rect::Rect;
 pub use tile::{SampleValues, Tile};
+pub use tile_bytes::TileBytesError;
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};

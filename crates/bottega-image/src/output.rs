@@ -141,7 +141,7 @@ mod tests {
         fs::create_dir(folder.path().join("folder.exr")).unwrap();
         assert!(reason(&folder.path().join("folder.exr")).contains("directory"));
         fs::write(folder.path().join("file"), b"x").unwrap();
-        let below_a_file = check_writable(&folder.path().join("file/a.exr")).unwrap_err();
+        let below_a_file = check_writable(folder.path().join("file/a.exr")).unwrap_err();
         assert!(below_a_file.to_string().contains("a.exr"), "{below_a_file}");
         let read_only = folder.path().join("kept.png");
         fs::write(&read_only, b"x").unwrap();

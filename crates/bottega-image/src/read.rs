@@ -55,6 +55,11 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
     read_from(&Source { path, limits }, BufReader::new(file))
 }
 
+/// As [`read_image`], of the bytes of a file; `name` stands in errors.
+pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
+    read_from(&Source { path: name.as_ref(), limits }, std::io::Cursor::new(bytes))
+}
+
 /// What the readers of all formats need to know.
 pub(crate) struct Source<'a> {
     pub(crate) path: &'a Path,
@@ -81,7 +86,7 @@ impl Source<'_> {
     }
 }
 
-pub(crate) fn read_from<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<ImageFile, ImageError> {
+fn read_from<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<ImageFile, ImageError> {
     let mut magic = Vec::new();
     input.by_ref().take(10).read_to_end(&mut magic).map_err(|error| ImageError::read(source.path, error))?;
     input.rewind().map_err(|error| ImageError::read(source.path, error))?;

@@ -1,0 +1,104 @@
+//! How far two pictures are apart.
+
+mod convolve;
+mod flip;
+mod moments;
+
+pub use flip::{FlipError, FlipOptions, FlipView, flip};
+pub use moments::{Moments, mean_z_score, rejected_share, rejected_share_of_films};
+
+use crate::{ImageError, Picture};
+
+/// Share of the worst pixels that [`rel_mse_trimmed`] is usually told to leave out.
+pub const USUAL_TRIM: f64 = 1e-3;
+
+fn check_sizes(a: &Picture, b: &Picture) -> Result<(), ImageError> {
+    if a.size() == b.size() { Ok(()) } else { Err(ImageError::SizesDiffer { first: a.size(), second: b.size() }) }
+}
+
+/// Pairs of values of all pixels and channels, test first.
+fn pairs<'a>(reference: &'a Picture, test: &'a Picture) -> impl Iterator<Item = (f64, f64)> + 'a {
+    let values = |picture: &'a Picture| picture.data.iter().flatten().map(|&value| f64::from(value));
+    values(test).zip(values(reference))
+}
+
+/// Mean over pixels and channels, 0 of none.
+fn mean(values: impl Iterator<Item = f64>, picture: &Picture) -> f64 {
+    let count = 3 * picture.data.len();
+    if count == 0 { 0.0 } else { values.sum::<f64>() / count as f64 }
+}
+
+/// Root of the mean squared difference, over all pixels and channels. Not a number where a picture holds such.
+pub fn rmse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
+    check_sizes(reference, test)?;
+    Ok(mean(pairs(reference, test).map(|(x, r)| (x - r) * (x - r)), reference).sqrt())
+}
+
+/// Mean absolute difference, over all pixels and channels.
+pub fn mae(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
+    check_sizes(reference, test)?;
+    Ok(mean(pairs(reference, test).map(|(x, r)| (x - r).abs()), reference))
+}
+
+/// Relative mean squared error: the mean of (x − r)² / (r² + 0.01) over all pixels and channels.
+pub fn rel_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
+    rel_mse_trimmed(reference, test, 0.0)
+}
+
+/// [`rel_mse`] without the worst pixels: a few fireflies do not decide it.
+///
+/// - `trim`: share of the pixels that is left out, from 0 to 1; see [`USUAL_TRIM`].
+pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result<f64, ImageError> {
+    let mut errors = rel_mse_map(reference, test)?;
+    let left_out = (errors.len() as f64 * trim.clamp(0.0, 1.0)).round() as usize;
+    let kept = errors.len() - left_out;
+    if left_out > 0 && kept > 0 {
+        errors.select_nth_unstable_by(kept - 1, f32::total_cmp);
+    }
+    let sum: f64 = errors[..kept].iter().map(|&error| f64::from(error)).sum();
+    Ok(if kept == 0 { 0.0 } else { sum / kept as f64 })
+}
+
+/// The relative squared error of every pixel, mean of its channels: `[height × width]`.
+pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, ImageError> {
+    check_sizes(reference, test)?;
+    let of_pixel = |(r, x): (&[f32; 3], &[f32; 3])| {
+        let of_channel = |(&r, &x): (&f32, &f32)| {
+            let (r, x) = (f64::from(r), f64::from(x));
+            (x - r) * (x - r) / (r * r + 1e-2)
+        };
+        (r.iter().zip(x).map(of_channel).sum::<f64>() / 3.0) as f32
+    };
+    Ok(reference.data.iter().zip(&test.data).map(of_pixel).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_difference_is_measured_as_it_is() {
+        let reference = Picture::from_fn(10, 10, |_, _| [0.5; 3]);
+        let test = Picture::from_fn(10, 10, |_, _| [0.75; 3]);
+        assert_eq!(rmse(&reference, &test).unwrap(), 0.25);
+        assert_eq!(mae(&reference, &test).unwrap(), 0.25);
+        assert!((rel_mse(&reference, &test).unwrap() - 0.0625 / 0.26).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_worst_pixels_can_be_left_out() {
+        let reference = Picture::from_fn(50, 40, |_, _| [1.0; 3]);
+        let mut test = Picture::from_fn(50, 40, |_, _| [1.1; 3]);
+        test.data[77] = [1e3; 3];
+        test.data[1999] = [f32::NAN; 3];
+        let trimmed = rel_mse_trimmed(&reference, &test, USUAL_TRIM).unwrap();
+        assert!((trimmed - 0.01 / 1.01).abs() < 1e-6, "{trimmed}");
+        assert!(rel_mse(&reference, &test).unwrap().is_nan());
+    }
+
+    #[test]
+    fn pictures_of_different_sizes_are_not_compared() {
+        let result = rmse(&Picture::new(2, 3), &Picture::new(3, 2));
+        assert!(matches!(result, Err(ImageError::SizesDiffer { first: (2, 3), second: (3, 2) })));
+    }
+}
