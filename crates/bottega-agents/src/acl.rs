@@ -155,4 +155,16 @@ impl<C> AclMessage<C> {
             ..Self::new(performative, from, self.sender.clone(), content)
         }
     }
+
+    /// The answer of `from` that it cannot make sense of this message, whose content it repeats. `None` where such an
+    /// answer could go on for ever: to a not-understood, and to a failure.
+    pub fn not_understood(&self, from: AgentId) -> Option<Self>
+    where
+        C: Clone,
+    {
+        if matches!(self.performative, Performative::NotUnderstood | Performative::Failure) {
+            return None;
+        }
+        Some(self.reply(Performative::NotUnderstood, from, self.content.clone()))
+    }
 }

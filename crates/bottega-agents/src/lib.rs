@@ -9,6 +9,8 @@ pub mod bus;
 pub mod driver;
 mod id;
 mod machine;
+pub mod platform;
+pub mod protocol;
 pub mod store;
 mod time;
 

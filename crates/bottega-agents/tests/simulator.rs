@@ -107,10 +107,10 @@ fn everything_wrong() -> Faults {
 fn without_faults_the_trace_is_what_it_is() {
     let simulator = run(1, Faults::NONE, 2);
     expect![[r#"
-                0.000 a starts
-                0.000 b starts
-                8.000 a -> b  inform #0
-               12.000 a -> b  inform #0"#]]
+        [     0.000] a starts
+        [     0.000] b starts
+        [     8.000] a -> b  inform #0
+        [    12.000] a -> b  inform #0"#]]
     .assert_eq(&simulator.trace());
 }
 

@@ -5,7 +5,7 @@
 
 use std::{
     cmp::Reverse,
-    collections::{BTreeMap, BTreeSet, BinaryHeap},
+    collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque},
     fmt::Debug,
     time::Duration,
 };
@@ -108,11 +108,15 @@ enum Happening<M: StateMachine> {
         to: AgentId,
         message: AclMessage<M::Content>,
     },
-    /// Something arrives that is never lost on the way: held back by a cut, in order.
+    /// An answer of the store arrives.
     FromStore {
         to: Life,
         ticket: Ticket,
         reply: StoreReply<M::Value>,
+    },
+    /// The next report of the agent's watches is due.
+    Report {
+        to: Life,
     },
     ToStore {
         from: Life,
@@ -163,6 +167,9 @@ impl<M: StateMachine> Ord for Scheduled<M> {
 /// An open request to the store and when its asker gives up on it.
 type OpenRequest = (AgentId, u64, Ticket);
 
+/// Reports of an agent's watches.
+type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
+
 /// All but the machines: what the bus of a simulation is made of.
 struct Network<M: StateMachine> {
     now: Time,
@@ -177,8 +184,8 @@ struct Network<M: StateMachine> {
     lives: BTreeMap<AgentId, Option<u64>>,
     /// Agents on the far side of the cut; the store is on the near one.
     cut_off: BTreeSet<AgentId>,
-    /// When the last answer of the store to an agent arrives: answers do not overtake each other.
-    store_line: BTreeMap<AgentId, Time>,
+    /// Reports of watches on their way to each agent: a cut holds them back, none is lost, none overtakes another.
+    reports: BTreeMap<AgentId, Reports<M>>,
     open: BTreeSet<OpenRequest>,
     presence_watchers: BTreeSet<AgentId>,
     seen_present: BTreeSet<AgentId>,
@@ -230,7 +237,7 @@ impl<M: StateMachine> Network<M> {
     fn note(&mut self, line: impl FnOnce() -> String) {
         if let Some(trace) = &mut self.trace {
             let micros = self.now.elapsed().as_micros();
-            trace.push(format!("{:>9}.{:03} {}", micros / 1000, micros % 1000, line()));
+            trace.push(format!("[{:>6}.{:03}] {}", micros / 1000, micros % 1000, line()));
         }
     }
 
@@ -251,10 +258,13 @@ impl<M: StateMachine> Network<M> {
 
     fn reply_from_store(&mut self, to: &AgentId, ticket: Ticket, reply: StoreReply<M::Value>) {
         let Some(to) = self.life(to) else { return };
-        let earliest = self.store_line.get(&to.agent).copied().unwrap_or_default();
-        let at = (self.now + self.latency()).max(earliest);
-        self.store_line.insert(to.agent.clone(), at);
-        self.plan_at(at, Happening::FromStore { to, ticket, reply });
+        let after = self.latency();
+        if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {
+            self.reports.entry(to.agent.clone()).or_default().push_back((ticket, reply));
+            self.plan(after, Happening::Report { to });
+        } else {
+            self.plan(after, Happening::FromStore { to, ticket, reply });
+        }
     }
 
     fn serve_store(&mut self, from: &Life, ticket: Ticket, request: StoreRequest<M::Value>)
@@ -380,7 +390,7 @@ where
             blobs: BTreeMap::new(),
             lives: BTreeMap::new(),
             cut_off: BTreeSet::new(),
-            store_line: BTreeMap::new(),
+            reports: BTreeMap::new(),
             open: BTreeSet::new(),
             presence_watchers: BTreeSet::new(),
             seen_present: BTreeSet::new(),
@@ -455,6 +465,7 @@ where
         network.queues.forget(id);
         network.presence_watchers.remove(id);
         network.open.retain(|(agent, _, _)| agent != id);
+        network.reports.remove(id);
         network.plan(PRESENCE_TIMEOUT, Happening::Silent(id.clone()));
     }
 
@@ -515,7 +526,8 @@ where
     fn happen(&mut self, what: Happening<M>) {
         match what {
             Happening::Message { to, message } => self.arrive(&to, message),
-            Happening::FromStore { to, ticket, reply } => self.arrive_from_store(to, ticket, reply),
+            Happening::FromStore { to, ticket, reply } => self.arrive_from_store(&to, ticket, reply),
+            Happening::Report { to } => self.arrive_report(to),
             Happening::ToStore { from, ticket, request } => {
                 let watch = matches!(request, StoreRequest::Watch { .. });
                 if !self.network.is_alive(&from) && watch {
@@ -569,31 +581,24 @@ where
         self.feed(to, Event::Message(message));
     }
 
-    fn arrive_from_store(&mut self, to: Life, ticket: Ticket, reply: StoreReply<M::Value>) {
+    fn arrive_from_store(&mut self, to: &Life, ticket: Ticket, reply: StoreReply<M::Value>) {
+        // That it is unavailable the agent finds out by itself.
+        let cut = !matches!(reply, StoreReply::Unavailable) && self.network.cut_off.contains(&to.agent);
+        if !cut && self.network.is_alive(to) && self.network.open.remove(&(to.agent.clone(), to.number, ticket)) {
+            self.feed(&to.agent, Event::Store { ticket, reply });
+        }
+    }
+
+    fn arrive_report(&mut self, to: Life) {
         if !self.network.is_alive(&to) {
             return;
         }
-        let open = (to.agent.clone(), to.number, ticket);
-        match reply {
-            StoreReply::Changed(_) | StoreReply::CaughtUp => {
-                if self.network.cut_off.contains(&to.agent) {
-                    let at = self.network.now + RETRY_AFTER;
-                    self.network.store_line.insert(to.agent.clone(), at);
-                    self.network.plan_at(at, Happening::FromStore { to, ticket, reply });
-                    return;
-                }
-            }
-            StoreReply::Unavailable => {
-                if !self.network.open.remove(&open) {
-                    return;
-                }
-            }
-            _ => {
-                if self.network.cut_off.contains(&to.agent) || !self.network.open.remove(&open) {
-                    return;
-                }
-            }
+        if self.network.cut_off.contains(&to.agent) {
+            self.network.plan(RETRY_AFTER, Happening::Report { to });
+            return;
         }
+        let next = self.network.reports.get_mut(&to.agent).and_then(VecDeque::pop_front);
+        let (ticket, reply) = next.expect("a report is planned for each that is on its way");
         self.feed(&to.agent, Event::Store { ticket, reply });
     }
 

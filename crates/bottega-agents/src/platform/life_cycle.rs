@@ -1,0 +1,89 @@
+//! The life cycle of an agent (FIPA00023, section 5).
+
+/// Where an agent stands in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[allow(missing_docs, reason = "the words of the standard")]
+pub enum LifeCycleState {
+    Initiated,
+    Active,
+    Suspended,
+    Waiting,
+    Transit,
+}
+
+/// A step from one state to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the words of the standard")]
+pub enum Transition {
+    Invoke,
+    Suspend,
+    Resume,
+    Wait,
+    WakeUp,
+    Move,
+    Execute,
+}
+
+impl LifeCycleState {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
+
+    /// The word of the standard.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Initiated => "initiated",
+            Self::Active => "active",
+            Self::Suspended => "suspended",
+            Self::Waiting => "waiting",
+            Self::Transit => "transit",
+        }
+    }
+
+    /// Reads the word, without case.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.word().eq_ignore_ascii_case(word))
+    }
+
+    /// The transition that leads from here to `next`, if there is one.
+    pub fn transition_to(self, next: Self) -> Option<Transition> {
+        match (self, next) {
+            (Self::Initiated, Self::Active) => Some(Transition::Invoke),
+            (Self::Active, Self::Suspended) => Some(Transition::Suspend),
+            (Self::Suspended, Self::Active) => Some(Transition::Resume),
+            (Self::Active, Self::Waiting) => Some(Transition::Wait),
+            (Self::Waiting, Self::Active) => Some(Transition::WakeUp),
+            (Self::Active, Self::Transit) => Some(Transition::Move),
+            (Self::Transit, Self::Active) => Some(Transition::Execute),
+            _ => None,
+        }
+    }
+}
+
+impl Transition {
+    /// Whether the agent itself may begin it; the platform may begin all but [`Self::Wait`] and [`Self::Move`].
+    pub fn by_agent(self) -> bool {
+        matches!(self, Self::Suspend | Self::Wait | Self::Move)
+    }
+
+    /// Whether the platform may begin it.
+    pub fn by_platform(self) -> bool {
+        !matches!(self, Self::Wait | Self::Move)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_change_passes_through_active() {
+        for from in LifeCycleState::ALL {
+            assert_eq!(LifeCycleState::from_word(&from.word().to_uppercase()), Some(from));
+            for to in LifeCycleState::ALL {
+                let allowed = from.transition_to(to).is_some();
+                let one_is_active = (from == LifeCycleState::Active) != (to == LifeCycleState::Active);
+                assert_eq!(allowed, one_is_active && to != LifeCycleState::Initiated, "{from:?} to {to:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,579 @@
+//! The contract net (FIPA00029): a call for proposals, proposals until a deadline, an award, a result.
+
+use std::collections::BTreeMap;
+
+use super::OutOfSequence;
+use crate::{AclMessage, AgentId, Performative, Time};
+
+/// The name of the protocol in messages.
+const PROTOCOL: &str = "fipa-contract-net";
+
+/// The most calls that a responder has open at a time; calls on top are refused.
+pub const RESPONSES_MAX: usize = 1024;
+
+/// A call for proposals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Call<C> {
+    /// Who calls.
+    pub initiator: AgentId,
+    /// Who is called.
+    pub participants: Vec<AgentId>,
+    /// What is to be done.
+    pub content: C,
+    /// The language of the content.
+    pub language: &'static str,
+    /// Its vocabulary.
+    pub ontology: &'static str,
+    /// One of its own for each call of the initiator.
+    pub conversation_id: u64,
+    /// Until when proposals count. Who is silent has refused.
+    pub reply_by: Time,
+}
+
+/// What somebody offers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal<C> {
+    /// Who.
+    pub from: AgentId,
+    /// On which terms.
+    pub content: C,
+}
+
+/// How an awarded task ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome<C> {
+    /// It is done, with this to say of it.
+    Done(C),
+    /// It failed, with a reason.
+    Failed(C),
+    /// Nothing was heard until the deadline, or the contractor does not know of it (any more).
+    Lost,
+}
+
+/// What an initiator has to tell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InitiatorNews<C> {
+    /// Nobody else can propose any more: call [`ContractNetInitiator::award`]. There may be no proposal.
+    Collected(Vec<Proposal<C>>),
+    /// An awarded task ended.
+    Ended {
+        /// The contractor.
+        contractor: AgentId,
+        /// How.
+        outcome: Outcome<C>,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Participant {
+    Called,
+    Refused,
+    Proposed,
+    Rejected,
+    /// The task is awarded to it.
+    Accepted,
+    Ended,
+}
+
+impl Participant {
+    fn describe(self) -> &'static str {
+        match self {
+            Self::Called => "awaiting a proposal",
+            Self::Refused => "closed by a refusal",
+            Self::Proposed => "awaiting the award",
+            Self::Rejected => "closed by a rejection",
+            Self::Accepted => "awaiting a result",
+            Self::Ended => "closed by a result",
+        }
+    }
+}
+
+/// The side that calls for proposals.
+#[derive(Clone, Debug)]
+pub struct ContractNetInitiator<C> {
+    call: Call<C>,
+    participants: BTreeMap<AgentId, Participant>,
+    /// In order of arrival.
+    proposals: Vec<Proposal<C>>,
+    collecting: bool,
+    /// Until when results are awaited.
+    results_by: Option<Time>,
+}
+
+impl<C: Clone> ContractNetInitiator<C> {
+    /// Sends the call.
+    pub fn call(call: Call<C>, send: &mut Vec<AclMessage<C>>) -> Self {
+        let participants: BTreeMap<_, _> =
+            call.participants.iter().map(|agent| (agent.clone(), Participant::Called)).collect();
+        send.push(AclMessage {
+            performative: Performative::CallForProposal,
+            sender: call.initiator.clone(),
+            receivers: participants.keys().cloned().collect(),
+            content: call.content.clone(),
+            language: call.language,
+            ontology: call.ontology,
+            protocol: PROTOCOL,
+            conversation_id: call.conversation_id,
+            reply_with: call.conversation_id,
+            in_reply_to: 0,
+            reply_by: Some(call.reply_by),
+        });
+        Self { call, participants, proposals: Vec::new(), collecting: true, results_by: None }
+    }
+
+    /// The call.
+    pub fn the_call(&self) -> &Call<C> {
+        &self.call
+    }
+
+    /// Takes a message of this conversation. A copy of what was said before is passed over.
+    ///
+    /// # Errors
+    /// The sender was not called, or may not say this now; nothing has changed.
+    pub fn handle_message(
+        &mut self,
+        now: Time,
+        message: &AclMessage<C>,
+        send: &mut Vec<AclMessage<C>>,
+    ) -> Result<Option<InitiatorNews<C>>, OutOfSequence> {
+        use Participant as P;
+        use Performative as A;
+        let out_of_sequence = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
+        let Some(&state) = self.participants.get(&message.sender) else {
+            return Err(out_of_sequence("not with this agent"));
+        };
+        let next = match (state, message.performative) {
+            (P::Called, A::Propose) if self.collecting && now < self.call.reply_by => {
+                self.proposals.push(Proposal { from: message.sender.clone(), content: message.content.clone() });
+                P::Proposed
+            }
+            // A proposal that comes too late is rejected, and its sender need not wait.
+            (P::Called | P::Rejected, A::Propose) => {
+                send.push(self.say(A::RejectProposal, &message.sender, self.call.content.clone()));
+                P::Rejected
+            }
+            (P::Called, A::Refuse | A::NotUnderstood) => P::Refused,
+            (P::Proposed, A::NotUnderstood) => {
+                self.proposals.retain(|proposal| proposal.from != message.sender);
+                P::Refused
+            }
+            (P::Accepted, A::Inform | A::Failure | A::NotUnderstood) => {
+                self.set(&message.sender, P::Ended);
+                let content = || message.content.clone();
+                let outcome = match message.performative {
+                    A::Inform => Outcome::Done(content()),
+                    A::Failure => Outcome::Failed(content()),
+                    _ => Outcome::Lost,
+                };
+                return Ok(Some(InitiatorNews::Ended { contractor: message.sender.clone(), outcome }));
+            }
+            // What a network doubles, or what crossed our own message.
+            (P::Proposed | P::Accepted | P::Ended, A::Propose)
+            | (P::Refused, A::Refuse | A::Propose)
+            | (P::Ended, A::Inform | A::Failure)
+            | (_, A::NotUnderstood) => return Ok(None),
+            _ => return Err(out_of_sequence(state.describe())),
+        };
+        self.set(&message.sender, next);
+        Ok(self.collected(now))
+    }
+
+    /// Looks at the clock: whether the time for proposals, or for results, is over.
+    pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorNews<C>> {
+        let mut news: Vec<_> = self.collected(now).into_iter().collect();
+        if self.results_by.is_some_and(|by| by <= now) {
+            self.results_by = None;
+            for (contractor, state) in &mut self.participants {
+                if *state == Participant::Accepted {
+                    *state = Participant::Ended;
+                    news.push(InitiatorNews::Ended { contractor: contractor.clone(), outcome: Outcome::Lost });
+                }
+            }
+        }
+        news
+    }
+
+    /// When [`Self::handle_time`] has something to do.
+    pub fn next_deadline(&self) -> Option<Time> {
+        if self.collecting { Some(self.call.reply_by) } else { self.results_by }
+    }
+
+    /// Accepts proposals, each with what its contractor must know, and rejects all others.
+    ///
+    /// `results_by`: when a contractor counts as lost. Names of agents that proposed nothing are passed over.
+    ///
+    /// # Panics
+    /// Before [`InitiatorNews::Collected`], or when called twice.
+    pub fn award(&mut self, accepted: &[(AgentId, C)], results_by: Time, send: &mut Vec<AclMessage<C>>) {
+        assert!(!self.collecting && self.results_by.is_none(), "an award follows the collection of proposals, once");
+        for proposal in std::mem::take(&mut self.proposals) {
+            match accepted.iter().find(|(agent, _)| *agent == proposal.from) {
+                Some((agent, content)) => {
+                    self.set(agent, Participant::Accepted);
+                    let mut accept = self.say(Performative::AcceptProposal, agent, content.clone());
+                    accept.reply_by = Some(results_by);
+                    send.push(accept);
+                    self.results_by = Some(results_by);
+                }
+                None => {
+                    self.set(&proposal.from, Participant::Rejected);
+                    send.push(self.say(Performative::RejectProposal, &proposal.from, proposal.content));
+                }
+            }
+        }
+    }
+
+    /// Whether nothing more is awaited.
+    pub fn is_finished(&self) -> bool {
+        !self.collecting
+            && self.proposals.is_empty()
+            && !self.participants.values().any(|state| *state == Participant::Accepted)
+    }
+
+    fn collected(&mut self, now: Time) -> Option<InitiatorNews<C>> {
+        let awaited = self.participants.values().any(|state| *state == Participant::Called);
+        if !self.collecting || (awaited && now < self.call.reply_by) {
+            return None;
+        }
+        self.collecting = false;
+        Some(InitiatorNews::Collected(self.proposals.clone()))
+    }
+
+    fn set(&mut self, agent: &AgentId, state: Participant) {
+        let before = self.participants.insert(agent.clone(), state);
+        assert!(before.is_some(), "only who was called has a state");
+    }
+
+    fn say(&self, performative: Performative, to: &AgentId, content: C) -> AclMessage<C> {
+        AclMessage {
+            language: self.call.language,
+            ontology: self.call.ontology,
+            protocol: PROTOCOL,
+            conversation_id: self.call.conversation_id,
+            in_reply_to: self.call.conversation_id,
+            ..AclMessage::new(performative, self.call.initiator.clone(), to.clone(), content)
+        }
+    }
+}
+
+/// What a responder has to tell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ResponderNews<C> {
+    /// Answer by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its `reply_by`.
+    Called(AclMessage<C>),
+    /// The task is ours. End it by [`ContractNetResponder::done`] or [`ContractNetResponder::fail`].
+    Accepted(AclMessage<C>),
+    /// The task went to somebody else.
+    Rejected(AclMessage<C>),
+    /// The call, or what was awarded, is taken back.
+    Cancelled(AclMessage<C>),
+    /// Nothing was heard of a proposal for so long that it is void.
+    Expired {
+        /// Of which call.
+        conversation: Conversation,
+    },
+}
+
+/// A conversation of a responder: who called, and with which conversation-id.
+pub type Conversation = (AgentId, u64);
+
+#[derive(Clone, Debug)]
+enum Response<C> {
+    Called(AclMessage<C>),
+    /// The call, and until when the proposal stands.
+    Proposed(AclMessage<C>, Time),
+    Working(AclMessage<C>),
+}
+
+/// The side that proposes. One value keeps all calls that an agent has open.
+#[derive(Clone, Debug)]
+pub struct ContractNetResponder<C> {
+    me: AgentId,
+    open: BTreeMap<Conversation, Response<C>>,
+}
+
+impl<C: Clone> ContractNetResponder<C> {
+    /// A responder without open calls.
+    pub fn new(me: AgentId) -> Self {
+        Self { me, open: BTreeMap::new() }
+    }
+
+    /// Takes a message of the protocol. A copy of what was said before is passed over.
+    ///
+    /// # Errors
+    /// Nothing is known of the conversation, or this may not be said now; nothing has changed.
+    pub fn handle_message(
+        &mut self,
+        now: Time,
+        message: AclMessage<C>,
+        send: &mut Vec<AclMessage<C>>,
+    ) -> Result<Option<ResponderNews<C>>, OutOfSequence> {
+        use Performative as A;
+        let key = (message.sender.clone(), message.conversation_id);
+        let performative = message.performative;
+        match (self.open.get(&key), performative) {
+            (None, A::CallForProposal) if message.reply_by.is_some_and(|by| by <= now) => Ok(None),
+            (None, A::CallForProposal) if self.open.len() >= RESPONSES_MAX => {
+                send.push(message.reply(A::Refuse, self.me.clone(), message.content.clone()));
+                Ok(None)
+            }
+            (None, A::CallForProposal) => {
+                self.open.insert(key, Response::Called(message.clone()));
+                Ok(Some(ResponderNews::Called(message)))
+            }
+            (Some(Response::Proposed(call, _)), A::AcceptProposal) => {
+                let call = call.clone();
+                self.open.insert(key, Response::Working(call));
+                Ok(Some(ResponderNews::Accepted(message)))
+            }
+            (Some(Response::Proposed(..) | Response::Called(_)), A::RejectProposal) => {
+                self.open.remove(&key);
+                Ok(Some(ResponderNews::Rejected(message)))
+            }
+            (Some(_), A::Cancel) => {
+                self.open.remove(&key);
+                send.push(message.reply(A::Inform, self.me.clone(), message.content.clone()));
+                Ok(Some(ResponderNews::Cancelled(message)))
+            }
+            (Some(_), A::NotUnderstood) => {
+                self.open.remove(&key);
+                Ok(Some(ResponderNews::Cancelled(message)))
+            }
+            // Copies; a rejection of what is void or was never proposed; complaints about what is over.
+            (Some(_), A::CallForProposal)
+            | (Some(Response::Working(_)), A::AcceptProposal)
+            | (None, A::RejectProposal | A::NotUnderstood | A::Cancel) => Ok(None),
+            (state, _) => {
+                let state = match state {
+                    None => "unknown",
+                    Some(Response::Called(_)) => "awaiting our proposal",
+                    Some(Response::Proposed(..)) => "awaiting the award",
+                    Some(Response::Working(_)) => "awaiting our result",
+                };
+                Err(OutOfSequence { from: message.sender, got: performative, state })
+            }
+        }
+    }
+
+    /// Proposes; the proposal stands until `until`. Returns whether the call was open.
+    pub fn propose(
+        &mut self,
+        conversation: &Conversation,
+        content: C,
+        until: Time,
+        send: &mut Vec<AclMessage<C>>,
+    ) -> bool {
+        let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
+        let call = call.clone();
+        send.push(call.reply(Performative::Propose, self.me.clone(), content));
+        self.open.insert(conversation.clone(), Response::Proposed(call, until));
+        true
+    }
+
+    /// Refuses a call. Returns whether it was open.
+    pub fn refuse(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
+        let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
+        send.push(call.reply(Performative::Refuse, self.me.clone(), content));
+        self.open.remove(conversation);
+        true
+    }
+
+    /// Reports that an accepted task is done. Returns whether it was ours.
+    pub fn done(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
+        self.end(conversation, Performative::Inform, content, send)
+    }
+
+    /// Reports that an accepted task failed. Returns whether it was ours.
+    pub fn fail(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
+        self.end(conversation, Performative::Failure, content, send)
+    }
+
+    fn end(
+        &mut self,
+        conversation: &Conversation,
+        how: Performative,
+        content: C,
+        send: &mut Vec<AclMessage<C>>,
+    ) -> bool {
+        let Some(Response::Working(call)) = self.open.get(conversation) else { return false };
+        send.push(call.reply(how, self.me.clone(), content));
+        self.open.remove(conversation);
+        true
+    }
+
+    /// Forgets calls that were not answered in time, and proposals that nobody took.
+    pub fn handle_time(&mut self, now: Time) -> Vec<ResponderNews<C>> {
+        let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
+        let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();
+        let mut news = Vec::new();
+        for conversation in over {
+            self.open.remove(&conversation);
+            news.push(ResponderNews::Expired { conversation });
+        }
+        news
+    }
+
+    /// When [`Self::handle_time`] has something to do.
+    pub fn next_deadline(&self) -> Option<Time> {
+        self.open.values().filter_map(Response::ends_at).min()
+    }
+
+    /// How many tasks are ours and not ended.
+    pub fn working_count(&self) -> usize {
+        self.open.values().filter(|response| matches!(response, Response::Working(_))).count()
+    }
+
+    /// How many proposals stand.
+    pub fn proposed_count(&self) -> usize {
+        self.open.values().filter(|response| matches!(response, Response::Proposed(..))).count()
+    }
+}
+
+impl<C> Response<C> {
+    fn ends_at(&self) -> Option<Time> {
+        match self {
+            Self::Called(call) => call.reply_by,
+            Self::Proposed(_, until) => Some(*until),
+            Self::Working(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn at(seconds: u64) -> Time {
+        Time::since_start(Duration::from_secs(seconds))
+    }
+
+    fn ids() -> [AgentId; 4] {
+        ["m", "a", "b", "c"].map(AgentId::new)
+    }
+
+    fn begin(send: &mut Vec<AclMessage<u32>>) -> ContractNetInitiator<u32> {
+        let [m, a, b, c] = ids();
+        let call = Call {
+            initiator: m,
+            participants: vec![a, b, c],
+            content: 9,
+            language: "n",
+            ontology: "o",
+            conversation_id: 5,
+            reply_by: at(10),
+        };
+        ContractNetInitiator::call(call, send)
+    }
+
+    fn answer(from: &AgentId, performative: Performative, content: u32) -> AclMessage<u32> {
+        AclMessage { conversation_id: 5, ..AclMessage::new(performative, from.clone(), AgentId::new("m"), content) }
+    }
+
+    #[test]
+    fn both_sides_come_from_the_call_to_the_result() {
+        let [_, a, b, c] = ids();
+        let mut wire = Vec::new();
+        let mut initiator = begin(&mut wire);
+        let mut responders: Vec<_> = [&a, &b, &c].map(|id| ContractNetResponder::new(id.clone())).into();
+        let call = wire.remove(0);
+        assert_eq!(
+            (call.performative, call.receivers.len(), call.reply_by),
+            (Performative::CallForProposal, 3, Some(at(10)))
+        );
+        for (bid, responder) in [4, 3, 0].into_iter().zip(&mut responders) {
+            let news = responder.handle_message(at(1), call.clone(), &mut wire).unwrap();
+            assert_eq!(news, Some(ResponderNews::Called(call.clone())));
+            let conversation = (AgentId::new("m"), 5);
+            if bid > 0 {
+                assert!(responder.propose(&conversation, bid, at(20), &mut wire));
+            } else {
+                assert!(responder.refuse(&conversation, 0, &mut wire));
+            }
+        }
+        let mut news = Vec::new();
+        for message in std::mem::take(&mut wire) {
+            news.extend(initiator.handle_message(at(2), &message, &mut wire).unwrap());
+        }
+        // All have answered: nobody waits for the deadline.
+        let proposals = vec![Proposal { from: a.clone(), content: 4 }, Proposal { from: b.clone(), content: 3 }];
+        assert_eq!(news, [InitiatorNews::Collected(proposals)]);
+        initiator.award(&[(b.clone(), 7)], at(30), &mut wire);
+        let mut heard = Vec::new();
+        for message in std::mem::take(&mut wire) {
+            let to = responders.iter_mut().find(|responder| responder.me == message.receivers[0]).unwrap();
+            heard.extend(to.handle_message(at(3), message, &mut wire).unwrap());
+        }
+        assert!(matches!(&heard[..], [ResponderNews::Rejected(_), ResponderNews::Accepted(task)] if task.content == 7));
+        assert!(!initiator.is_finished());
+        assert!(responders[1].done(&(AgentId::new("m"), 5), 70, &mut wire));
+        let news = initiator.handle_message(at(4), &wire.remove(0), &mut wire).unwrap();
+        assert_eq!(news, Some(InitiatorNews::Ended { contractor: b, outcome: Outcome::Done(70) }));
+        assert!(initiator.is_finished() && wire.is_empty());
+    }
+
+    #[test]
+    fn silence_is_refusal_and_a_late_proposal_is_rejected() {
+        let [_, a, b, _] = ids();
+        let mut wire = Vec::new();
+        let mut initiator = begin(&mut wire);
+        wire.clear();
+        assert_eq!(initiator.next_deadline(), Some(at(10)));
+        initiator.handle_message(at(9), &answer(&a, Performative::Propose, 1), &mut wire).unwrap();
+        assert!(matches!(&initiator.handle_time(at(10))[..], [InitiatorNews::Collected(all)] if all.len() == 1));
+        let late = initiator.handle_message(at(11), &answer(&b, Performative::Propose, 1), &mut wire).unwrap();
+        assert_eq!(late, None);
+        assert_eq!((wire.len(), wire[0].performative), (1, Performative::RejectProposal));
+        initiator.award(&[(a.clone(), 0)], at(20), &mut wire);
+        assert_eq!(initiator.next_deadline(), Some(at(20)));
+        let news = initiator.handle_time(at(20));
+        assert_eq!(news, [InitiatorNews::Ended { contractor: a, outcome: Outcome::Lost }]);
+        assert!(initiator.is_finished());
+        assert_eq!(initiator.next_deadline(), None);
+    }
+
+    #[test]
+    fn what_is_out_of_turn_is_an_error_and_copies_are_not() {
+        let [_, a, b, _] = ids();
+        let mut wire = Vec::new();
+        let mut initiator = begin(&mut wire);
+        let mut say = |initiator: &mut ContractNetInitiator<u32>, from: &AgentId, performative| {
+            initiator.handle_message(at(1), &answer(from, performative, 1), &mut wire)
+        };
+        assert_eq!(
+            say(&mut initiator, &AgentId::new("x"), Performative::Propose).unwrap_err().state,
+            "not with this agent"
+        );
+        let error = say(&mut initiator, &a, Performative::Inform).unwrap_err();
+        assert_eq!(error.to_string(), "`inform` from a is out of sequence: the conversation is awaiting a proposal");
+        assert_eq!(say(&mut initiator, &a, Performative::Propose), Ok(None));
+        assert_eq!(say(&mut initiator, &a, Performative::Propose), Ok(None));
+        assert!(say(&mut initiator, &a, Performative::Refuse).is_err());
+        assert_eq!(say(&mut initiator, &b, Performative::NotUnderstood), Ok(None));
+        let mut responder = ContractNetResponder::new(a.clone());
+        let accept = AclMessage { conversation_id: 5, ..AclMessage::new(Performative::AcceptProposal, b, a, 1) };
+        assert_eq!(responder.handle_message(at(1), accept, &mut wire).unwrap_err().state, "unknown");
+    }
+
+    #[test]
+    fn proposals_expire_and_calls_have_a_bound() {
+        let [m, a, ..] = ids();
+        let mut responder = ContractNetResponder::new(a.clone());
+        let mut wire = Vec::new();
+        for conversation_id in 0..=RESPONSES_MAX as u64 {
+            let call = AclMessage {
+                conversation_id,
+                reply_by: Some(at(5)),
+                ..AclMessage::new(Performative::CallForProposal, m.clone(), a.clone(), 1)
+            };
+            responder.handle_message(at(1), call, &mut wire).unwrap();
+        }
+        assert_eq!(wire.len(), 1);
+        assert_eq!(wire[0].performative, Performative::Refuse);
+        assert!(responder.propose(&(m.clone(), 3), 1, at(8), &mut wire));
+        assert_eq!(responder.handle_time(at(5)).len(), RESPONSES_MAX - 1);
+        assert_eq!(responder.next_deadline(), Some(at(8)));
+        assert_eq!(responder.handle_time(at(8)), [ResponderNews::Expired { conversation: (m, 3) }]);
+    }
+}

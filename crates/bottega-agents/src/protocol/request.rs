@@ -1,0 +1,118 @@
+//! The request protocol (FIPA00026): a request, perhaps an agreement, an answer.
+
+use super::OutOfSequence;
+use crate::{AclMessage, AgentId, Performative, Time};
+
+/// How a request ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer<C> {
+    /// It was done; or here is the result.
+    Inform(C),
+    /// It was not begun.
+    Refuse(C),
+    /// It went wrong.
+    Failure(C),
+    /// It made no sense to the other.
+    NotUnderstood(C),
+    /// Nothing was heard until the deadline.
+    Silence,
+}
+
+/// The side that asks. The other side answers each request by itself: see the platform's services.
+#[derive(Clone, Debug)]
+pub struct RequestInitiator {
+    participant: AgentId,
+    conversation_id: u64,
+    agreed: bool,
+    deadline: Option<Time>,
+}
+
+impl RequestInitiator {
+    /// Sends the request, which must have one receiver, a conversation-id and a `reply_by`.
+    ///
+    /// # Panics
+    /// When it has not.
+    pub fn request<C>(request: AclMessage<C>, send: &mut Vec<AclMessage<C>>) -> Self {
+        let [participant] = &request.receivers[..] else { panic!("a request has one receiver") };
+        let deadline = request.reply_by;
+        assert!(deadline.is_some(), "every wait has a deadline");
+        let this = Self {
+            participant: participant.clone(),
+            conversation_id: request.conversation_id,
+            agreed: false,
+            deadline,
+        };
+        send.push(AclMessage { performative: Performative::Request, protocol: "fipa-request", ..request });
+        this
+    }
+
+    /// Takes a message of this conversation.
+    ///
+    /// # Errors
+    /// It is from somebody else, or the conversation is over, or the protocol does not allow it here.
+    pub fn handle_message<C: Clone>(&mut self, message: &AclMessage<C>) -> Result<Option<Answer<C>>, OutOfSequence> {
+        let wrong = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
+        if message.sender != self.participant || message.conversation_id != self.conversation_id {
+            return Err(wrong("not with this agent"));
+        }
+        if self.deadline.is_none() {
+            return Err(wrong("closed"));
+        }
+        let content = message.content.clone();
+        let answer = match message.performative {
+            Performative::Agree => {
+                self.agreed = true;
+                return Ok(None);
+            }
+            Performative::Refuse if self.agreed => return Err(wrong("awaiting a result")),
+            Performative::Refuse => Answer::Refuse(content),
+            Performative::Inform => Answer::Inform(content),
+            Performative::Failure => Answer::Failure(content),
+            Performative::NotUnderstood => Answer::NotUnderstood(content),
+            _ => return Err(wrong("awaiting an answer")),
+        };
+        self.deadline = None;
+        Ok(Some(answer))
+    }
+
+    /// Looks at the clock.
+    pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
+        self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
+    }
+
+    /// When [`Self::handle_time`] has something to do. `None`: the conversation is over.
+    pub fn next_deadline(&self) -> Option<Time> {
+        self.deadline
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_request_ends_with_one_answer_or_with_silence() {
+        let by = Time::since_start(Duration::from_secs(1));
+        let (a, b) = (AgentId::new("a"), AgentId::new("b"));
+        let request = || AclMessage {
+            reply_by: Some(by),
+            conversation_id: 3,
+            ..AclMessage::new(Performative::Request, a.clone(), b.clone(), 1)
+        };
+        let mut send = Vec::new();
+        let mut asked = RequestInitiator::request(request(), &mut send);
+        let say = |performative, content| send[0].reply(performative, b.clone(), content);
+        assert_eq!(asked.handle_message(&say(Performative::Agree, 0)), Ok(None));
+        assert!(asked.handle_message(&say(Performative::Refuse, 0)).is_err());
+        assert_eq!(asked.handle_message(&say(Performative::Inform, 8)), Ok(Some(Answer::Inform(8))));
+        assert!(asked.handle_message(&say(Performative::Inform, 8)).is_err());
+        assert_eq!(asked.next_deadline(), None);
+
+        let mut unheard = RequestInitiator::request(request(), &mut Vec::new());
+        assert_eq!(unheard.handle_time::<u32>(Time::ZERO), None);
+        assert_eq!(unheard.handle_time::<u32>(by), Some(Answer::Silence));
+        assert_eq!(unheard.handle_time::<u32>(by), None);
+    }
+}

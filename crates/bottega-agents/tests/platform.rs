@@ -1,0 +1,306 @@
+//! The platform's services, spoken to by messages as agents do.
+
+use std::time::Duration;
+
+use bottega_agents::{
+    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine, Time,
+    platform::{
+        Ams, AmsAgentDescription, Df, DfAgentDescription, FailureReason, Function, Functions, LifeCycleRequest,
+        LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, PlatformDescription, RefuseReason,
+        SearchConstraints, Service, ServiceDescription, ServiceEntry, StandardAgent, StartService,
+    },
+};
+
+type Vocabulary<F> = Service<F, M, (), (), ()>;
+
+fn id(name: &str) -> AgentId {
+    AgentId::new(name)
+}
+
+/// Says something to a service and returns all that it says.
+fn say<F: Functions>(
+    service: &mut Vocabulary<F>,
+    now: Time,
+    from: &str,
+    performative: Performative,
+    content: M,
+) -> Vec<AclMessage<M>> {
+    let message = AclMessage {
+        conversation_id: 4,
+        reply_with: 5,
+        ..AclMessage::new(performative, id(from), id("service"), content)
+    };
+    let mut actions = Vec::new();
+    service.handle(now, Event::Message(message), &mut actions);
+    let sent = actions.into_iter().map(|action| match action {
+        Action::Send(message) => message,
+        other => panic!("{other:?}"),
+    });
+    sent.collect()
+}
+
+/// Requests a function; returns the performative and the content of the answer.
+fn ask<F: Functions>(service: &mut Vocabulary<F>, now: Time, from: &str, function: Function) -> (Performative, M) {
+    let answer = say(service, now, from, Performative::Request, M::Action(function)).pop().unwrap();
+    assert_eq!((answer.conversation_id, answer.in_reply_to), (4, 5));
+    assert_eq!(answer.receivers, [id(from)]);
+    (answer.performative, answer.content)
+}
+
+fn outcome<F: Functions>(service: &mut Vocabulary<F>, now: Time, from: &str, function: Function) -> Outcome {
+    match ask(service, now, from, function) {
+        (Performative::Inform, M::Done(_, outcome)) => outcome,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn refusal<F: Functions>(service: &mut Vocabulary<F>, from: &str, function: Function) -> RefuseReason {
+    match ask(service, Time::ZERO, from, function) {
+        (Performative::Refuse, M::Refused(_, reason)) => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn failure<F: Functions>(service: &mut Vocabulary<F>, from: &str, function: Function) -> FailureReason {
+    match ask(service, Time::ZERO, from, function) {
+        (Performative::Failure, M::Failed(_, reason)) => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn agent(name: &str, state: Option<LifeCycleState>) -> AmsAgentDescription {
+    AmsAgentDescription { name: Some(id(name)), ownership: None, state }
+}
+
+fn ams() -> Vocabulary<Ams> {
+    let platform = PlatformDescription { name: "here".into(), services: Vec::new() };
+    Service::new(id("ams@here"), Ams::new(platform, vec![id("root@here")]))
+}
+
+#[test]
+fn white_pages_enter_find_change_and_forget_agents() {
+    let mut ams = ams();
+    let now = Time::ZERO;
+    for name in ["a", "b", "c"] {
+        assert_eq!(outcome(&mut ams, now, name, Function::RegisterAgent(agent(name, None))), Outcome::Done);
+    }
+    assert_eq!(failure(&mut ams, "a", Function::RegisterAgent(agent("a", None))), FailureReason::AlreadyRegistered);
+    assert_eq!(refusal(&mut ams, "a", Function::RegisterAgent(agent("d", None))), RefuseReason::Unauthorised);
+    assert_eq!(
+        refusal(&mut ams, "a", Function::RegisterAgent(AmsAgentDescription::default())),
+        RefuseReason::MissingParameter("ams-agent-description", "name")
+    );
+    let mut found = |max_results| {
+        let template = AmsAgentDescription { state: Some(LifeCycleState::Active), ..Default::default() };
+        let constraints = SearchConstraints { max_results, ..Default::default() };
+        match outcome(&mut ams, now, "x", Function::SearchAgents(template, constraints)) {
+            Outcome::Agents(agents) => agents.len(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([found(None), found(Some(2)), found(Some(-1)), found(Some(0))], [1, 2, 3, 0]);
+    assert_eq!(outcome(&mut ams, now, "a", Function::DeregisterAgent(agent("a", None))), Outcome::Done);
+    assert_eq!(failure(&mut ams, "a", Function::DeregisterAgent(agent("a", None))), FailureReason::NotRegistered);
+    assert_eq!(failure(&mut ams, "a", Function::ModifyAgent(agent("a", None))), FailureReason::NotRegistered);
+    assert!(matches!(outcome(&mut ams, now, "x", Function::GetDescription), Outcome::Platform(p) if p.name == "here"));
+    assert_eq!(refusal(&mut ams, "x", Function::GetServiceRoot), RefuseReason::UnsupportedFunction);
+}
+
+#[test]
+fn transitions_of_life_are_begun_by_whom_the_standard_allows() {
+    use LifeCycleState::{Active, Suspended, Transit, Waiting};
+    let mut ams = ams();
+    outcome(&mut ams, Time::ZERO, "a", Function::RegisterAgent(agent("a", None)));
+    let change = |state| Function::ModifyAgent(agent("a", Some(state)));
+    // The agent goes to sleep by itself, and only the platform wakes it.
+    outcome(&mut ams, Time::ZERO, "a", change(Suspended));
+    assert_eq!(refusal(&mut ams, "a", change(Active)), RefuseReason::Unauthorised);
+    let forbidden = RefuseReason::UnrecognisedParameterValue("ams-agent-description", "state");
+    assert_eq!(refusal(&mut ams, "root@here", change(Transit)), forbidden);
+    let sent = say(&mut ams, Time::ZERO, "root@here", Performative::Request, M::Action(change(Active)));
+    assert_eq!(sent[0].content, M::LifeCycle(LifeCycleRequest::Resume));
+    assert_eq!(sent[0].receivers, [id("a")]);
+    assert_eq!(ams.functions().state(&id("a")), Some(Active));
+    assert_eq!(refusal(&mut ams, "root@here", change(Waiting)), RefuseReason::Unauthorised);
+    outcome(&mut ams, Time::ZERO, "a", change(Waiting));
+    // To destroy is not for the agent to ask.
+    let end = |graceful| Function::TerminateAgent { agent: id("a"), graceful };
+    assert_eq!(refusal(&mut ams, "a", end(false)), RefuseReason::Unauthorised);
+    outcome(&mut ams, Time::ZERO, "root@here", end(false));
+    assert_eq!(ams.functions().state(&id("a")), None);
+}
+
+#[test]
+fn what_makes_no_sense_is_not_understood_and_never_twice() {
+    let mut ams = ams();
+    let mut heard = |performative, content| say(&mut ams, Time::ZERO, "x", performative, content);
+    let function = || M::Action(Function::GetDescription);
+    let answer = heard(Performative::Propose, function()).remove(0);
+    assert_eq!(answer.performative, Performative::NotUnderstood);
+    assert_eq!(answer.content, M::NotUnderstood(NotUnderstoodReason::UnsupportedAct(Performative::Propose)));
+    let answer = heard(Performative::Request, M::LifeCycle(LifeCycleRequest::Quit)).remove(0);
+    assert_eq!(answer.content, M::NotUnderstood(NotUnderstoodReason::UnrecognisedValue("content")));
+    assert!(heard(Performative::NotUnderstood, function()).is_empty());
+    assert!(heard(Performative::Failure, function()).is_empty());
+}
+
+fn offer(name: &str, kind: &str) -> DfAgentDescription {
+    let service = ServiceDescription {
+        name: Some(format!("{name}'s")),
+        service_type: Some(kind.into()),
+        languages: vec!["x".into(), "y".into()],
+        ..Default::default()
+    };
+    DfAgentDescription { name: Some(id(name)), services: vec![service], ..Default::default() }
+}
+
+#[test]
+fn yellow_pages_match_templates_and_leases_end() {
+    let at = |seconds| Time::since_start(Duration::from_secs(seconds));
+    let mut df: Vocabulary<Df> = Service::new(id("df"), Df::new(Some(Duration::from_secs(60))));
+    for (name, lease) in [("a", Some(at(10))), ("b", None), ("c", Some(at(999)))] {
+        let description =
+            DfAgentDescription { lease_time: lease, ..offer(name, if name == "b" { "cook" } else { "smith" }) };
+        let granted = outcome(&mut df, at(0), name, Function::Register(description));
+        let Outcome::Entered(granted) = granted else { panic!("{granted:?}") };
+        assert_eq!(granted.lease_time, Some(if name == "a" { at(10) } else { at(60) }));
+    }
+    let find = |df: &mut Vocabulary<Df>, now, kind: Option<&str>, language: &str| {
+        let service = ServiceDescription {
+            service_type: kind.map(str::to_owned),
+            languages: vec![language.into()],
+            ..Default::default()
+        };
+        let template = DfAgentDescription { services: vec![service], ..Default::default() };
+        let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
+        match outcome(df, now, "x", Function::Search(template, all)) {
+            Outcome::Offers(found) => {
+                found.iter().map(|offer| offer.name.as_ref().unwrap().to_string()).collect::<String>()
+            }
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(find(&mut df, at(9), Some("smith"), "y"), "ac");
+    assert_eq!(find(&mut df, at(9), Some("smith"), "z"), "");
+    assert_eq!(find(&mut df, at(9), None, "x"), "abc");
+    assert_eq!(df.next_deadline(), Some(at(10)));
+    assert_eq!(find(&mut df, at(10), None, "x"), "bc");
+    // A lease is renewed by modify; nobody does it for another.
+    outcome(&mut df, at(50), "c", Function::Modify(offer("c", "smith")));
+    assert_eq!(find(&mut df, at(61), None, "x"), "c");
+    assert_eq!(refusal(&mut df, "b", Function::Modify(offer("c", "smith"))), RefuseReason::Unauthorised);
+    let nameless = DfAgentDescription { services: vec![ServiceDescription::default()], ..offer("q", "x") };
+    assert_eq!(
+        refusal(&mut df, "q", Function::Register(nameless)),
+        RefuseReason::MissingParameter("service-description", "name")
+    );
+    df.handle(at(200), Event::Deadline, &mut Vec::new());
+    assert_eq!(df.next_deadline(), None);
+}
+
+#[test]
+fn the_start_service_knows_every_basic_service_once() {
+    let entry = |id: &str| ServiceEntry { id: id.into(), service_type: "t".into(), addresses: vec!["a".into()] };
+    let mut start: Vocabulary<StartService> = Service::new(id("start"), StartService::new(vec![entry("ams")]));
+    outcome(&mut start, Time::ZERO, "x", Function::SupplyBasicService(entry("df")));
+    assert_eq!(failure(&mut start, "x", Function::SupplyBasicService(entry("ams"))), FailureReason::AlreadyRegistered);
+    let nowhere = ServiceEntry { addresses: Vec::new(), ..entry("q") };
+    assert!(matches!(
+        refusal(&mut start, "x", Function::SupplyBasicService(nowhere)),
+        RefuseReason::MissingParameter(_, "service-locator")
+    ));
+    let root = outcome(&mut start, Time::ZERO, "x", Function::GetServiceRoot);
+    assert_eq!(root, Outcome::ServiceRoot(vec![entry("ams"), entry("df")]));
+}
+
+/// Counts the seconds, and what it is told.
+struct Clock {
+    ticks: u32,
+    told: u32,
+    next: Time,
+}
+
+impl StateMachine for Clock {
+    type Content = M;
+    type Value = ();
+    type Effect = ();
+    type Completion = ();
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, _: &mut Vec<ActionOf<Self>>) {
+        match event {
+            Event::Message(_) => self.told += 1,
+            Event::Deadline if self.next <= now => {
+                self.ticks += 1;
+                self.next = now + Duration::from_secs(1);
+            }
+            Event::Start => self.next = now + Duration::from_secs(1),
+            _ => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        Some(self.next)
+    }
+}
+
+enum Any {
+    Ams(Vocabulary<Ams>),
+    Clock(StandardAgent<Clock>),
+}
+
+impl StateMachine for Any {
+    type Content = M;
+    type Value = ();
+    type Effect = ();
+    type Completion = ();
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+        match self {
+            Self::Ams(ams) => ams.handle(now, event, actions),
+            Self::Clock(clock) => clock.handle(now, event, actions),
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        match self {
+            Self::Ams(ams) => ams.next_deadline(),
+            Self::Clock(clock) => clock.next_deadline(),
+        }
+    }
+}
+
+#[test]
+fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
+    use bottega_agents::Bus;
+    let mut world = Simulator::new(1, Faults::NONE, |_: Time, _: &AgentId, (): (), _: &mut Random, _: &mut Vec<_>| {});
+    world.add(&id("ams@here"), false, || Any::Ams(ams()));
+    world.add(&id("clock"), false, || {
+        let clock = Clock { ticks: 0, told: 0, next: Time::ZERO };
+        Any::Clock(StandardAgent::new(id("clock"), id("ams@here"), clock))
+    });
+    let at = |millis| Time::since_start(Duration::from_millis(millis));
+    let request = |from: &str, to: &str, content| AclMessage::new(Performative::Request, id(from), id(to), content);
+    let modify = |state| M::Action(Function::ModifyAgent(agent("clock", Some(state))));
+    let enter = M::Action(Function::RegisterAgent(agent("clock", None)));
+    world.bus().publish(request("root@here", "ams@here", enter));
+    world.run_until(at(3500));
+    world.bus().publish(request("root@here", "ams@here", modify(LifeCycleState::Suspended)));
+    // Who is not the AMS cannot stop an agent.
+    world.bus().publish(request("rogue", "clock", M::LifeCycle(LifeCycleRequest::Destroy)));
+    world.run_until(at(9000));
+    world.bus().publish(request("x", "clock", M::Action(Function::GetDescription)));
+    world.run_until(at(10500));
+    let look = |world: &Simulator<Any, _>| match world.machine(&id("clock")) {
+        Some(Any::Clock(clock)) => Some((clock.is_suspended(), clock.machine().ticks, clock.machine().told)),
+        _ => None,
+    };
+    assert_eq!(look(&world), Some((true, 3, 0)));
+    world.bus().publish(request("root@here", "ams@here", modify(LifeCycleState::Active)));
+    world.run_until(at(11000));
+    // The deadline that passed meanwhile is answered at once, and the message kept is heard.
+    assert_eq!(look(&world), Some((false, 4, 1)));
+    let end = M::Action(Function::TerminateAgent { agent: id("clock"), graceful: true });
+    world.bus().publish(request("root@here", "ams@here", end));
+    world.run_until(at(12000));
+    assert_eq!(look(&world), None);
+}
