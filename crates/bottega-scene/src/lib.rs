@@ -7,17 +7,27 @@
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
 
 mod camera;
+mod error;
+mod file;
+mod gltf;
 mod image;
 mod light;
+mod load;
 mod material;
+mod mend;
 mod model;
+mod shapes;
+mod sky;
 mod texture;
+mod validate;
 
 pub use camera::{Camera, Projection};
+pub use error::{SceneError, Warning};
 pub use image::{Encoding, Image};
 pub use light::{Environment, Light, LightKind};
+pub use load::{LoadOptions, Loaded, Metadata, load};
 pub use material::{AlphaMode, ColorParam, Material, ScalarParam};
-pub use model::{Instance, Mesh, Scene, Sphere};
+pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use texture::{Channel, ImageId, TextureMap, Wrap};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.

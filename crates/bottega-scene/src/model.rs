@@ -1,6 +1,7 @@
 //! The scene and its shapes.
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::{Camera, Environment, Image, Light, Material};
 
@@ -30,7 +31,8 @@ pub struct Mesh {
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Object space to world space; never singular.
+    /// Object space to world space; never singular, and never mirroring: its determinant is above 0, so that
+    /// counter-clockwise stays counter-clockwise. (A mirrored mesh is a mesh of its own: [`Mesh::mirrored`].)
     pub world_from_object: Affine3A,
 }
 
@@ -66,4 +68,144 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// BLAKE3 of all the bytes that were read, hexadecimal.
     pub digest: String,
+}
+
+/// The greatest coordinate of a position, in either direction. Squares of distances then still fit into an `f32`.
+pub const COORDINATE_MAX: f32 = 1e18;
+
+/// Whether a mesh with these bounds can be placed so: the transformation can be inverted and leaves all in reach.
+pub(crate) fn is_placeable(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -> bool {
+    let determinant = world_from_object.matrix3.determinant();
+    let (min, max) = transformed_bounds(bounds, world_from_object);
+    determinant.is_normal()
+        && determinant > 0.0
+        && world_from_object.inverse().is_finite()
+        && min.min_element() >= -COORDINATE_MAX
+        && max.max_element() <= COORDINATE_MAX
+}
+
+/// The bounds of a transformed box.
+fn transformed_bounds((min, max): (Vec3, Vec3), world_from_object: &Affine3A) -> (Vec3, Vec3) {
+    let corner = |index: u32| {
+        let pick = |axis: u32| if index >> axis & 1 == 0 { min[axis as usize] } else { max[axis as usize] };
+        world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
+    };
+    (0..8).map(corner).fold(EMPTY, grow)
+}
+
+const EMPTY: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+
+fn grow((min, max): (Vec3, Vec3), point: Vec3) -> (Vec3, Vec3) {
+    (min.min(point), max.max(point))
+}
+
+fn bytes_of<T>(list: &[T]) -> usize {
+    size_of_val(list)
+}
+
+impl Mesh {
+    /// Least and greatest coordinates of the positions, object space. Infinite and inverted without positions.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        self.positions.iter().copied().fold(EMPTY, grow)
+    }
+
+    /// Bytes that its vertices and triangles take.
+    pub fn memory_bytes(&self) -> usize {
+        bytes_of(&self.positions)
+            + bytes_of(&self.normals)
+            + bytes_of(&self.tangents)
+            + self.uvs.iter().map(|uvs| bytes_of(uvs)).sum::<usize>()
+            + bytes_of(&self.colors)
+            + bytes_of(&self.triangles)
+    }
+
+    /// The mesh mirrored in the plane x = 0, front sides still outside.
+    pub fn mirrored(mut self) -> Self {
+        self.positions.iter_mut().for_each(|p| p.x = -p.x);
+        self.normals.iter_mut().for_each(|n| n.x = -n.x);
+        // The bitangent is cross(n, t)·w, and mirroring turns the sign of the cross product.
+        self.tangents.iter_mut().for_each(|t| (t.x, t.w) = (-t.x, -t.w));
+        self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        self
+    }
+
+    /// The vector product of two edges of a triangle: its normal, with twice its area as length.
+    pub(crate) fn cross(&self, triangle: [u32; 3]) -> Vec3 {
+        let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize]);
+        (b - a).cross(c - a)
+    }
+}
+
+impl Scene {
+    /// Adds a material.
+    pub fn push_material(&mut self, material: Material) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
+    }
+
+    /// Adds a mesh without showing it; see [`push_instance`](Self::push_instance).
+    pub fn push_mesh(&mut self, mesh: Mesh) -> u32 {
+        self.meshes.push(mesh);
+        self.meshes.len() as u32 - 1
+    }
+
+    /// Shows a mesh. A transformation that mirrors is given a mirrored copy of the mesh.
+    /// Panics when there is no such mesh.
+    pub fn push_instance(&mut self, mesh: u32, world_from_object: Affine3A) {
+        let mirrors = world_from_object.matrix3.determinant() < 0.0;
+        let instance = if mirrors {
+            let mirrored = self.meshes[mesh as usize].clone().mirrored();
+            let world_from_object = world_from_object * Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+            Instance { mesh: self.push_mesh(mirrored), world_from_object }
+        } else {
+            Instance { mesh, world_from_object }
+        };
+        self.instances.push(instance);
+    }
+
+    /// Adds a mesh whose object space is world space, and shows it.
+    pub fn push_surface(&mut self, mesh: Mesh) {
+        let mesh = self.push_mesh(mesh);
+        self.push_instance(mesh, Affine3A::IDENTITY);
+    }
+
+    /// Adds an analytic sphere.
+    pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
+        self.spheres.push(Sphere { center, radius, material });
+    }
+
+    /// Least and greatest coordinates of all surfaces, world space; both 0 where there are none. The box of an instance
+    /// is that of its mesh's turned box, so it may be larger than needed.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        let bounds: Vec<(Vec3, Vec3)> = self.meshes.par_iter().map(Mesh::bounds).collect();
+        let instances =
+            self.instances.iter().filter(|instance| !self.meshes[instance.mesh as usize].positions.is_empty());
+        let boxes = instances
+            .map(|instance| transformed_bounds(bounds[instance.mesh as usize], &instance.world_from_object))
+            .chain(self.spheres.iter().map(|sphere| (sphere.center - sphere.radius, sphere.center + sphere.radius)));
+        let (min, max) = boxes.fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max));
+        if min.cmple(max).all() { (min, max) } else { (Vec3::ZERO, Vec3::ZERO) }
+    }
+
+    /// Triangles of all instances.
+    pub fn triangle_count(&self) -> u64 {
+        self.instances.iter().map(|instance| self.meshes[instance.mesh as usize].triangles.len() as u64).sum()
+    }
+
+    /// Bytes that meshes, instances, spheres and pictures take.
+    pub fn memory_bytes(&self) -> usize {
+        self.meshes.iter().map(Mesh::memory_bytes).sum::<usize>()
+            + self.images.iter().map(Image::memory_bytes).sum::<usize>()
+            + bytes_of(&self.instances)
+            + bytes_of(&self.spheres)
+    }
+
+    /// Whether anything shines: an emissive surface, a light, or an environment.
+    pub fn has_light(&self) -> bool {
+        let emits = |material: u32| self.materials[material as usize].is_emissive();
+        self.environment.as_ref().is_some_and(|environment| environment.factor.max_element() > 0.0)
+            || !self.lights.is_empty()
+            || self.instances.iter().any(|instance| emits(self.meshes[instance.mesh as usize].material))
+            || self.spheres.iter().any(|sphere| emits(sphere.material))
+    }
 }

@@ -1,11 +1,13 @@
 //! Pictures with their mip levels: decoding, storage, lookup.
 
+mod decode;
 mod lookup;
 mod pyramid;
 mod srgb;
 
 use glam::Vec4;
 
+pub(crate) use decode::{Decoded, Header, PictureFault};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 

@@ -1,0 +1,169 @@
+//! What can go wrong between a path and a scene, and what is worth telling though it did not.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why there is no scene. `place` is where in the file: a path through its JSON such as
+/// `meshes[3].primitives[0].attributes.POSITION`.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The operating system would not give us the file.
+    #[error("cannot read `{}`: check that the file exists and may be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The path leads to something that is no file.
+    #[error("`{}` is {found}, not a file: name the scene file itself", path.display())]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// Neither the name nor the first bytes are those of a format that we read.
+    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb)", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// What it seems to be.
+        found: String,
+    },
+    /// The file contradicts its own header; it was cut off or overwritten.
+    #[error("`{}` is damaged: {problem}; copy or export it again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        problem: String,
+    },
+    /// The JSON text cannot be read as a glTF document.
+    #[error("`{}`, line {line}, column {column}{}: {problem}; export the file again", path.display(), at(place))]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// Where in the document; empty at the top.
+        place: String,
+        /// What the parser says.
+        problem: String,
+    },
+    /// The file cannot be understood without an extension that we do not have.
+    #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", path.display(), at(place))]
+    UnsupportedExtension {
+        /// The file.
+        path: PathBuf,
+        /// Where it is needed; empty: the file says that it is required.
+        place: String,
+        /// The name of the extension.
+        name: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The document says something that cannot be.
+    #[error("`{}`{}: {problem}; export the file again, or repair it there", path.display(), at(place))]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: String,
+        /// What.
+        problem: String,
+    },
+    /// More than the limits of [`LoadOptions`](crate::LoadOptions) allow.
+    #[error("`{}`{}: {problem}; {remedy}", path.display(), at(place))]
+    Limit {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: String,
+        /// What is too large, and the limit.
+        problem: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A reference to a file that the scene may not read.
+    #[error("`{}`{}: refuses to read `{uri}`: {reason}", path.display(), at(place))]
+    ForbiddenReference {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: String,
+        /// The reference, shortened.
+        uri: String,
+        /// Why, and what to do.
+        reason: &'static str,
+    },
+    /// A picture that cannot be done without, such as the environment.
+    #[error("cannot decode the picture `{}`: {problem}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A scene breaks a promise of the model: see [`Scene::validate`](crate::Scene::validate).
+    #[error("{place}: {problem}")]
+    Inconsistent {
+        /// Which part of the scene.
+        place: String,
+        /// Which promise, and how it is broken.
+        problem: String,
+    },
+}
+
+fn at(place: &str) -> String {
+    if place.is_empty() { String::new() } else { format!(", {place}") }
+}
+
+/// Something that the user should know though the scene was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// Where in the file; may be empty.
+    pub place: String,
+    /// What was found, and what was done about it.
+    pub message: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.place.is_empty() { f.write_str(&self.message) } else { write!(f, "{}: {}", self.place, self.message) }
+    }
+}
+
+/// Warnings as they come in; a damaged file of a million nodes shall not make a million of them.
+#[derive(Debug, Default)]
+pub(crate) struct Warnings {
+    list: Vec<Warning>,
+    left_out: usize,
+}
+
+impl Warnings {
+    const LIMIT: usize = 200;
+
+    pub(crate) fn add(&mut self, place: impl Into<String>, message: impl Into<String>) {
+        if self.list.len() < Self::LIMIT {
+            self.list.push(Warning { place: place.into(), message: message.into() });
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    pub(crate) fn append(&mut self, other: Self) {
+        self.left_out += other.left_out;
+        other.list.into_iter().for_each(|warning| self.add(warning.place, warning.message));
+    }
+
+    pub(crate) fn finish(mut self) -> Vec<Warning> {
+        if self.left_out > 0 {
+            let message = format!("and {} more warnings like these", self.left_out);
+            self.list.push(Warning { place: String::new(), message });
+        }
+        self.list
+    }
+}

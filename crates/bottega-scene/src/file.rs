@@ -1,0 +1,24 @@
+//! Reading whole files, and only files.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::SceneError;
+
+/// Reads a regular file. Folders, devices and pipes (which might never end) are refused.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
+    let read = |source| SceneError::Read { path: path.to_path_buf(), source };
+    let metadata = std::fs::metadata(path).map_err(read)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+        return Err(SceneError::NotAFile { path: path.to_path_buf(), found });
+    }
+    let length = usize::try_from(metadata.len()).unwrap_or(usize::MAX);
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(length).map_err(|_| read(std::io::ErrorKind::OutOfMemory.into()))?;
+    // A file that grows while it is read is read as long as it was.
+    let file = File::open(path).map_err(read)?;
+    file.take(metadata.len()).read_to_end(&mut bytes).map_err(read)?;
+    Ok(bytes)
+}

@@ -1,0 +1,109 @@
+//! The binary container, GLB: glTF 2.0, section 4.4.
+
+/// The two parts of a file.
+#[derive(Debug, PartialEq)]
+pub(super) struct Parts<'a> {
+    pub(super) json: &'a [u8],
+    /// The BIN chunk, which is the first buffer; only in a GLB.
+    pub(super) bin: Option<&'a [u8]>,
+}
+
+pub(super) const MAGIC: &[u8; 4] = b"glTF";
+const JSON: u32 = u32::from_le_bytes(*b"JSON");
+const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
+
+/// Splits a file into its parts; one without the magic of a GLB is JSON from start to end. An error says what is wrong.
+pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
+    let Some(after_magic) = file.strip_prefix(MAGIC) else {
+        let json = file.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file);
+        return Ok(Parts { json, bin: None });
+    };
+    let (version, rest) = take_u32(after_magic).ok_or("the header of the GLB container is cut off")?;
+    if version != 2 {
+        return Err(format!("its GLB container has version {version}, only version 2 is known"));
+    }
+    let (length, _) = take_u32(rest).ok_or("the header of the GLB container is cut off")?;
+    let length = length as usize;
+    if length > file.len() {
+        return Err(format!("its header announces {length} bytes, there are {}", file.len()));
+    }
+    // Bytes beyond the announced length belong to nobody.
+    let Some(mut chunks) = file.get(12..length) else {
+        return Err(format!("its header announces {length} bytes, fewer than the header itself has"));
+    };
+    let mut parts = Parts { json: &[], bin: None };
+    for index in 0.. {
+        if chunks.is_empty() {
+            break;
+        }
+        let (kind, data, rest) = take_chunk(chunks).map_err(|problem| format!("chunk {index}: {problem}"))?;
+        match (index, kind) {
+            (0, JSON) => parts.json = data,
+            (0, _) => return Err("its first chunk is not JSON".into()),
+            (1, BIN) => parts.bin = Some(data),
+            // Chunks of other kinds are to be ignored.
+            _ => {}
+        }
+        chunks = rest;
+    }
+    if parts.json.is_empty() { Err("it has no JSON chunk".into()) } else { Ok(parts) }
+}
+
+fn take_chunk(bytes: &[u8]) -> Result<(u32, &[u8], &[u8]), String> {
+    let (length, rest) = take_u32(bytes).ok_or("its header is cut off")?;
+    let (kind, rest) = take_u32(rest).ok_or("its header is cut off")?;
+    let (data, rest) = rest
+        .split_at_checked(length as usize)
+        .ok_or_else(|| format!("its header announces {length} bytes, {} are left", rest.len()))?;
+    Ok((kind, data, rest))
+}
+
+fn take_u32(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    bytes.split_first_chunk().map(|(head, rest)| (u32::from_le_bytes(*head), rest))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A GLB container around these parts.
+    pub(in crate::gltf) fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
+        let mut chunks = Vec::new();
+        for (kind, data, pad) in [(JSON, json.as_bytes(), b' '), (BIN, bin, 0)] {
+            let length = data.len().next_multiple_of(4);
+            chunks.extend((length as u32).to_le_bytes());
+            chunks.extend(kind.to_le_bytes());
+            chunks.extend(data);
+            chunks.resize(chunks.len() + length - data.len(), pad);
+        }
+        let mut file = MAGIC.to_vec();
+        file.extend(2u32.to_le_bytes());
+        file.extend((chunks.len() as u32 + 12).to_le_bytes());
+        file.extend(chunks);
+        file
+    }
+
+    #[test]
+    fn a_container_is_split_into_its_chunks() {
+        let file = glb("{}", &[1, 2, 3]);
+        assert_eq!(split(&file), Ok(Parts { json: b"{}  ", bin: Some(&[1, 2, 3, 0]) }));
+        assert_eq!(split(b"{ }"), Ok(Parts { json: b"{ }", bin: None }));
+    }
+
+    #[test]
+    fn a_container_cut_anywhere_is_an_error() {
+        let file = glb("{\"asset\":{}}", &[1, 2, 3]);
+        for length in 4..file.len() {
+            assert!(split(&file[..length]).is_err(), "{length}");
+        }
+    }
+
+    #[test]
+    fn a_length_shorter_than_the_header_is_an_error() {
+        for length in 0u32..12 {
+            let mut file = glb("{}", &[]);
+            file[8..12].copy_from_slice(&length.to_le_bytes());
+            assert!(split(&file).is_err());
+        }
+    }
+}

@@ -1,0 +1,343 @@
+//! The glTF 2.0 document as its JSON says it: <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>, section 5.
+//!
+//! Only what the importer uses. Nothing is checked here but the JSON types: an index may point nowhere, a count may be
+//! absurd. Whoever follows an index checks it, and names the place.
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+/// A `struct` of the document: camelCase names, absent members have their default.
+macro_rules! object {
+    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, Default, Deserialize)]
+        #[serde(rename_all = "camelCase", default)]
+        pub(super) struct $name {
+            $($(#[$field_meta])* pub(super) $field: $type,)*
+        }
+    };
+}
+
+object!(Document {
+    asset: Asset,
+    scene: Option<usize>,
+    scenes: Vec<SceneNodes>,
+    nodes: Vec<Node>,
+    meshes: Vec<Mesh>,
+    accessors: Vec<Accessor>,
+    buffer_views: Vec<BufferView>,
+    buffers: Vec<Buffer>,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    images: Vec<Image>,
+    samplers: Vec<Sampler>,
+    cameras: Vec<Camera>,
+    skins: Vec<Skin>,
+    animations: Vec<IgnoredAny>,
+    extensions_used: Vec<String>,
+    extensions_required: Vec<String>,
+    extensions: DocumentExtensions,
+});
+
+object!(DocumentExtensions {
+    #[serde(rename = "KHR_lights_punctual")]
+    lights: Option<Lights>,
+});
+
+object!(Asset {
+    version: String,
+    min_version: Option<String>,
+    generator: Option<String>,
+});
+
+object!(SceneNodes {
+    nodes: Vec<usize>,
+});
+
+object!(Node {
+    name: String,
+    children: Vec<usize>,
+    matrix: Option<[f64; 16]>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+    mesh: Option<usize>,
+    skin: Option<usize>,
+    camera: Option<usize>,
+    weights: Option<Vec<f32>>,
+    extensions: NodeExtensions,
+});
+
+object!(NodeExtensions {
+    #[serde(rename = "KHR_lights_punctual")]
+    light: Option<NodeLight>,
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    instancing: Option<Instancing>,
+});
+
+object!(NodeLight { light: usize });
+
+object!(Instancing { attributes: InstancingAttributes });
+
+object!(InstancingAttributes {
+    #[serde(rename = "TRANSLATION")]
+    translation: Option<usize>,
+    #[serde(rename = "ROTATION")]
+    rotation: Option<usize>,
+    #[serde(rename = "SCALE")]
+    scale: Option<usize>,
+});
+
+object!(Mesh {
+    name: String,
+    primitives: Vec<Primitive>,
+    weights: Option<Vec<f32>>,
+});
+
+object!(Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    material: Option<usize>,
+    mode: Option<u64>,
+    targets: Vec<Target>,
+    extensions: PrimitiveExtensions,
+});
+
+object!(PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    draco: Option<IgnoredAny>,
+});
+
+object!(Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+    #[serde(rename = "NORMAL")]
+    normal: Option<usize>,
+    #[serde(rename = "TANGENT")]
+    tangent: Option<usize>,
+    #[serde(rename = "TEXCOORD_0")]
+    uv0: Option<usize>,
+    #[serde(rename = "TEXCOORD_1")]
+    uv1: Option<usize>,
+    #[serde(rename = "COLOR_0")]
+    color: Option<usize>,
+    #[serde(rename = "JOINTS_0")]
+    joints0: Option<usize>,
+    #[serde(rename = "WEIGHTS_0")]
+    weights0: Option<usize>,
+    #[serde(rename = "JOINTS_1")]
+    joints1: Option<usize>,
+    #[serde(rename = "WEIGHTS_1")]
+    weights1: Option<usize>,
+});
+
+object!(Target {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+    #[serde(rename = "NORMAL")]
+    normal: Option<usize>,
+    #[serde(rename = "TANGENT")]
+    tangent: Option<usize>,
+});
+
+object!(Accessor {
+    buffer_view: Option<usize>,
+    byte_offset: u64,
+    component_type: u64,
+    normalized: bool,
+    count: u64,
+    #[serde(rename = "type")]
+    kind: String,
+    sparse: Option<Sparse>,
+});
+
+object!(Sparse { count: u64, indices: SparseIndices, values: SparseValues });
+
+object!(SparseIndices { buffer_view: usize, byte_offset: u64, component_type: u64 });
+
+object!(SparseValues { buffer_view: usize, byte_offset: u64 });
+
+object!(BufferView {
+    buffer: usize,
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: Option<u64>,
+    extensions: CompressionExtensions,
+});
+
+object!(Buffer {
+    uri: Option<String>,
+    byte_length: u64,
+    extensions: CompressionExtensions,
+});
+
+object!(CompressionExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    meshopt: Option<IgnoredAny>,
+});
+
+object!(Material {
+    name: String,
+    pbr_metallic_roughness: MetallicRoughness,
+    normal_texture: Option<TextureInfo>,
+    emissive_texture: Option<TextureInfo>,
+    emissive_factor: [f32; 3],
+    alpha_mode: Option<String>,
+    alpha_cutoff: Option<f32>,
+    double_sided: bool,
+    extensions: MaterialExtensions,
+});
+
+object!(MetallicRoughness {
+    base_color_factor: Option<[f32; 4]>,
+    base_color_texture: Option<TextureInfo>,
+    metallic_factor: Option<f32>,
+    roughness_factor: Option<f32>,
+    metallic_roughness_texture: Option<TextureInfo>,
+});
+
+object!(TextureInfo {
+    index: usize,
+    tex_coord: u64,
+    /// Of a normal texture.
+    scale: Option<f32>,
+    extensions: TextureInfoExtensions,
+});
+
+object!(TextureInfoExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    transform: Option<TextureTransform>,
+});
+
+object!(TextureTransform {
+    offset: [f32; 2],
+    rotation: f32,
+    scale: Option<[f32; 2]>,
+    tex_coord: Option<u64>,
+});
+
+object!(MaterialExtensions {
+    #[serde(rename = "KHR_materials_transmission")]
+    transmission: Option<Transmission>,
+    #[serde(rename = "KHR_materials_volume")]
+    volume: Option<Volume>,
+    #[serde(rename = "KHR_materials_ior")]
+    ior: Option<Ior>,
+    #[serde(rename = "KHR_materials_clearcoat")]
+    clearcoat: Option<Clearcoat>,
+    #[serde(rename = "KHR_materials_sheen")]
+    sheen: Option<Sheen>,
+    #[serde(rename = "KHR_materials_specular")]
+    specular: Option<Specular>,
+    #[serde(rename = "KHR_materials_emissive_strength")]
+    emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_unlit")]
+    unlit: Option<IgnoredAny>,
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    specular_glossiness: Option<SpecularGlossiness>,
+});
+
+object!(Transmission {
+    transmission_factor: f32,
+    transmission_texture: Option<TextureInfo>,
+});
+
+object!(Volume {
+    thickness_factor: f32,
+    attenuation_distance: Option<f32>,
+    attenuation_color: Option<[f32; 3]>,
+});
+
+object!(Ior {
+    ior: Option<f32>,
+});
+
+object!(Clearcoat {
+    clearcoat_factor: f32,
+    clearcoat_texture: Option<TextureInfo>,
+    clearcoat_roughness_factor: f32,
+    clearcoat_roughness_texture: Option<TextureInfo>,
+    clearcoat_normal_texture: Option<TextureInfo>,
+});
+
+object!(Sheen {
+    sheen_color_factor: [f32; 3],
+    sheen_color_texture: Option<TextureInfo>,
+    sheen_roughness_factor: f32,
+    sheen_roughness_texture: Option<TextureInfo>,
+});
+
+object!(Specular {
+    specular_factor: Option<f32>,
+    specular_texture: Option<TextureInfo>,
+    specular_color_factor: Option<[f32; 3]>,
+    specular_color_texture: Option<TextureInfo>,
+});
+
+object!(EmissiveStrength {
+    emissive_strength: Option<f32>,
+});
+
+object!(SpecularGlossiness {
+    diffuse_factor: Option<[f32; 4]>,
+    diffuse_texture: Option<TextureInfo>,
+    specular_factor: Option<[f32; 3]>,
+    glossiness_factor: Option<f32>,
+    specular_glossiness_texture: Option<TextureInfo>,
+});
+
+object!(Texture {
+    sampler: Option<usize>,
+    source: Option<usize>,
+});
+
+object!(Image {
+    name: String,
+    uri: Option<String>,
+    mime_type: Option<String>,
+    buffer_view: Option<usize>,
+});
+
+object!(Sampler {
+    mag_filter: Option<u64>,
+    wrap_s: Option<u64>,
+    wrap_t: Option<u64>,
+});
+
+object!(Camera {
+    name: String,
+    #[serde(rename = "type")]
+    kind: String,
+    perspective: Option<Perspective>,
+    orthographic: Option<Orthographic>,
+});
+
+object!(Perspective {
+    yfov: f32,
+    aspect_ratio: Option<f32>,
+});
+
+object!(Orthographic { xmag: f32, ymag: f32 });
+
+object!(Skin {
+    inverse_bind_matrices: Option<usize>,
+    joints: Vec<usize>,
+});
+
+object!(Lights {
+    lights: Vec<Light>,
+});
+
+object!(Light {
+    name: String,
+    color: Option<[f32; 3]>,
+    intensity: Option<f32>,
+    #[serde(rename = "type")]
+    kind: String,
+    spot: Spot,
+});
+
+object!(Spot {
+    inner_cone_angle: f32,
+    outer_cone_angle: Option<f32>,
+});

@@ -1,0 +1,245 @@
+//! Materials: glTF 2.0, section 3.9, and its extensions.
+
+use glam::Vec3;
+
+use super::accessor::find;
+use super::texture::{Textures, Use};
+use super::{Source, document};
+use crate::error::Warnings;
+use crate::{AlphaMode, Channel, ColorParam, Material, ScalarParam, SceneError, TextureMap};
+
+/// Converts one material of the document; `None` is the default material of the specification.
+pub(super) fn convert(
+    source: &Source<'_>,
+    index: Option<usize>,
+    textures: &mut Textures<'_>,
+    warnings: &mut Warnings,
+) -> Result<Material, SceneError> {
+    let default = document::Material::default();
+    let description = match index {
+        None => &default,
+        Some(index) => find("material", &source.document.materials, index)
+            .map_err(|problem| source.invalid("meshes[*].primitives[*].material", problem))?,
+    };
+    let place = index.map_or_else(|| "default material".into(), |index| format!("materials[{index}]"));
+    Converter { place, textures, warnings }.convert(description)
+}
+
+struct Converter<'a, 's> {
+    place: String,
+    textures: &'a mut Textures<'s>,
+    warnings: &'a mut Warnings,
+}
+
+type Info<'a> = Option<&'a document::TextureInfo>;
+
+impl Converter<'_, '_> {
+    fn convert(mut self, description: &document::Material) -> Result<Material, SceneError> {
+        let extensions = &description.extensions;
+        let strength = extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength).unwrap_or(1.0);
+        let strength = self.number("KHR_materials_emissive_strength", strength, 0.0, f32::MAX);
+        let emission =
+            self.color("emissiveFactor", description.emissive_factor, description.emissive_texture.as_ref(), f32::MAX)?;
+        let mut material = Material {
+            name: description.name.clone(),
+            alpha_mode: self.alpha_mode(description),
+            emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
+            normal: self.normal("normalTexture", description.normal_texture.as_ref())?,
+            double_sided: description.double_sided,
+            unlit: extensions.unlit.is_some(),
+            ..Material::default()
+        };
+        match &extensions.specular_glossiness {
+            Some(description) => self.add_specular_glossiness(description, &mut material)?,
+            None => self.add_metallic_roughness(&description.pbr_metallic_roughness, &mut material)?,
+        }
+        if extensions.specular_glossiness.is_none() {
+            self.add_dielectric(extensions, &mut material)?;
+        }
+        self.add_layers(extensions, &mut material)?;
+        Ok(material)
+    }
+
+    fn alpha_mode(&mut self, description: &document::Material) -> AlphaMode {
+        match description.alpha_mode.as_deref() {
+            None | Some("OPAQUE") => AlphaMode::Opaque,
+            Some("BLEND") => AlphaMode::Blend,
+            Some("MASK") => {
+                let cutoff = description.alpha_cutoff.unwrap_or(0.5);
+                AlphaMode::Mask { cutoff: self.number("alphaCutoff", cutoff, 0.0, f32::MAX) }
+            }
+            Some(other) => {
+                let message = format!("`{}` is unknown and counts as OPAQUE", super::shortened(other));
+                self.warn("alphaMode", message);
+                AlphaMode::Opaque
+            }
+        }
+    }
+
+    fn add_metallic_roughness(
+        &mut self,
+        description: &document::MetallicRoughness,
+        material: &mut Material,
+    ) -> Result<(), SceneError> {
+        let [r, g, b, a] = description.base_color_factor.unwrap_or([1.0; 4]);
+        material.alpha = self.number("baseColorFactor", a, 0.0, 1.0);
+        material.base_color = self.color("baseColorFactor", [r, g, b], description.base_color_texture.as_ref(), 1.0)?;
+        let texture = description.metallic_roughness_texture.as_ref();
+        let metallic = description.metallic_factor.unwrap_or(1.0);
+        material.metallic = self.scalar("metallicFactor", metallic, texture, Channel::B)?;
+        let roughness = description.roughness_factor.unwrap_or(1.0);
+        material.roughness = self.scalar("roughnessFactor", roughness, texture, Channel::G)?;
+        Ok(())
+    }
+
+    /// Specular-glossiness is a dielectric whose reflection at normal incidence is given outright: KHR_materials_ior
+    /// keeps the index 0, reflecting everything, for this very purpose, and the colour of KHR_materials_specular
+    /// brings it down to what is wanted.
+    fn add_specular_glossiness(
+        &mut self,
+        description: &document::SpecularGlossiness,
+        material: &mut Material,
+    ) -> Result<(), SceneError> {
+        let [r, g, b, a] = description.diffuse_factor.unwrap_or([1.0; 4]);
+        material.alpha = self.number("diffuseFactor", a, 0.0, 1.0);
+        material.base_color = self.color("diffuseFactor", [r, g, b], description.diffuse_texture.as_ref(), 1.0)?;
+        let texture = description.specular_glossiness_texture.as_ref();
+        let specular = description.specular_factor.unwrap_or([1.0; 3]);
+        material.specular_color = self.color("specularFactor", specular, texture, 1.0)?;
+        material.ior = 0.0;
+        let glossiness = description.glossiness_factor.unwrap_or(1.0);
+        let glossiness = self.number("glossinessFactor", glossiness, 0.0, 1.0);
+        material.roughness = match texture {
+            None => (1.0 - glossiness).into(),
+            Some(info) => {
+                let picture = Use::RoughnessOfGlossiness { factor_bits: glossiness.to_bits() };
+                let map = self.texture("specularGlossinessTexture", info, picture)?;
+                ScalarParam { factor: 1.0, texture: Some((map, Channel::G)) }
+            }
+        };
+        Ok(())
+    }
+
+    fn add_dielectric(
+        &mut self,
+        extensions: &document::MaterialExtensions,
+        material: &mut Material,
+    ) -> Result<(), SceneError> {
+        if let Some(ior) = extensions.ior.as_ref().and_then(|ior| ior.ior) {
+            material.ior = if ior == 0.0 { 0.0 } else { self.number("KHR_materials_ior.ior", ior, 1.0, 100.0) };
+        }
+        if let Some(specular) = &extensions.specular {
+            let factor = specular.specular_factor.unwrap_or(1.0);
+            let texture = specular.specular_texture.as_ref();
+            material.specular = self.scalar("KHR_materials_specular.specularFactor", factor, texture, Channel::A)?;
+            let factor = specular.specular_color_factor.unwrap_or([1.0; 3]);
+            let texture = specular.specular_color_texture.as_ref();
+            material.specular_color =
+                self.color("KHR_materials_specular.specularColorFactor", factor, texture, f32::MAX)?;
+        }
+        if let Some(transmission) = &extensions.transmission {
+            let texture = transmission.transmission_texture.as_ref();
+            let factor = transmission.transmission_factor;
+            let place = "KHR_materials_transmission.transmissionFactor";
+            material.transmission = self.scalar(place, factor, texture, Channel::R)?;
+            material.thin = true;
+        }
+        // A thickness of 0 is a sheet. How thick a solid is, its geometry says; the number is for rasterizers.
+        if let Some(volume) = extensions.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0) {
+            material.thin = false;
+            let color = volume.attenuation_color.unwrap_or([1.0; 3]);
+            material.attenuation_color = self.factor("KHR_materials_volume.attenuationColor", color, 1.0);
+            if let Some(distance) = volume.attenuation_distance {
+                let place = "KHR_materials_volume.attenuationDistance";
+                material.attenuation_distance = if distance > 0.0 && distance.is_finite() {
+                    distance
+                } else {
+                    self.warn(place, format!("{distance} is no distance; there is no absorption"));
+                    f32::INFINITY
+                };
+            }
+        }
+        Ok(())
+    }
+
+    fn add_layers(
+        &mut self,
+        extensions: &document::MaterialExtensions,
+        material: &mut Material,
+    ) -> Result<(), SceneError> {
+        if let Some(coat) = &extensions.clearcoat {
+            let place = "KHR_materials_clearcoat.clearcoatFactor";
+            material.coat = self.scalar(place, coat.clearcoat_factor, coat.clearcoat_texture.as_ref(), Channel::R)?;
+            let place = "KHR_materials_clearcoat.clearcoatRoughnessFactor";
+            let texture = coat.clearcoat_roughness_texture.as_ref();
+            material.coat_roughness = self.scalar(place, coat.clearcoat_roughness_factor, texture, Channel::G)?;
+            let place = "KHR_materials_clearcoat.clearcoatNormalTexture";
+            material.coat_normal = self.normal(place, coat.clearcoat_normal_texture.as_ref())?;
+        }
+        if let Some(sheen) = &extensions.sheen {
+            let place = "KHR_materials_sheen.sheenColorFactor";
+            material.sheen_color =
+                self.color(place, sheen.sheen_color_factor, sheen.sheen_color_texture.as_ref(), 1.0)?;
+            let place = "KHR_materials_sheen.sheenRoughnessFactor";
+            let texture = sheen.sheen_roughness_texture.as_ref();
+            material.sheen_roughness = self.scalar(place, sheen.sheen_roughness_factor, texture, Channel::A)?;
+        }
+        Ok(())
+    }
+
+    fn warn(&mut self, member: &str, message: impl Into<String>) {
+        self.warnings.add(format!("{}.{member}", self.place), message);
+    }
+
+    /// A number within its range; brought there with a warning.
+    fn number(&mut self, member: &str, value: f32, least: f32, greatest: f32) -> f32 {
+        if (least..=greatest).contains(&value) {
+            return value;
+        }
+        let inside = if value.is_nan() { least } else { value.clamp(least, greatest) };
+        self.warn(member, format!("{value} is out of range and counts as {inside}"));
+        inside
+    }
+
+    fn factor(&mut self, member: &str, color: [f32; 3], greatest: f32) -> Vec3 {
+        Vec3::from_array(color.map(|channel| self.number(member, channel, 0.0, greatest)))
+    }
+
+    fn color(
+        &mut self,
+        member: &str,
+        factor: [f32; 3],
+        texture: Info<'_>,
+        greatest: f32,
+    ) -> Result<ColorParam, SceneError> {
+        let factor = self.factor(member, factor, greatest);
+        let texture = texture.map(|info| self.texture(member, info, Use::Color)).transpose()?;
+        Ok(ColorParam { factor, texture })
+    }
+
+    fn scalar(
+        &mut self,
+        member: &str,
+        factor: f32,
+        texture: Info<'_>,
+        channel: Channel,
+    ) -> Result<ScalarParam, SceneError> {
+        let factor = self.number(member, factor, 0.0, 1.0);
+        // Sheen roughness and specular strength are alpha channels of colour pictures: alpha is linear in both.
+        let picture = if channel == Channel::A { Use::Color } else { Use::Data };
+        let texture = texture.map(|info| self.texture(member, info, picture)).transpose()?;
+        Ok(ScalarParam { factor, texture: texture.map(|map| (map, channel)) })
+    }
+
+    fn normal(&mut self, member: &str, texture: Info<'_>) -> Result<Option<(TextureMap, f32)>, SceneError> {
+        let Some(info) = texture else { return Ok(None) };
+        let scale = self.number(member, info.scale.unwrap_or(1.0), -f32::MAX, f32::MAX);
+        let map = self.texture(member, info, Use::Data)?;
+        Ok((!self.textures.is_missing(map.image)).then_some((map, scale)))
+    }
+
+    fn texture(&mut self, member: &str, info: &document::TextureInfo, picture: Use) -> Result<TextureMap, SceneError> {
+        let place = format!("{}.{member}", self.place);
+        self.textures.map(&place, info, picture, self.warnings)
+    }
+}

@@ -1,0 +1,186 @@
+//! glTF 2.0, as `.gltf` and as `.glb`.
+//!
+//! Read with our own types for the document and our own checked reader for its buffers: the libraries for the format
+//! panic on indices out of range, cut 64-bit indices down to 32 bits, and do not know all of the extensions below.
+//!
+//! Beyond the core specification: `KHR_materials_clearcoat`, `_emissive_strength`, `_ior`, `_pbrSpecularGlossiness`,
+//! `_sheen`, `_specular`, `_transmission`, `_unlit`, `_volume`; `KHR_lights_punctual`, `KHR_texture_transform`,
+//! `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`. Another extension that the file requires is refused by name;
+//! one that it merely uses is left out with a warning.
+//!
+//! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so that
+//! emissive surfaces and punctual lights keep the balance that other glTF viewers show.
+
+mod accessor;
+mod container;
+mod document;
+mod material;
+mod mesh;
+mod node;
+mod punctual;
+mod resource;
+mod skin;
+mod texture;
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use document::Document;
+
+use crate::error::Warnings;
+use crate::load::{LoadOptions, MemoryBudget, Metadata};
+use crate::{Scene, SceneError};
+
+/// The extensions whose meaning is understood.
+const EXTENSIONS: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// What all parts of the importer look at.
+struct Source<'a> {
+    path: &'a Path,
+    document: &'a Document,
+    /// One for each buffer of the document.
+    buffers: &'a [&'a [u8]],
+    options: &'a LoadOptions,
+    budget: &'a MemoryBudget,
+}
+
+impl Source<'_> {
+    fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
+        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
+    }
+
+    /// Buffers together, in bytes: no honest count of anything is greater.
+    fn buffer_bytes(&self) -> usize {
+        self.buffers.iter().map(|buffer| buffer.len()).sum()
+    }
+}
+
+/// Whether a file looks like one of ours: by its first bytes, or as JSON by its name.
+pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
+    file.starts_with(container::MAGIC) || path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("gltf"))
+}
+
+/// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
+pub(crate) fn import(
+    path: &Path,
+    file: &[u8],
+    options: &LoadOptions,
+    budget: &MemoryBudget,
+    digest: &mut blake3::Hasher,
+    warnings: &mut Warnings,
+) -> Result<(Scene, Metadata), SceneError> {
+    let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
+    let parts = container::split(file).map_err(damaged)?;
+    let document = parse(path, parts.json)?;
+    check_version(path, &document)?;
+    check_extensions(path, &document, warnings)?;
+    let buffers = resource::load_buffers(&document, path, parts.bin, digest)?;
+    let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
+    let source = Source { path, document: &document, buffers: &buffers, options, budget };
+
+    let hierarchy = node::Hierarchy::new(&source, warnings)?;
+    let placements = node::placements(&source, &hierarchy, warnings)?;
+    let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
+    let mut textures = texture::Textures::new(&source);
+    let mut materials = Vec::with_capacity(used.len());
+    let mut material_of = BTreeMap::new();
+    for index in used {
+        material_of.insert(index, materials.len() as u32);
+        materials.push(material::convert(&source, index, &mut textures, warnings)?);
+    }
+    let images = textures.load(digest, warnings)?;
+    let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
+    let mut scene = Scene { meshes, instances, materials, images, ..Scene::default() };
+    punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
+    punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
+    if !document.animations.is_empty() {
+        warnings.add("animations", "the scene is shown as its nodes stand, animations are not played");
+    }
+    let metadata = Metadata {
+        format: if parts.bin.is_some() { "glTF 2.0 (binary)" } else { "glTF 2.0" },
+        generator: document.asset.generator.clone(),
+        extensions: document.extensions_used.clone(),
+    };
+    Ok((scene, metadata))
+}
+
+fn parse(path: &Path, json: &[u8]) -> Result<Document, SceneError> {
+    serde_json::from_slice(json).map_err(|error| {
+        let problem = error.to_string();
+        // The position has fields of its own.
+        let problem = problem.rsplit_once(" at line ").map_or(problem.as_str(), |(problem, _)| problem);
+        SceneError::Json {
+            path: path.into(),
+            line: error.line(),
+            column: error.column(),
+            place: String::new(),
+            problem: shortened(problem).into_owned(),
+        }
+    })
+}
+
+fn check_version(path: &Path, document: &Document) -> Result<(), SceneError> {
+    let needed = document.asset.min_version.as_ref().unwrap_or(&document.asset.version);
+    // A later minor version can be read by its compatible part; `minVersion` says when not.
+    let readable = match &document.asset.min_version {
+        Some(min_version) => min_version == "2.0",
+        None => document.asset.version.starts_with("2."),
+    };
+    if readable {
+        return Ok(());
+    }
+    let problem = match needed.as_str() {
+        "" => "does not say which version of glTF it is".into(),
+        version => format!("is glTF {}, only version 2.0 can be read", shortened(version)),
+    };
+    Err(SceneError::Invalid { path: path.into(), place: "asset.version".into(), problem })
+}
+
+fn check_extensions(path: &Path, document: &Document, warnings: &mut Warnings) -> Result<(), SceneError> {
+    let unknown = |name: &&String| !EXTENSIONS.contains(&name.as_str());
+    if let Some(name) = document.extensions_required.iter().find(unknown) {
+        let name = shortened(name).into_owned();
+        return Err(unsupported(path, "extensionsRequired", name));
+    }
+    let names: BTreeSet<&String> = document.extensions_used.iter().filter(unknown).collect();
+    for name in names {
+        warnings.add("extensionsUsed", format!("{} is not supported and left out", shortened(name)));
+    }
+    Ok(())
+}
+
+fn unsupported(path: &Path, place: impl Into<String>, name: String) -> SceneError {
+    let remedy = match name.as_str() {
+        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "export without mesh compression"
+        }
+        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => "export with PNG or JPEG textures",
+        _ => "export without it",
+    };
+    SceneError::UnsupportedExtension { path: path.into(), place: place.into(), name, remedy }
+}
+
+/// Text of a file in a message: not too long, and no control characters.
+fn shortened(text: &str) -> Cow<'_, str> {
+    const LENGTH: usize = 80;
+    if text.len() <= LENGTH && !text.contains(char::is_control) {
+        return Cow::Borrowed(text);
+    }
+    let start: String = text.chars().take(LENGTH).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    if start.len() < text.len() { Cow::Owned(start + "…") } else { Cow::Owned(start) }
+}

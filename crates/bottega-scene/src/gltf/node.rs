@@ -1,0 +1,302 @@
+//! Nodes: where things stand.
+
+use std::collections::BTreeMap;
+
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::Source;
+use super::accessor::{Accessor, find};
+use super::document;
+use super::mesh::{self, Shape};
+use crate::error::Warnings;
+use crate::model::is_placeable;
+use crate::{Instance, Material, Mesh, SceneError};
+
+/// The nodes of the scene that is shown, and where they are.
+pub(super) struct Hierarchy {
+    /// Every node of the scene, parents before their children, in the order of the file.
+    pub(super) nodes: Vec<usize>,
+    /// Node space to world space, for every node of the document; `None` outside of the scene.
+    pub(super) world_from_node: Vec<Option<DAffine3>>,
+}
+
+impl Hierarchy {
+    /// Walks the default scene, or the first one, or all nodes where there is no scene.
+    pub(super) fn new(source: &Source<'_>, warnings: &mut Warnings) -> Result<Self, SceneError> {
+        let document = source.document;
+        let has_parent = check_forest(source)?;
+        let roots = match (document.scene, document.scenes.len()) {
+            (None, 0) => (0..document.nodes.len()).filter(|&node| !has_parent[node]).collect(),
+            (scene, count) => {
+                if scene.is_none() && count > 1 {
+                    warnings.add("scene", format!("none of the {count} scenes is the default; the first one is shown"));
+                }
+                let scene = find("scene", &document.scenes, scene.unwrap_or(0));
+                scene.map_err(|problem| source.invalid("scene", problem))?.nodes.clone()
+            }
+        };
+        let mut world_from_node = vec![None; document.nodes.len()];
+        let mut nodes = Vec::new();
+        let mut pending: Vec<(usize, DAffine3)> =
+            roots.into_iter().rev().map(|node| (node, DAffine3::IDENTITY)).collect();
+        while let Some((index, world_from_parent)) = pending.pop() {
+            let node = find("node", &document.nodes, index).map_err(|problem| source.invalid("scenes", problem))?;
+            if world_from_node[index].is_some() {
+                return Err(source.invalid(format!("nodes[{index}]"), "stands in the scene twice"));
+            }
+            let world = world_from_parent * parent_from_node(node);
+            world_from_node[index] = Some(world);
+            nodes.push(index);
+            pending.extend(node.children.iter().rev().map(|&child| (child, world)));
+        }
+        Ok(Self { nodes, world_from_node })
+    }
+}
+
+/// Checks that every node has at most one parent and none is its own ancestor. Returns which have a parent.
+fn check_forest(source: &Source<'_>) -> Result<Vec<bool>, SceneError> {
+    let nodes = &source.document.nodes;
+    let mut has_parent = vec![false; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for &child in &node.children {
+            let place = || format!("nodes[{index}].children");
+            find("node", nodes, child).map_err(|problem| source.invalid(place(), problem))?;
+            if has_parent[child] {
+                return Err(source.invalid(place(), format!("node {child} has two parents")));
+            }
+            has_parent[child] = true;
+        }
+    }
+    // With one parent each, the nodes that no root reaches are those that run in circles.
+    let mut reached = vec![false; nodes.len()];
+    let mut pending: Vec<usize> = (0..nodes.len()).filter(|&node| !has_parent[node]).collect();
+    while let Some(index) = pending.pop() {
+        reached[index] = true;
+        pending.extend(&nodes[index].children);
+    }
+    match reached.iter().position(|&reached| !reached) {
+        None => Ok(has_parent),
+        Some(index) => Err(source.invalid(format!("nodes[{index}]"), "is its own ancestor")),
+    }
+}
+
+fn parent_from_node(node: &document::Node) -> DAffine3 {
+    if let Some(columns) = &node.matrix {
+        return DAffine3::from_mat4(DMat4::from_cols_array(columns));
+    }
+    affine(node.scale, node.rotation, node.translation)
+}
+
+fn affine(scale: Option<[f64; 3]>, rotation: Option<[f64; 4]>, translation: Option<[f64; 3]>) -> DAffine3 {
+    let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
+        let q = DQuat::from_array(q);
+        // A rotation of length 0 is none at all: the matrix becomes singular, and is found later.
+        if q.length_squared() > 0.0 && q.is_finite() {
+            q / q.length()
+        } else {
+            DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN)
+        }
+    });
+    let matrix = DMat3::from_quat(rotation) * DMat3::from_diagonal(scale.map_or(DVec3::ONE, DVec3::from_array));
+    DAffine3 { matrix3: matrix, translation: translation.map_or(DVec3::ZERO, DVec3::from_array) }
+}
+
+/// What the scene shows, and where.
+#[derive(Default)]
+pub(super) struct Placements {
+    /// In the order of their first placement.
+    pub(super) shapes: Vec<Shape>,
+    list: Vec<Placement>,
+}
+
+struct Placement {
+    /// Index into the shapes.
+    shape: usize,
+    node: usize,
+    world_from_object: DAffine3,
+}
+
+/// Lists what the nodes of the scene show.
+pub(super) fn placements(
+    source: &Source<'_>,
+    hierarchy: &Hierarchy,
+    warnings: &mut Warnings,
+) -> Result<Placements, SceneError> {
+    let mut placements = Placements::default();
+    let mut number_of: BTreeMap<Shape, usize> = BTreeMap::new();
+    for &index in &hierarchy.nodes {
+        let node = &source.document.nodes[index];
+        let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
+        let mesh = find("mesh", &source.document.meshes, mesh_index);
+        let mesh = mesh.map_err(|problem| source.invalid(format!("nodes[{index}].mesh"), problem))?;
+        // A skin says where its vertices are in the world; the node then has no say (glTF 2.0, section 3.7.3.3).
+        let transforms = match &node.extensions.instancing {
+            _ if node.skin.is_some() => vec![DAffine3::IDENTITY],
+            None => vec![world],
+            Some(instancing) => instances(source, index, &instancing.attributes)?.iter().map(|&m| world * m).collect(),
+        };
+        let weights = node.weights.as_ref().or(mesh.weights.as_ref());
+        for primitive in 0..mesh.primitives.len() {
+            let material = mesh.primitives[primitive].material;
+            let weights = weights.map(|weights| weights.iter().map(|w| w.to_bits()).collect()).unwrap_or_default();
+            let shape = Shape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
+            let shape = match number_of.get(&shape) {
+                Some(&number) => number,
+                None if !mesh::is_surface(source, &shape, warnings)? => continue,
+                None => {
+                    placements.shapes.push(shape.clone());
+                    number_of.insert(shape, placements.shapes.len() - 1);
+                    placements.shapes.len() - 1
+                }
+            };
+            source.budget.take(source.path, "nodes", transforms.len() * size_of::<Instance>())?;
+            let place = |&world_from_object| Placement { shape, node: index, world_from_object };
+            placements.list.extend(transforms.iter().map(place));
+        }
+    }
+    Ok(placements)
+}
+
+/// EXT_mesh_gpu_instancing: node space from instance space, for each instance.
+fn instances(
+    source: &Source<'_>,
+    node: usize,
+    attributes: &document::InstancingAttributes,
+) -> Result<Vec<DAffine3>, SceneError> {
+    let place = |name: &str| format!("nodes[{node}].extensions.EXT_mesh_gpu_instancing.attributes.{name}");
+    let accessor = |name: &str, index: Option<usize>, width: usize| {
+        let Some(index) = index else { return Ok(None) };
+        let accessor = Accessor::new(source.document, source.buffers, index);
+        let accessor = accessor.map_err(|problem| source.invalid(place(name), problem))?;
+        if accessor.width != width || accessor.is_unbacked() {
+            return Err(source.invalid(place(name), format!("accessor {index} has not {width} stored components")));
+        }
+        Ok(Some(accessor))
+    };
+    let translations = accessor("TRANSLATION", attributes.translation, 3)?;
+    let rotations = accessor("ROTATION", attributes.rotation, 4)?;
+    let scales = accessor("SCALE", attributes.scale, 3)?;
+    let counts: Vec<usize> = [&translations, &rotations, &scales].into_iter().flatten().map(|a| a.count).collect();
+    let count = counts.first().copied().unwrap_or(0);
+    if counts.iter().any(|&other| other != count) {
+        return Err(source.invalid(place("*"), format!("the attributes have different counts: {counts:?}")));
+    }
+    let triples = |accessor: Option<Accessor<'_>>| accessor.map(|a| a.read(None, |v: [f32; 3]| v.map(f64::from)));
+    let (translations, scales) = (triples(translations), triples(scales));
+    let rotations = rotations.map(|accessor| accessor.read(None, |v: [f32; 4]| v.map(f64::from)));
+    let at = |index: usize| {
+        affine(
+            scales.as_ref().map(|list| list[index]),
+            rotations.as_ref().map(|list| list[index]),
+            translations.as_ref().map(|list| list[index]),
+        )
+    };
+    Ok((0..count).map(at).collect())
+}
+
+/// Reads every shape that is placed, once, and makes instances of it.
+///
+/// - `hierarchy`: where the joints of skins are.
+pub(super) fn build(
+    source: &Source<'_>,
+    hierarchy: &Hierarchy,
+    placements: &Placements,
+    materials: &[Material],
+    material_of: &BTreeMap<Option<usize>, u32>,
+    warnings: &mut Warnings,
+) -> Result<(Vec<Mesh>, Vec<Instance>), SceneError> {
+    let read = |shape: &Shape| {
+        let mut warnings = Warnings::default();
+        let material = material_of[&shape.material];
+        let mesh = mesh::read(source, hierarchy, shape, &materials[material as usize], &mut warnings);
+        (mesh.map(|mesh| mesh.map(|mesh| Mesh { material, ..mesh })), warnings)
+    };
+    let read: Vec<_> = placements.shapes.par_iter().map(read).collect();
+    let mut placed = Placed::default();
+    for (mesh, news) in read {
+        warnings.append(news);
+        placed.shapes.push(mesh?.map(PlacedShape::new));
+    }
+    let mut singular = BTreeMap::new();
+    for placement in &placements.list {
+        if !placed.add(source, placement)? {
+            *singular.entry(placement.node).or_insert(0) += 1;
+        }
+    }
+    for (node, count) in singular {
+        let surfaces = if count == 1 { "a surface is" } else { &format!("{count} surfaces are") };
+        let message = format!("{surfaces} left out: the transformation is singular, not finite or too large");
+        warnings.add(format!("nodes[{node}]"), message);
+    }
+    Ok(placed.finish())
+}
+
+/// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors.
+#[derive(Default)]
+struct Placed {
+    /// `None`: no triangle is left of it.
+    shapes: Vec<Option<PlacedShape>>,
+    instances: Vec<(usize, bool, Affine3A)>,
+}
+
+struct PlacedShape {
+    mesh: Mesh,
+    bounds: (Vec3, Vec3),
+    /// Whether it is placed as it is, and whether it is placed mirrored.
+    used: [bool; 2],
+}
+
+impl PlacedShape {
+    fn new(mesh: Mesh) -> Self {
+        Self { bounds: mesh.bounds(), mesh, used: [false; 2] }
+    }
+}
+
+/// The scale that turns a mirrored mesh back.
+const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
+
+impl Placed {
+    /// Places a shape; `false`: it cannot be placed there. Shapes without triangles are placed nowhere, silently.
+    fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<bool, SceneError> {
+        let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(true) };
+        let world = placement.world_from_object;
+        let mirrors = world.matrix3.determinant() < 0.0;
+        let world = if mirrors { world * DAffine3::from_scale(MIRROR) } else { world };
+        let world_from_object = world.as_affine3a();
+        if !is_placeable(shape.bounds, &world_from_object) {
+            return Ok(false);
+        }
+        let was_used = shape.used;
+        shape.used[usize::from(mirrors)] = true;
+        if was_used != [true; 2] && shape.used == [true; 2] {
+            source.budget.take(source.path, "meshes", shape.mesh.memory_bytes())?;
+        }
+        self.instances.push((placement.shape, mirrors, world_from_object));
+        Ok(true)
+    }
+
+    fn finish(self) -> (Vec<Mesh>, Vec<Instance>) {
+        let mut meshes = Vec::with_capacity(self.shapes.len());
+        let mut numbers = Vec::with_capacity(self.shapes.len());
+        for shape in self.shapes {
+            let next = meshes.len() as u32;
+            let used = shape.as_ref().map_or([false; 2], |shape| shape.used);
+            numbers.push([next, next + u32::from(used[0])]);
+            match (shape, used) {
+                (Some(shape), [true, false]) => meshes.push(shape.mesh),
+                (Some(shape), [false, true]) => meshes.push(shape.mesh.mirrored()),
+                (Some(shape), [true, true]) => {
+                    let mirrored = shape.mesh.clone().mirrored();
+                    meshes.extend([shape.mesh, mirrored]);
+                }
+                _ => {}
+            }
+        }
+        let instance = |(shape, mirrors, world_from_object): (usize, bool, Affine3A)| Instance {
+            mesh: numbers[shape][usize::from(mirrors)],
+            world_from_object,
+        };
+        (meshes, self.instances.into_iter().map(instance).collect())
+    }
+}

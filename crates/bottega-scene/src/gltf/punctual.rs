@@ -1,0 +1,131 @@
+//! Cameras (glTF 2.0, section 3.10) and KHR_lights_punctual.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use glam::{DAffine3, DMat3, Vec3};
+
+use super::accessor::find;
+use super::node::Hierarchy;
+use super::{Source, document, shortened};
+use crate::error::Warnings;
+use crate::{Camera, Light, LightKind, Projection, Scene, SceneError};
+
+/// Adds the cameras that stand in the scene, in the order of its nodes.
+pub(super) fn add_cameras(
+    source: &Source<'_>,
+    hierarchy: &Hierarchy,
+    scene: &mut Scene,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    for &index in &hierarchy.nodes {
+        let node = &source.document.nodes[index];
+        let (Some(camera), Some(world)) = (node.camera, hierarchy.world_from_node[index]) else { continue };
+        let description = find("camera", &source.document.cameras, camera);
+        let description = description.map_err(|problem| source.invalid(format!("nodes[{index}].camera"), problem))?;
+        let place = || format!("cameras[{camera}]");
+        let (projection, aspect) = projection(description).map_err(|problem| source.invalid(place(), problem))?;
+        let Some(world_from_camera) = without_scale(&world) else {
+            warnings.add(format!("nodes[{index}]"), "its transformation is singular; its camera is left out");
+            continue;
+        };
+        // A camera's own name, unless it is not the only one of that name.
+        let is_taken = scene.cameras.iter().any(|other| other.name == description.name);
+        let name = if description.name.is_empty() || is_taken { &node.name } else { &description.name };
+        scene.cameras.push(Camera {
+            name: name.clone(),
+            world_from_camera: world_from_camera.as_affine3a(),
+            projection,
+            aspect,
+            lens_radius: 0.0,
+            focus_distance: 1.0,
+        });
+    }
+    Ok(())
+}
+
+fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), String> {
+    match (camera.kind.as_str(), &camera.perspective, &camera.orthographic) {
+        ("perspective", Some(perspective), _) => {
+            if !(perspective.yfov > 0.0 && perspective.yfov < PI) {
+                return Err(format!("a field of view of {} radians cannot be shown", perspective.yfov));
+            }
+            let aspect = perspective.aspect_ratio.filter(|aspect| aspect.is_finite() && *aspect > 0.0);
+            Ok((Projection::Perspective { vertical_fov: perspective.yfov }, aspect))
+        }
+        ("orthographic", _, Some(orthographic)) => {
+            // Some exporters write negative magnifications.
+            let (width, height) = (2.0 * orthographic.xmag.abs(), 2.0 * orthographic.ymag.abs());
+            if !(width > 0.0 && height > 0.0 && width.is_finite() && height.is_finite()) {
+                return Err(format!("a window of {width} × {height} cannot be shown"));
+            }
+            Ok((Projection::Orthographic { height }, Some(width / height)))
+        }
+        (kind, ..) => Err(format!("there is no description of its type `{}`", shortened(kind))),
+    }
+}
+
+/// The rotation and translation of a transformation that keep its −z and, as far as possible, its +y.
+/// `None`: it leaves no direction.
+fn without_scale(m: &DAffine3) -> Option<DAffine3> {
+    let z = m.matrix3.z_axis.try_normalize()?;
+    let x = m.matrix3.y_axis.cross(z).try_normalize()?;
+    let rigid = DAffine3 { matrix3: DMat3::from_cols(x, z.cross(x), z), translation: m.translation };
+    (rigid.is_finite() && rigid.as_affine3a().is_finite()).then_some(rigid)
+}
+
+/// Adds the lights that stand in the scene, in the order of its nodes.
+pub(super) fn add_lights(
+    source: &Source<'_>,
+    hierarchy: &Hierarchy,
+    scene: &mut Scene,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    let lights = source.document.extensions.lights.as_ref().map_or(&[][..], |lights| &lights.lights);
+    for &index in &hierarchy.nodes {
+        let node = &source.document.nodes[index];
+        let (Some(light), Some(world)) = (&node.extensions.light, hierarchy.world_from_node[index]) else { continue };
+        let description = find("light", lights, light.light).map_err(|problem| {
+            source.invalid(format!("nodes[{index}].extensions.KHR_lights_punctual.light"), problem)
+        })?;
+        let place = format!("extensions.KHR_lights_punctual.lights[{}]", light.light);
+        match kind(description, &world) {
+            Ok(kind) => {
+                let name = if description.name.is_empty() { &node.name } else { &description.name };
+                scene.lights.push(Light { name: name.clone(), kind });
+            }
+            Err(problem) => warnings.add(place, format!("{problem}; it is left out")),
+        }
+    }
+    Ok(())
+}
+
+fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> {
+    let intensity = light.intensity.unwrap_or(1.0);
+    let power = Vec3::from_array(light.color.unwrap_or([1.0; 3])) * intensity;
+    if !power.is_finite() || power.min_element() < 0.0 {
+        return Err(format!("a light of the colour {power} cannot be"));
+    }
+    let position = world.translation.as_vec3();
+    let direction = (-world.matrix3.z_axis).try_normalize().map(|direction| direction.as_vec3());
+    if !position.is_finite() {
+        return Err("its position is not finite".into());
+    }
+    let direction = || direction.ok_or("its node's transformation leaves no direction");
+    match light.kind.as_str() {
+        "point" => Ok(LightKind::Point { position, intensity: power }),
+        "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power }),
+        "spot" => {
+            let (inner, outer) = (light.spot.inner_cone_angle, light.spot.outer_cone_angle.unwrap_or(PI / 4.0));
+            if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2 + 1e-4) {
+                return Err(format!("cone angles from {inner} to {outer} radians cannot be"));
+            }
+            let cos = |angle: f32| f64::from(angle).cos() as f32;
+            let cos_outer = cos(outer).max(0.0);
+            // The specification keeps the two apart by as much.
+            let cos_inner = cos(inner).max(cos_outer + 1e-3).min(1.0);
+            let cos_outer = cos_outer.min(cos_inner - 1e-3);
+            Ok(LightKind::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer })
+        }
+        other => Err(format!("its type `{}` is unknown", shortened(other))),
+    }
+}

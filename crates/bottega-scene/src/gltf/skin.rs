@@ -1,0 +1,105 @@
+//! Skins: vertices that joints move. glTF 2.0, section 3.7.3.
+
+use glam::{Affine3A, DAffine3, DMat4, Mat3A, Vec3A};
+
+use super::Source;
+use super::accessor::{Accessor, find};
+use super::node::Hierarchy;
+use crate::error::Warnings;
+use crate::{Mesh, SceneError};
+
+/// Four joints of a skin and the weights with which they move a vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Influence {
+    pub(super) joints: [u32; 4],
+    pub(super) weights: [f32; 4],
+}
+
+/// Moves the vertices to where the joints of the skin stand, in world space.
+///
+/// - `influences`: sets of four joints, each `[vertices]`; none: the mesh stays where it was modelled.
+pub(super) fn apply(
+    source: &Source<'_>,
+    hierarchy: &Hierarchy,
+    skin: usize,
+    influences: &[Vec<Influence>],
+    mesh: &mut Mesh,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    let matrices = joint_matrices(source, hierarchy, skin)?;
+    if influences.is_empty() || matrices.is_empty() {
+        warnings.add(format!("skins[{skin}]"), "a mesh has no joints or weights for it and is shown as modelled");
+        return Ok(());
+    }
+    let mut stray = 0;
+    for vertex in 0..mesh.positions.len() {
+        let mut blend = Affine3A::ZERO;
+        let mut total = 0.0;
+        for set in influences {
+            for (&joint, &weight) in set[vertex].joints.iter().zip(&set[vertex].weights) {
+                if weight == 0.0 || !weight.is_finite() {
+                    continue;
+                }
+                match matrices.get(joint as usize) {
+                    Some(matrix) => {
+                        blend = sum(blend, matrix, weight);
+                        total += weight;
+                    }
+                    None => stray += 1,
+                }
+            }
+        }
+        // Weights should add up to 1, and do not always after quantization.
+        let blend = if total > 0.0 { sum(Affine3A::ZERO, &blend, 1.0 / total) } else { Affine3A::IDENTITY };
+        mesh.positions[vertex] = blend.transform_point3(mesh.positions[vertex]);
+        if let Some(normal) = mesh.normals.get_mut(vertex) {
+            *normal = (cofactors(&blend.matrix3) * Vec3A::from(*normal)).into();
+        }
+        if let Some(tangent) = mesh.tangents.get_mut(vertex) {
+            *tangent = blend.transform_vector3(tangent.truncate()).extend(tangent.w);
+        }
+    }
+    if stray > 0 {
+        warnings
+            .add(format!("skins[{skin}]"), format!("{stray} influences of joints that it does not have are ignored"));
+    }
+    Ok(())
+}
+
+/// World space from the space in which the mesh was modelled, for every joint.
+fn joint_matrices(source: &Source<'_>, hierarchy: &Hierarchy, index: usize) -> Result<Vec<Affine3A>, SceneError> {
+    let skin = find("skin", &source.document.skins, index).map_err(|problem| source.invalid("nodes", problem))?;
+    let place = |member: &str| format!("skins[{index}].{member}");
+    let inverse_binds = match skin.inverse_bind_matrices {
+        None => Vec::new(),
+        Some(accessor) => {
+            let member = || place("inverseBindMatrices");
+            let accessor = Accessor::new(source.document, source.buffers, accessor);
+            let accessor = accessor.map_err(|problem| source.invalid(member(), problem))?;
+            if accessor.width != 16 || accessor.count < skin.joints.len() || accessor.is_unbacked() {
+                return Err(source.invalid(member(), "does not hold a 4×4 matrix for each joint"));
+            }
+            accessor
+                .read(None, |columns: [f32; 16]| DAffine3::from_mat4(DMat4::from_cols_array(&columns.map(f64::from))))
+        }
+    };
+    let matrix = |(number, &joint): (usize, &usize)| {
+        let world = find("node", &hierarchy.world_from_node, joint);
+        let world = *world.map_err(|problem| source.invalid(place("joints"), problem))?;
+        let Some(world) = world else {
+            return Err(source.invalid(place("joints"), format!("node {joint} is not in the scene")));
+        };
+        let inverse_bind = inverse_binds.get(number).copied().unwrap_or(DAffine3::IDENTITY);
+        Ok((world * inverse_bind).as_affine3a())
+    };
+    skin.joints.iter().enumerate().map(matrix).collect()
+}
+
+fn sum(a: Affine3A, b: &Affine3A, weight: f32) -> Affine3A {
+    Affine3A { matrix3: a.matrix3 + b.matrix3 * weight, translation: a.translation + b.translation * weight }
+}
+
+/// The matrix that turns normals as `m` turns surfaces, up to length: the inverse transpose times the determinant.
+fn cofactors(m: &Mat3A) -> Mat3A {
+    Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}

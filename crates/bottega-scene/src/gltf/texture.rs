@@ -1,0 +1,254 @@
+//! Textures: pictures, samplers and transformations. glTF 2.0, section 3.8.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{Affine2, Mat2, Vec2};
+use rayon::prelude::*;
+
+use super::accessor::{find, view_bytes};
+use super::resource::{Reference, resolve};
+use super::{Source, document, shortened};
+use crate::error::Warnings;
+use crate::file::read_file;
+use crate::image::{Decoded, Encoding, Header, PictureFault};
+use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
+
+/// What a picture is used for. A picture with several uses is decoded once and kept once for each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Use {
+    /// Colours encoded as sRGB.
+    Color,
+    /// Numbers as they are.
+    Data,
+    /// Roughness, 1 − factor × glossiness, from the alpha channel of KHR_materials_pbrSpecularGlossiness.
+    RoughnessOfGlossiness { factor_bits: u32 },
+}
+
+/// The pictures that materials ask for, loaded all at once in the end.
+pub(super) struct Textures<'a> {
+    source: &'a Source<'a>,
+    /// The image of the document (`None`: the one for what is missing) and its use.
+    wanted: Vec<(Option<usize>, Use)>,
+    id_of: BTreeMap<(Option<usize>, Use), ImageId>,
+}
+
+impl<'a> Textures<'a> {
+    pub(super) fn new(source: &'a Source<'a>) -> Self {
+        Self { source, wanted: Vec::new(), id_of: BTreeMap::new() }
+    }
+
+    /// Understands a reference to a texture, and remembers its picture.
+    pub(super) fn map(
+        &mut self,
+        place: &str,
+        info: &document::TextureInfo,
+        picture: Use,
+        warnings: &mut Warnings,
+    ) -> Result<TextureMap, SceneError> {
+        let document = self.source.document;
+        let invalid = |problem| self.source.invalid(place, problem);
+        let texture = find("texture", &document.textures, info.index).map_err(invalid)?;
+        let default = document::Sampler::default();
+        let sampler = match texture.sampler {
+            None => &default,
+            Some(index) => find("sampler", &document.samplers, index).map_err(invalid)?,
+        };
+        if let Some(image) = texture.source {
+            find("image", &document.images, image).map_err(invalid)?;
+        } else {
+            let message =
+                format!("texture {} has no picture in a format that can be read; magenta stands for it", info.index);
+            warnings.add(place, message);
+        }
+        let transform = info.extensions.transform.as_ref();
+        let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
+        if uv_set > 1 {
+            warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
+        }
+        Ok(TextureMap {
+            image: self.id(texture.source, picture),
+            uv_set: if uv_set == 1 { 1 } else { 0 },
+            picture_from_uv: transform.map_or(Affine2::IDENTITY, picture_from_uv),
+            wrap_u: wrap(sampler.wrap_s),
+            wrap_v: wrap(sampler.wrap_t),
+            smooth: sampler.mag_filter != Some(9728),
+        })
+    }
+
+    fn id(&mut self, image: Option<usize>, picture: Use) -> ImageId {
+        *self.id_of.entry((image, picture)).or_insert_with(|| {
+            self.wanted.push((image, picture));
+            ImageId(self.wanted.len() as u32 - 1)
+        })
+    }
+
+    /// Decodes every picture that was asked for, all limits checked before the first one.
+    pub(super) fn load(self, digest: &mut blake3::Hasher, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
+        // Each picture with its uses, in the order of the document.
+        let mut uses: BTreeMap<usize, Vec<(Use, usize)>> = BTreeMap::new();
+        for (number, &(image, picture)) in self.wanted.iter().enumerate() {
+            if let Some(image) = image {
+                uses.entry(image).or_default().push((picture, number));
+            }
+        }
+        let source = self.source;
+        let mut headers = Vec::with_capacity(uses.len());
+        for (&index, uses) in &uses {
+            headers.push((index, uses, check(source, index, uses.len())?));
+        }
+        let loaded: Vec<_> = headers
+            .into_par_iter()
+            .map(|(index, uses, header)| {
+                let loaded = header.and_then(|header| load_picture(source, index, header, uses));
+                (index, uses, loaded)
+            })
+            .collect();
+
+        let mut images: Vec<Option<Image>> = vec![None; self.wanted.len()];
+        for (index, uses, loaded) in loaded {
+            match loaded {
+                Ok(loaded) => {
+                    loaded.digest.iter().for_each(|hash| {
+                        digest.update(hash.as_bytes());
+                    });
+                    for ((_, number), image) in uses.iter().zip(loaded.images) {
+                        images[*number] = Some(image);
+                    }
+                }
+                Err(problem) => warnings.add(format!("images[{index}]"), format!("{problem}; magenta stands for it")),
+            }
+        }
+        let finish = |(number, image): (usize, Option<Image>)| {
+            image.unwrap_or_else(|| match self.wanted[number].0 {
+                Some(index) => Image::missing(name(source, index)),
+                None => Image::missing("no picture"),
+            })
+        };
+        Ok(images.into_iter().enumerate().map(finish).collect())
+    }
+}
+
+fn wrap(code: Option<u64>) -> Wrap {
+    match code {
+        Some(33071) => Wrap::Clamp,
+        Some(33648) => Wrap::Mirror,
+        _ => Wrap::Repeat,
+    }
+}
+
+/// KHR_texture_transform: translation × rotation × scale. Angles turn counter-clockwise in a picture whose v points
+/// down, hence the sign.
+fn picture_from_uv(transform: &document::TextureTransform) -> Affine2 {
+    let (sin, cos) = f64::from(transform.rotation).sin_cos();
+    let (sin, cos) = (sin as f32, cos as f32);
+    let [scale_u, scale_v] = transform.scale.unwrap_or([1.0; 2]);
+    let map = Affine2 {
+        matrix2: Mat2::from_cols(Vec2::new(cos, -sin) * scale_u, Vec2::new(sin, cos) * scale_v),
+        translation: Vec2::from_array(transform.offset),
+    };
+    if map.is_finite() { map } else { Affine2::IDENTITY }
+}
+
+/// What is known of a picture, for messages.
+fn name(source: &Source<'_>, index: usize) -> String {
+    let image = &source.document.images[index];
+    match &image.uri {
+        Some(uri) if !uri.starts_with("data:") => shortened(uri).into_owned(),
+        _ if !image.name.is_empty() => shortened(&image.name).into_owned(),
+        _ => format!("images[{index}]"),
+    }
+}
+
+/// The bytes of a picture's file, and whether they came from a file of its own. The inner error is worth a warning.
+type Bytes<'a> = Result<(Cow<'a, [u8]>, bool), String>;
+
+fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
+    let image = &source.document.images[index];
+    let place = || format!("images[{index}]");
+    if let Some(view) = image.buffer_view {
+        let view = view_bytes(source.document, source.buffers, view);
+        let (bytes, _) = view.map_err(|problem| source.invalid(place(), problem))?;
+        return Ok(Ok((Cow::Borrowed(bytes), false)));
+    }
+    let Some(uri) = &image.uri else { return Ok(Err("it has neither a URI nor a buffer view".into())) };
+    let folder = source.path.parent().unwrap_or(Path::new(""));
+    match resolve(folder, uri).map_err(|bad| bad.error(source.path, place(), uri))? {
+        Reference::Data(bytes) => Ok(Ok((Cow::Owned(bytes), false))),
+        Reference::File(file) => match read_file(&file) {
+            Ok(bytes) => Ok(Ok((Cow::Owned(bytes), true))),
+            Err(SceneError::Read { path, source }) => Ok(Err(format!("cannot read `{}` ({source})", path.display()))),
+            Err(error) => Ok(Err(error.to_string())),
+        },
+    }
+}
+
+/// Reads the header of a picture and books the memory for its uses. The inner error is worth a warning.
+fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header, String>, SceneError> {
+    let place = format!("images[{index}]");
+    let bytes = match bytes(source, index)? {
+        Ok((bytes, _)) => bytes,
+        Err(problem) => return Ok(Err(problem)),
+    };
+    match Header::read(&bytes, source.options.max_image_pixels) {
+        Ok(header) => {
+            source.budget.take(source.path, &place, header.memory_bytes().saturating_mul(uses))?;
+            Ok(Ok(header))
+        }
+        Err(PictureFault::TooLarge { problem }) => Err(SceneError::Limit {
+            path: source.path.into(),
+            place,
+            problem,
+            remedy: "scale the picture down, or allow more pixels for each picture",
+        }),
+        Err(PictureFault::Unreadable { problem }) => Ok(Err(problem)),
+    }
+}
+
+struct LoadedPicture {
+    /// One for each use.
+    images: Vec<Image>,
+    /// Of the file's bytes, where it has a file of its own.
+    digest: Option<blake3::Hash>,
+}
+
+fn load_picture(
+    source: &Source<'_>,
+    index: usize,
+    header: Header,
+    uses: &[(Use, usize)],
+) -> Result<LoadedPicture, String> {
+    let (bytes, is_file) = bytes(source, index).map_err(|error| error.to_string())??;
+    let digest = is_file.then(|| blake3::hash(&bytes));
+    let decoded = Decoded::read(&bytes, header)?;
+    drop(bytes);
+    let name = name(source, index);
+    let mut images = Vec::with_capacity(uses.len());
+    let (last, others) = uses.split_last().ok_or("it has no use")?;
+    for (picture, _) in others {
+        images.push(make(decoded.clone(), &name, *picture));
+    }
+    images.push(make(decoded, &name, last.0));
+    Ok(LoadedPicture { images, digest })
+}
+
+fn make(decoded: Decoded, name: &str, picture: Use) -> Image {
+    match picture {
+        Use::Color => decoded.into_image(name, Encoding::Srgb),
+        Use::Data => decoded.into_image(name, Encoding::Linear),
+        Use::RoughnessOfGlossiness { factor_bits } => {
+            let glossiness = f32::from_bits(factor_bits);
+            let roughness = |alpha: u8| (255.0 - glossiness * f32::from(alpha) + 0.5) as u8;
+            let (width, height, alpha) = decoded.into_alpha8();
+            Image::from_gray8(name, width, height, alpha.into_iter().map(roughness).collect(), false)
+        }
+    }
+}
+
+impl Textures<'_> {
+    /// Whether an image stands for a texture without picture.
+    pub(super) fn is_missing(&self, image: ImageId) -> bool {
+        self.wanted[image.0 as usize].0.is_none()
+    }
+}

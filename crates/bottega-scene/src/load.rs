@@ -1,0 +1,172 @@
+//! From a path to a scene.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::Quat;
+
+use crate::error::Warnings;
+use crate::file::read_file;
+use crate::image::{Decoded, Encoding, Header, PictureFault};
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, sky};
+
+/// What is wanted of a scene beyond its file, and how much it may take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadOptions {
+    /// A latitude-longitude picture (HDR, EXR, PNG or JPEG) that becomes the environment, whatever the file says.
+    pub environment: Option<PathBuf>,
+    /// Turns that picture about the y axis, counter-clockwise seen from above, in radians.
+    pub environment_rotation: f32,
+    /// Multiplies that picture.
+    pub environment_intensity: f32,
+    /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
+    pub max_image_pixels: u64,
+    /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
+    pub max_memory_bytes: usize,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            environment: None,
+            environment_rotation: 0.0,
+            environment_intensity: 1.0,
+            max_image_pixels: 1 << 28,
+            max_memory_bytes: 16 << 30,
+        }
+    }
+}
+
+/// A scene, and what to tell about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// Checked: [`Scene::validate`] finds nothing.
+    pub scene: Scene,
+    /// In the order in which they were found.
+    pub warnings: Vec<Warning>,
+    /// What the file says of itself.
+    pub metadata: Metadata,
+}
+
+/// What a scene file says of itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Metadata {
+    /// Name of the format.
+    pub format: &'static str,
+    /// The program that wrote it.
+    pub generator: Option<String>,
+    /// Extensions of the format that it uses.
+    pub extensions: Vec<String>,
+}
+
+/// Reads a scene. The format is known by the first bytes, or by the extension of the name.
+///
+/// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
+/// guessed or left out is in the warnings.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let file = read_file(path)?;
+    let mut digest = blake3::Hasher::new();
+    digest.update(blake3::hash(&file).as_bytes());
+    let mut warnings = Warnings::default();
+    let budget = MemoryBudget::new(options.max_memory_bytes);
+    if !gltf::recognizes(path, &file) {
+        return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
+    }
+    let (mut scene, metadata) = gltf::import(path, &file, options, &budget, &mut digest, &mut warnings)?;
+    drop(file);
+    if scene.instances.is_empty() && scene.spheres.is_empty() {
+        warnings.add("", "the scene has no surface");
+    }
+    if let Some(environment) = &options.environment {
+        add_environment(&mut scene, environment, options, &budget, &mut digest)?;
+    }
+    if !scene.has_light() {
+        warnings.add("", "the scene has no light; a neutral sky shines on it");
+        sky::add(&mut scene);
+    }
+    if scene.cameras.is_empty() {
+        warnings.add("", "the scene has no camera; one that frames it is used");
+        scene.cameras.push(Camera::framing_scene(&scene, 1.0));
+    }
+    scene.digest = digest.finalize().to_hex().to_string();
+    scene.validate()?;
+    Ok(Loaded { scene, warnings: warnings.finish(), metadata })
+}
+
+fn describe(file: &[u8]) -> &'static str {
+    match file {
+        [] => "empty",
+        [0xab, b'K', b'T', b'X', ..] => "a KTX picture",
+        [b'B', b'L', b'E', b'N', b'D', b'E', b'R', ..] => "a Blender file",
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] | [0x76, 0x2f, 0x31, 0x01, ..] => "a picture",
+        _ => "of an unknown format",
+    }
+}
+
+fn add_environment(
+    scene: &mut Scene,
+    path: &Path,
+    options: &LoadOptions,
+    budget: &MemoryBudget,
+    digest: &mut blake3::Hasher,
+) -> Result<(), SceneError> {
+    let bytes = read_file(path)?;
+    digest.update(blake3::hash(&bytes).as_bytes());
+    let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
+    let header = Header::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
+        PictureFault::TooLarge { problem } => SceneError::Limit {
+            path: path.into(),
+            place: String::new(),
+            problem,
+            remedy: "scale the picture down, or allow more pixels for each picture",
+        },
+        PictureFault::Unreadable { problem } => unreadable(problem),
+    })?;
+    budget.take(path, "", header.memory_bytes())?;
+    let decoded = Decoded::read(&bytes, header).map_err(unreadable)?;
+    let image = decoded.into_image(&path.display().to_string(), Encoding::Srgb);
+    scene.set_environment(image, options.environment_intensity, options.environment_rotation);
+    Ok(())
+}
+
+impl Scene {
+    /// Surrounds the scene with a latitude-longitude picture.
+    ///
+    /// - `intensity`: multiplies the picture.
+    /// - `rotation`: turns it about the y axis, counter-clockwise seen from above, in radians.
+    pub fn set_environment(&mut self, image: Image, intensity: f32, rotation: f32) {
+        self.images.push(image);
+        self.environment = Some(Environment {
+            image: Some(ImageId(self.images.len() as u32 - 1)),
+            factor: Spectrum::splat(intensity),
+            world_from_environment: Quat::from_rotation_y(rotation),
+        });
+    }
+}
+
+/// Counts the bytes that a scene will take, before they are taken. Several threads may draw on it.
+#[derive(Debug)]
+pub(crate) struct MemoryBudget {
+    limit: usize,
+    taken: AtomicUsize,
+}
+
+impl MemoryBudget {
+    pub(crate) fn new(limit: usize) -> Self {
+        Self { limit, taken: AtomicUsize::new(0) }
+    }
+
+    /// Books bytes for something at `place`, or says that they are too many.
+    pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
+        let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
+        if before.saturating_add(bytes) <= self.limit {
+            return Ok(());
+        }
+        Err(SceneError::Limit {
+            path: path.into(),
+            place: place.into(),
+            problem: format!("the scene takes more than the limit of {} MiB of memory", self.limit >> 20),
+            remedy: "simplify it or scale its pictures down, or allow more memory",
+        })
+    }
+}

@@ -1,0 +1,86 @@
+//! Mending normals and tangents that are no directions.
+
+use glam::{Vec3, Vec4};
+
+use crate::Mesh;
+
+impl Mesh {
+    /// Brings all normals to unit length. One that has no direction is replaced by the mean of the triangles around its
+    /// vertex, weighted by area. Returns whether there was one.
+    pub(crate) fn mend_normals(&mut self) -> bool {
+        let mut bad = Vec::new();
+        for (vertex, normal) in self.normals.iter_mut().enumerate() {
+            match unit(*normal) {
+                Some(direction) => *normal = direction,
+                None => bad.push(vertex),
+            }
+        }
+        if bad.is_empty() {
+            return false;
+        }
+        let mut sums = vec![Vec3::ZERO; self.normals.len()];
+        for &triangle in &self.triangles {
+            let cross = self.cross(triangle);
+            let cross = if cross.is_finite() { cross } else { Vec3::ZERO };
+            triangle.iter().for_each(|&vertex| sums[vertex as usize] += cross);
+        }
+        for vertex in bad {
+            self.normals[vertex] = unit(sums[vertex]).unwrap_or(Vec3::Y);
+        }
+        true
+    }
+
+    /// Brings all tangents to unit length and their sign to ±1; those without direction become any that is perpendicular
+    /// to the normal. Returns whether there was one. Tangents without normals mean nothing and are dropped.
+    pub(crate) fn mend_tangents(&mut self) -> bool {
+        if self.normals.is_empty() {
+            self.tangents = Vec::new();
+        }
+        let mut mended = false;
+        for (tangent, normal) in self.tangents.iter_mut().zip(&self.normals) {
+            let sign = if tangent.w < 0.0 { -1.0 } else { 1.0 };
+            let direction = unit(tangent.truncate());
+            mended |= direction.is_none();
+            let direction = direction.unwrap_or_else(|| normal.any_orthonormal_vector());
+            *tangent = Vec4::from((direction, sign));
+        }
+        mended
+    }
+}
+
+/// The direction of a vector, however short or long it is.
+fn unit(v: Vec3) -> Option<Vec3> {
+    if !v.is_finite() {
+        return None;
+    }
+    v.as_dvec3().try_normalize().map(|unit| unit.as_vec3())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_normal_without_direction_is_taken_from_the_surface() {
+        let mut mesh = Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+        mesh.normals = vec![Vec3::Z * 3.0, Vec3::ZERO, Vec3::NAN, Vec3::Z * 1e-30];
+        assert!(mesh.mend_normals());
+        assert_eq!(mesh.normals, vec![Vec3::Z; 4]);
+        assert!(!mesh.mend_normals());
+    }
+
+    #[test]
+    fn a_tangent_without_direction_becomes_perpendicular_to_the_normal() {
+        let mut mesh = Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+        mesh.normals = vec![Vec3::Z; 4];
+        mesh.tangents = vec![Vec4::ZERO, Vec4::NAN, Vec4::new(2.0, 0.0, 0.0, -0.5), Vec4::X];
+        assert!(mesh.mend_tangents());
+        for tangent in &mesh.tangents {
+            assert!(tangent.truncate().dot(Vec3::Z).abs() < 1e-6 && tangent.truncate().is_normalized());
+        }
+        assert_eq!(
+            (mesh.tangents[2], mesh.tangents[3]),
+            (Vec4::new(1.0, 0.0, 0.0, -1.0), Vec4::new(1.0, 0.0, 0.0, 1.0))
+        );
+    }
+}

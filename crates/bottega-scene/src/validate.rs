@@ -1,0 +1,142 @@
+//! The promises of the scene model, checked.
+
+use std::fmt::Display;
+
+use rayon::prelude::*;
+
+use crate::model::is_placeable;
+use crate::{AlphaMode, COORDINATE_MAX, LightKind, Material, Mesh, Projection, Scene, SceneError};
+
+impl Scene {
+    /// Checks what every reader of a scene relies on: no index out of range, no array of the wrong length, no NaN, no
+    /// triangle with a vertex out of reach, no singular or mirroring instance, no empty sphere. The error names
+    /// the first part that breaks a promise. Zero-area triangles and a missing camera are allowed.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let meshes = self.meshes.par_iter().enumerate();
+        let checked: Vec<Result<(), SceneError>> = meshes
+            .map(|(index, mesh)| self.check_mesh(mesh).map_err(|problem| broken("meshes", index, problem)))
+            .collect();
+        checked.into_iter().collect::<Result<(), SceneError>>()?;
+        let bounds: Vec<_> = self.meshes.par_iter().map(Mesh::bounds).collect();
+        for (index, instance) in self.instances.iter().enumerate() {
+            let problem = match bounds.get(instance.mesh as usize) {
+                None => format!("there is no mesh {}", instance.mesh),
+                Some(&bounds) if !is_placeable(bounds, &instance.world_from_object) => {
+                    "its transformation is singular, mirrors, or moves the mesh out of reach".into()
+                }
+                Some(_) => continue,
+            };
+            return Err(broken("instances", index, problem));
+        }
+        each("spheres", &self.spheres, |sphere| {
+            check(sphere.radius > 0.0 && sphere.radius <= COORDINATE_MAX, "its radius is not above 0")?;
+            check(
+                sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite(),
+                "its centre is out of reach",
+            )?;
+            self.check_material(sphere.material)
+        })?;
+        each("materials", &self.materials, |material| self.check_parameters(material))?;
+        each("lights", &self.lights, |light| check_light(&light.kind))?;
+        if let Some(environment) = &self.environment {
+            let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
+            let is_sound = has_image
+                && environment.factor.is_finite()
+                && environment.factor.min_element() >= 0.0
+                && environment.world_from_environment.is_normalized();
+            check(is_sound, "its image, factor or rotation does not exist")
+                .map_err(|problem| place("environment", problem))?;
+        }
+        each("cameras", &self.cameras, |camera| {
+            check(camera.world_from_camera.is_finite(), "its transformation is not finite")?;
+            check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
+            check(camera.focus_distance > 0.0, "its focus is not before it")?;
+            let is_sound = match camera.projection {
+                Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
+                Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+            };
+            check(is_sound, "its projection shows nothing")
+        })
+    }
+
+    fn check_material(&self, material: u32) -> Result<(), String> {
+        check((material as usize) < self.materials.len(), &format!("there is no material {material}"))
+    }
+
+    fn check_mesh(&self, mesh: &Mesh) -> Result<(), String> {
+        self.check_material(mesh.material)?;
+        let count = mesh.positions.len();
+        let lengths =
+            [mesh.normals.len(), mesh.tangents.len(), mesh.uvs[0].len(), mesh.uvs[1].len(), mesh.colors.len()];
+        check(lengths.iter().all(|&length| length == 0 || length == count), "its vertex arrays differ in length")?;
+        let is_in_range = |triangle: &[u32; 3]| triangle.iter().all(|&vertex| (vertex as usize) < count);
+        check(mesh.triangles.par_iter().all(is_in_range), "a triangle refers to a vertex that does not exist")?;
+        let is_in_reach = |p: &glam::Vec3| p.abs().max_element() <= COORDINATE_MAX && p.is_finite();
+        check(mesh.positions.par_iter().all(is_in_reach), "a position is not finite, or out of reach")?;
+        let is_unit = |length_squared: f32| (length_squared - 1.0).abs() < 1e-3;
+        check(mesh.normals.par_iter().all(|n| is_unit(n.length_squared())), "a normal is not of unit length")?;
+        let is_tangent = |t: &glam::Vec4| is_unit(t.truncate().length_squared()) && t.w.abs() == 1.0;
+        check(mesh.tangents.par_iter().all(is_tangent), "a tangent is not of unit length")?;
+        check(mesh.uvs.iter().flatten().all(|uv| uv.is_finite()), "a texture coordinate is not finite")?;
+        check(mesh.colors.iter().all(|c| c.is_finite() && c.min_element() >= 0.0), "a vertex colour is not a colour")
+    }
+
+    fn check_parameters(&self, material: &Material) -> Result<(), String> {
+        for map in material.textures() {
+            check((map.image.0 as usize) < self.images.len(), &format!("there is no image {}", map.image.0))?;
+            check(map.uv_set < 2, "there are only two sets of texture coordinates")?;
+            check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
+        }
+        let colors = [&material.base_color, &material.specular_color, &material.sheen_color, &material.emission];
+        let mut factors: Vec<f32> = colors.iter().flat_map(|color| color.factor.to_array()).collect();
+        let scalars = [
+            &material.metallic,
+            &material.roughness,
+            &material.specular,
+            &material.transmission,
+            &material.coat,
+            &material.coat_roughness,
+            &material.sheen_roughness,
+        ];
+        factors.extend(scalars.iter().map(|scalar| scalar.factor));
+        factors.extend(material.attenuation_color.to_array());
+        factors.extend([material.alpha, material.ior]);
+        if let AlphaMode::Mask { cutoff } = material.alpha_mode {
+            factors.push(cutoff);
+        }
+        check(factors.iter().all(|factor| factor.is_finite() && *factor >= 0.0), "a factor is negative or not finite")?;
+        check(material.attenuation_distance > 0.0, "its attenuation distance is not above 0")?;
+        let mut normals = [&material.normal, &material.coat_normal].into_iter().flatten();
+        check(normals.all(|(_, scale)| scale.is_finite()), "a normal map's scale is not finite")
+    }
+}
+
+fn check_light(light: &LightKind) -> Result<(), String> {
+    let (power, position, direction) = match *light {
+        LightKind::Point { position, intensity } => (intensity, position, None),
+        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer } => {
+            check(cos_outer < cos_inner && cos_outer >= -1.0 && cos_inner <= 1.0, "its cone is inside out")?;
+            (intensity, position, Some(direction))
+        }
+        LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
+    };
+    check(power.is_finite() && power.min_element() >= 0.0, "its colour is negative or not finite")?;
+    check(position.is_finite(), "its position is not finite")?;
+    check(direction.is_none_or(|direction| direction.is_normalized()), "its direction is not of unit length")
+}
+
+fn check(holds: bool, problem: &str) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(problem.into()) }
+}
+
+fn each<T>(name: &str, list: &[T], check: impl Fn(&T) -> Result<(), String>) -> Result<(), SceneError> {
+    list.iter().enumerate().try_for_each(|(index, item)| check(item).map_err(|problem| broken(name, index, problem)))
+}
+
+fn broken(name: &str, index: usize, problem: String) -> SceneError {
+    place(format!("{name}[{index}]"), problem)
+}
+
+fn place(place: impl Display, problem: String) -> SceneError {
+    SceneError::Inconsistent { place: place.to_string(), problem }
+}
