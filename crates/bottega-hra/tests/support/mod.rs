@@ -32,6 +32,7 @@ impl Work for Job {
     }
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "work moves in")]
 pub(crate) fn double(job: Job) -> u64 {
     2 * job.number
 }
