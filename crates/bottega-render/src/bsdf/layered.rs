@@ -180,7 +180,7 @@ impl Bsdf {
 
     /// f(wo, wi) and the density of `wi`, at the price of one of them. (0, 0) unless wo is above the surface.
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
-        if !(wo.z > 0.0 && wi.z != 0.0) {
+        if !is_above(wo) || wi.z == 0.0 {
             return (Spectrum::ZERO, 0.0);
         }
         let profile = self.near(wo.z);
@@ -189,7 +189,7 @@ impl Bsdf {
 
     /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        if !(wo.z > 0.0) {
+        if !is_above(wo) {
             return None;
         }
         let profile = self.near(wo.z);
@@ -228,7 +228,7 @@ impl Bsdf {
     /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within a percent or so
     /// for reflection, an estimate for what goes through.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
-        if !(wo.z > 0.0) {
+        if !is_above(wo) {
             return Spectrum::ZERO;
         }
         LOBES.iter().fold(Spectrum::ZERO, |sum, &lobe| sum + self.lobe_albedo(lobe, wo.z, &self.near(wo.z)))
@@ -372,6 +372,10 @@ impl Bsdf {
         let sum: f32 = weights.iter().sum();
         (sum > 0.0).then(|| weights.map(|weight| weight / sum))
     }
+}
+
+fn is_above(wo: Vec3) -> bool {
+    wo.z > 0.0
 }
 
 /// The lobe that `u` falls to, its chance, and where in its share `u` lies.

@@ -119,15 +119,16 @@ impl SurfaceParams {
 
     /// Everything in its range; NaN becomes the lower end.
     pub(super) fn clamped(self) -> Self {
-        let unit = |x: f32| x.max(0.0).min(1.0);
+        let within = |x: f32, low: f32, high: f32| if x > low { x.min(high) } else { low };
+        let unit = |x| within(x, 0.0, 1.0);
         let unit_color = |c: Spectrum| Spectrum::new(unit(c.x), unit(c.y), unit(c.z));
-        let positive = |x: f32| x.max(0.0).min(1e6);
+        let positive = |x| within(x, 0.0, 1e6);
         let tint = self.specular_color;
         Self {
             base_color: unit_color(self.base_color),
             metallic: unit(self.metallic),
             roughness: unit(self.roughness),
-            ior: if self.ior == 0.0 { 0.0 } else { self.ior.max(1.0).min(super::fresnel::IOR_MAX) },
+            ior: if self.ior == 0.0 { 0.0 } else { within(self.ior, 1.0, super::fresnel::IOR_MAX) },
             specular: unit(self.specular),
             specular_color: Spectrum::new(positive(tint.x), positive(tint.y), positive(tint.z)),
             transmission: unit(self.transmission),
