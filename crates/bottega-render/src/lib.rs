@@ -4,6 +4,10 @@
 //! what a unit computes on a processor, and owns all recursion above it.
 
 pub mod bsdf;
+pub mod camera;
+pub mod filter;
+pub mod integrator;
+pub mod sampler;
 pub mod survey;
 
 mod error;
