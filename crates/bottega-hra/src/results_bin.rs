@@ -1,6 +1,7 @@
 //! The results bin of one client: answers in the order in which they were computed.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -11,6 +12,8 @@ use crate::sync::lock;
 pub(crate) struct ResultsBin<O> {
     state: Mutex<State<O>>,
     arrived: Condvar,
+    /// No client is left that could take anything. Set under the lock.
+    abandoned: AtomicBool,
 }
 
 struct State<O> {
@@ -19,14 +22,12 @@ struct State<O> {
     outstanding: usize,
     /// Threads in `take`.
     takers: usize,
-    /// No client is left that could take anything.
-    abandoned: bool,
 }
 
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
-        let state = State { results: VecDeque::new(), outstanding: 0, takers: 0, abandoned: false };
-        Self { state: Mutex::new(state), arrived: Condvar::new() }
+        let state = State { results: VecDeque::new(), outstanding: 0, takers: 0 };
+        Self { state: Mutex::new(state), arrived: Condvar::new(), abandoned: AtomicBool::new(false) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State<O>> {
@@ -54,7 +55,7 @@ impl<O> ResultsBin<O> {
     /// Puts in an answer; drops it when nobody is left to take it.
     pub(crate) fn deliver(&self, completed: Completed<O>) {
         let mut state = self.lock();
-        if state.abandoned {
+        if self.is_abandoned() {
             state.outstanding -= 1;
             drop(state);
             return; // `completed` is dropped outside the lock: an output may do anything in its `Drop`.
@@ -91,10 +92,15 @@ impl<O> ResultsBin<O> {
         }
     }
 
+    /// Whether nobody will take anything any more.
+    pub(crate) fn is_abandoned(&self) -> bool {
+        self.abandoned.load(Ordering::SeqCst)
+    }
+
     /// Says that nobody will take anything any more; gives back what was not taken, to be dropped by the caller.
     pub(crate) fn abandon(&self) -> VecDeque<Completed<O>> {
         let mut state = self.lock();
-        state.abandoned = true;
+        self.abandoned.store(true, Ordering::SeqCst);
         let results = std::mem::take(&mut state.results);
         state.outstanding -= results.len();
         results

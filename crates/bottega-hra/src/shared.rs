@@ -17,6 +17,9 @@ use crate::{
     TrySubmit, UnitError, Work, WorkUnit,
 };
 
+/// Places in the bin that must be free before a waiting submitter is woken, at most a quarter of the bin.
+const ROOM_TO_WAKE_FOR: usize = 32;
+
 pub(crate) struct Shared<W: Work> {
     pub(crate) config: HraConfig,
     pub(crate) lanes: Vec<Lane>,
@@ -140,7 +143,7 @@ impl<W: Work> Shared<W> {
             }
             let now = Instant::now();
             let mut woken = Vec::new();
-            while state.bin.len() < self.config.bin_capacity.max(1) {
+            while self.room_in(&state) > 0 {
                 let Some(unit) = incoming.next() else { break };
                 let pending = unit.into_pending(client, now, self.config.max_delay_bound);
                 if state.roster.count_of(pending.envelope.primitive) == 0 {
@@ -151,6 +154,9 @@ impl<W: Work> Shared<W> {
                 state.bin.push(pending);
             }
             let finished = incoming.as_slice().is_empty();
+            if finished && state.submitters > 0 && self.room_in(&state) > 0 {
+                self.room.notify_one(); // Room that this caller did not need is the next one's.
+            }
             if finished || !woken.is_empty() {
                 drop(state);
                 self.wake(&woken);
@@ -159,7 +165,7 @@ impl<W: Work> Shared<W> {
                     return Ok(());
                 }
                 state = self.lock();
-                if state.bin.len() < self.config.bin_capacity.max(1) {
+                if self.room_in(&state) > 0 {
                     continue;
                 }
             }
@@ -184,7 +190,7 @@ impl<W: Work> Shared<W> {
             refused(incoming.unit, Closed.into())
         } else if state.roster.count_of(incoming.primitive) == 0 {
             refused(incoming.unit, SubmitError::Unsupported(incoming.primitive))
-        } else if state.bin.len() >= self.config.bin_capacity.max(1) {
+        } else if self.room_in(&state) == 0 {
             TrySubmit::Full(incoming.unit)
         } else {
             let pending = incoming.into_pending(client, Instant::now(), self.config.max_delay_bound);
@@ -227,11 +233,17 @@ impl<W: Work> Shared<W> {
         }
     }
 
-    /// Takes a unit out of the bin, if there is one, and lets a submitter in.
+    /// Units that the bin still takes.
+    fn room_in(&self, state: &State<W>) -> usize {
+        self.config.bin_capacity.max(1).saturating_sub(state.bin.len())
+    }
+
+    /// Takes a unit out of the bin, if there is one, and lets a submitter in: not for every single place, which would
+    /// switch threads for every unit, but for [`ROOM_TO_WAKE_FOR`] of them.
     pub(crate) fn take(&self, state: &mut State<W>, lane: ResourceId, now: Instant) -> Option<Pending<W>> {
         let State { bin, roster, .. } = state;
         let pending = bin.take(lane, roster, now)?;
-        if state.submitters > 0 {
+        if state.submitters > 0 && self.room_in(state) >= ROOM_TO_WAKE_FOR.min(self.config.bin_capacity / 4) {
             self.room.notify_one();
         }
         Some(pending)
@@ -326,7 +338,8 @@ impl<W: Work> Shared<W> {
 
     fn give_back(&self, pending: Pending<W>) {
         let mut state = self.lock();
-        if state.closed {
+        // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
+        if state.closed || pending.envelope.client.is_abandoned() {
             drop(state);
             return answer_unstarted(&pending.envelope, UnitError::Closed);
         }

@@ -20,11 +20,8 @@ pub enum RenderError {
         height: u32,
     },
     /// The scene breaks a promise of the model, such as an index out of range.
-    #[error("the scene is not sound: {reason}")]
-    UnsoundScene {
-        /// What is wrong with it.
-        reason: String,
-    },
+    #[error("the scene is not sound")]
+    UnsoundScene(#[source] Box<bottega_scene::SceneError>),
     /// The acceleration structure cannot be built.
     #[error("cannot build the acceleration structure")]
     Accel(#[from] bottega_kernels::BuildError),

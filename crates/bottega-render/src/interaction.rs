@@ -1,6 +1,6 @@
 //! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
 
-use bottega_kernels::{Hit, math, offset_ray_origin};
+use bottega_kernels::{Hit, math};
 use bottega_scene::{AlphaMode, Mesh, Scene, Spectrum, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
@@ -11,6 +11,11 @@ use crate::{
     sampling::orthonormal_basis,
 };
 
+/// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed
+/// from: 64 units in the last place. The kernel's own step goes by the place alone, and is too small in the middle of
+/// a large triangle that lies around the origin.
+const CLEARANCE: f32 = 64.0 / 8_388_608.0;
+
 /// A point of a surface, seen from a direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interaction {
@@ -19,6 +24,8 @@ pub(crate) struct Interaction {
     /// Where rays start that stay on the side of `wo`: above the facets of a curved surface, so that these do not
     /// shade themselves. Equal to `p` for a flat surface and for one that lets light through.
     pub(crate) p_outside: Vec3,
+    /// How far off the surface a new ray must start so that it does not meet it again.
+    clearance: f32,
     /// Geometric normal, unit length, on the front side.
     pub(crate) ng: Vec3,
     /// Shading frame: x, y, z = tangent, bitangent, normal; the normal is on the side of `wo`.
@@ -71,6 +78,7 @@ impl Interaction {
         let mut point = Self {
             p,
             p_outside: p,
+            clearance: CLEARANCE * (sphere.center.abs().max_element() + sphere.radius),
             ng,
             frame: [Vec3::ZERO; 3],
             wo: -direction,
@@ -107,9 +115,12 @@ impl Interaction {
         let ng = area_vector.normalize_or(-direction);
         let p = instance.world_from_object.transform_point3(local);
         let (material, known) = prepared.material(mesh.material);
+        // Rounding errors of the hit and of the next test are relative to the size of the triangle and to the place.
+        let extent = e1.abs().max(e2.abs()).max_element() * known_instance.scale;
         let mut point = Self {
             p,
             p_outside: p,
+            clearance: CLEARANCE * (p.abs().max_element() + extent),
             ng,
             frame: [Vec3::ZERO; 3],
             wo: -direction,
@@ -137,7 +148,7 @@ impl Interaction {
         if let Some((map, scale)) = &material.normal {
             let tangent = tangent_at(mesh, triangle, u, v, map.uv_set);
             let (tangent, sign) = (instance.world_from_object.transform_vector3(tangent.0), tangent.1);
-            ns = mapped_normal(scene, map, *scale, &point, ns, (tangent, sign * known_instance.orientation));
+            ns = mapped_normal(scene, map, *scale, &point, ns, (tangent, sign));
         }
         point.set_frame(ns);
         point
@@ -181,7 +192,7 @@ impl Interaction {
     #[inline]
     pub(crate) fn ray_origin(&self, wi: Vec3) -> Vec3 {
         let p = if self.is_reflection(wi) { self.p_outside } else { self.p };
-        offset_ray_origin(p, self.ng, wi)
+        p + self.ng * self.clearance.copysign(wi.dot(self.ng))
     }
 }
 
@@ -312,4 +323,69 @@ pub(crate) fn is_there(prepared: &PreparedScene, hit: &Hit, chance: impl FnOnce(
         },
     };
     opacity >= 1.0 || (opacity > 0.0 && chance() < opacity)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bottega_kernels::Ray;
+    use bottega_scene::{Instance, Material};
+    use glam::Affine3A;
+
+    use super::*;
+    use crate::{PrepareOptions, sampler::PixelSampler, sampling::uniform_sphere};
+
+    fn numbers(i: u32) -> impl FnMut() -> f32 {
+        let sampler = PixelSampler::new(5, i, 0, 0);
+        let mut key = 0;
+        move || {
+            key += 1;
+            sampler.hashed(key)
+        }
+    }
+
+    #[test]
+    fn a_ray_that_leaves_a_surface_does_not_meet_it_again() {
+        let mut met = 0;
+        for i in 0..2000 {
+            let mut next = numbers(i);
+            let size = 10_f32.powf(4.0 * next() - 2.0);
+            let middle = uniform_sphere([next(), next()]) * size * 10_f32.powf(4.0 * next() - 3.0);
+            let mut corner = || middle + uniform_sphere([next(), next()]) * size;
+            let mesh =
+                Mesh { positions: vec![corner(), corner(), corner()], triangles: vec![[0, 1, 2]], ..Mesh::default() };
+            let turn = glam::Quat::from_rotation_y(next());
+            let scale = Vec3::new(0.5 + next(), 0.5 + next(), 2.0);
+            let scene = Scene {
+                instances: vec![Instance {
+                    mesh: 0,
+                    world_from_object: Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(next())),
+                }],
+                meshes: vec![mesh],
+                materials: vec![Material::default()],
+                ..Scene::default()
+            };
+            let prepared = PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap();
+            let place = prepared.scene().instances[0].world_from_object;
+            for _ in 0..4 {
+                let (u, v) = crate::sampling::uniform_triangle([next(), next()]);
+                let [a, b, c] = [0, 1, 2].map(|k| place.transform_point3(prepared.scene().meshes[0].positions[k]));
+                let target = a * (1.0 - u - v) + b * u + c * v;
+                let eye = target + uniform_sphere([next(), next()]) * size * 3.0 * next();
+                let direction = (target - eye).normalize_or(Vec3::X);
+                let hit = prepared.accel().intersect(&Ray::new(eye, direction));
+                if hit.is_none() {
+                    continue;
+                }
+                let point = Interaction::new(&prepared, &hit, eye, direction, RayCone::default());
+                for _ in 0..16 {
+                    let wi = uniform_sphere([next(), next()]);
+                    let ray = Ray::new(point.ray_origin(wi), wi);
+                    met += u32::from(prepared.accel().intersect(&ray).is_some());
+                }
+            }
+        }
+        assert_eq!(met, 0);
+    }
 }

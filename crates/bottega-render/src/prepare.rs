@@ -45,10 +45,10 @@ pub struct PreparedScene {
 /// What is known of an instance beside the scene's own record.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedInstance {
-    /// Turns normals, and vectors along them whose length is an area: |det M| · M⁻ᵀ of the linear part M.
+    /// Turns normals, and vectors along them whose length is an area: det M · M⁻ᵀ of the linear part M.
     pub(crate) world_from_normal: Mat3,
-    /// −1 where the placement mirrors, so that vertices run clockwise around the front in world space; else 1.
-    pub(crate) orientation: f32,
+    /// No vector gets longer than this times its length.
+    pub(crate) scale: f32,
     /// Light index of its first triangle; [`NO_LIGHT`] where it does not shine.
     pub(crate) first_light: u32,
 }
@@ -71,6 +71,7 @@ pub(crate) struct PreparedMaterial {
 impl PreparedScene {
     /// Builds everything that painting needs.
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
+        scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
         let accel = build_accel(&scene, options)?;
         let materials: Vec<_> = scene.materials.iter().map(prepare_material).collect();
         let mut instances: Vec<_> =
@@ -144,14 +145,14 @@ fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderE
 
 fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
     let linear = Mat3::from(world_from_object.matrix3);
-    // The columns of det M · M⁻ᵀ without a division: good for matrices that are nearly singular, too.
-    let cofactors = Mat3::from_cols(
+    // det M · M⁻ᵀ without a division: good for matrices that are nearly singular, too.
+    let world_from_normal = Mat3::from_cols(
         linear.y_axis.cross(linear.z_axis),
         linear.z_axis.cross(linear.x_axis),
         linear.x_axis.cross(linear.y_axis),
     );
-    let orientation = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
-    PreparedInstance { world_from_normal: cofactors * orientation, orientation, first_light: NO_LIGHT }
+    let scale = linear.x_axis.length() + linear.y_axis.length() + linear.z_axis.length();
+    PreparedInstance { world_from_normal, scale, first_light: NO_LIGHT }
 }
 
 fn prepare_material(material: &Material) -> PreparedMaterial {

@@ -95,8 +95,8 @@ pub(super) fn sample(
     let to_light = p - from;
     let distance_squared = to_light.length_squared();
     let distance = distance_squared.sqrt();
-    // Twice the projected area, with the sign of the side that is seen.
-    let facing = -prepared.instance(instance).orientation * normal.dot(to_light);
+    // Twice the projected area times the distance, above 0 where the front is seen.
+    let facing = -normal.dot(to_light);
     if !(distance > 0.0 && (facing > 0.0 || (material.double_sided && facing < 0.0))) {
         return None;
     }

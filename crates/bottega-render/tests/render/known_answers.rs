@@ -1,0 +1,264 @@
+//! Scenes whose radiance can be written down.
+
+use std::f32::consts::PI;
+
+use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_render::{BlockWork, DirectLight, Filter, PathSettings, PreparedScene, View};
+use bottega_scene::{AlphaMode, Environment, Image, ImageId, Light, LightKind, Material, Scene};
+use glam::{Quat, Vec3};
+use std::sync::Arc;
+
+use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
+
+/// A matte floor of albedo ½ at y = 0 and a camera that looks straight down at its origin.
+fn floor() -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO, 0.001)], ..Scene::default() };
+    add_quad(&mut scene, Vec3::new(-50.0, 0.0, -50.0), Vec3::Z * 100.0, Vec3::X * 100.0, matte(Vec3::splat(0.5)));
+    scene
+}
+
+/// Irradiance at the origin of the floor under direct light alone.
+fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
+    let settings = PathSettings { max_depth: 1, direct_light, ..PathSettings::default() };
+    let tile = paint(&prepare(scene), (1, 1), 4096, settings);
+    color(&tile, 0, 0).x * PI / 0.5
+}
+
+fn assert_near(found: f32, exact: f32, tolerance: f32) {
+    assert!((found / exact - 1.0).abs() < tolerance, "found {found}, exact {exact}");
+}
+
+const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
+
+#[test]
+fn a_point_light_gives_intensity_over_squared_distance() {
+    let mut scene = floor();
+    let kind = LightKind::Point { position: Vec3::new(3.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
+    scene.lights.push(Light { name: String::new(), kind });
+    // I cos θ / d², cos θ = 4/5, d = 5.
+    assert_near(irradiance(scene, DirectLight::Combined), 10.0 * 0.8 / 25.0, 1e-3);
+}
+
+#[test]
+fn several_lights_add_up() {
+    let mut scene = floor();
+    for (x, watts) in [(3.0, 10.0), (-3.0, 2.0), (0.0, 0.5)] {
+        let kind = LightKind::Point { position: Vec3::new(x, 4.0, 0.0), intensity: Vec3::splat(watts) };
+        scene.lights.push(Light { name: String::new(), kind });
+    }
+    let kind = LightKind::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(0.3) };
+    scene.lights.push(Light { name: String::new(), kind });
+    let exact = 12.0 * 0.8 / 25.0 + 0.5 / 16.0 + 0.3 * 0.8;
+    assert_near(irradiance(scene, DirectLight::Combined), exact, 0.01);
+}
+
+#[test]
+fn a_spot_lights_its_cone_alone() {
+    let spot = |direction: Vec3| {
+        let mut scene = floor();
+        let position = Vec3::new(3.0, 4.0, 0.0);
+        let intensity = Vec3::splat(10.0);
+        let kind = LightKind::Spot { position, direction, intensity, cos_inner: 0.9, cos_outer: 0.8 };
+        scene.lights.push(Light { name: String::new(), kind });
+        irradiance(scene, DirectLight::Combined)
+    };
+    assert_near(spot(Vec3::new(-0.6, -0.8, 0.0)), 10.0 * 0.8 / 25.0, 1e-3);
+    assert_eq!(spot(Vec3::new(0.6, -0.8, 0.0)), 0.0);
+}
+
+#[test]
+fn a_sphere_overhead_gives_pi_l_sin_squared() {
+    for (height, radius) in [(2.0, 0.5), (2.0, 1.9), (3.0, 0.01)] {
+        let exact = PI * 3.0 * (radius / height) * (radius / height);
+        for direct_light in ALL {
+            if direct_light == DirectLight::BsdfSampling && radius < 0.1 {
+                continue; // a needle in a haystack
+            }
+            let mut scene = floor();
+            scene.cameras[0] = camera(Vec3::new(3.0, 0.05, 0.0), Vec3::ZERO, 0.001);
+            add_sphere(&mut scene, Vec3::new(0.0, height, 0.0), radius, lamp(Vec3::splat(3.0)));
+            assert_near(irradiance(scene, direct_light), exact, 0.02);
+        }
+    }
+}
+
+#[test]
+fn a_square_overhead_gives_its_configuration_factor() {
+    // From a small surface to a parallel square of half side a at height h, above its center: four times the factor
+    // of a corner (Howell, catalog of configuration factors, B-3).
+    for (half, height) in [(0.5_f32, 2.0_f32), (2.0, 0.5), (0.05, 3.0)] {
+        let x = half / height;
+        let root = (1.0 + x * x).sqrt();
+        let factor = 4.0 / (2.0 * PI) * 2.0 * (x / root) * (x / root).atan();
+        for direct_light in ALL {
+            if direct_light == DirectLight::BsdfSampling && half < 0.1 {
+                continue;
+            }
+            let mut scene = floor();
+            scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
+            let corner = Vec3::new(-half, height, -half);
+            let light = Material { double_sided: false, ..lamp(Vec3::splat(3.0)) };
+            add_quad(&mut scene, corner, Vec3::X * (2.0 * half), Vec3::Z * (2.0 * half), light);
+            assert_near(irradiance(scene, direct_light), PI * 3.0 * factor, 0.02);
+        }
+    }
+}
+
+#[test]
+fn the_back_of_a_one_sided_lamp_is_dark() {
+    let mut scene = floor();
+    scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
+    let light = Material { double_sided: false, ..lamp(Vec3::splat(3.0)) };
+    add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, light);
+    assert_eq!(irradiance(scene, DirectLight::Combined), 0.0);
+}
+
+#[test]
+fn a_uniform_sky_gives_pi_times_its_radiance() {
+    for direct_light in ALL {
+        let mut scene = floor();
+        scene.environment =
+            Some(Environment { image: None, factor: Vec3::splat(0.7), world_from_environment: Quat::IDENTITY });
+        assert_near(irradiance(scene, direct_light), PI * 0.7, 0.01);
+    }
+}
+
+#[test]
+fn a_sun_in_a_picture_shines_from_its_place() {
+    // One bright texel straight below the upper pole's row.
+    let (width, height) = (64_u32, 32_u32);
+    let texels = (0..width * height).map(|i| if i / width == 4 && i % width == 20 { [1000.0; 3] } else { [0.0; 3] });
+    let image = Image::from_linear_rgb("sun", width, height, texels.collect());
+    let by = |direct_light| {
+        let mut scene = floor();
+        scene.images.push(image.clone());
+        scene.environment = Some(Environment {
+            image: Some(ImageId(0)),
+            factor: Vec3::ONE,
+            world_from_environment: Quat::from_rotation_y(1.0),
+        });
+        irradiance(scene, direct_light)
+    };
+    // A bilinear peak integrates to one texel: L · cos θ · sin θ dθ dφ.
+    let theta = PI * 4.5 / 32.0;
+    let exact = 1000.0 * theta.cos() * theta.sin() * (PI / 32.0) * (2.0 * PI / 64.0);
+    assert_near(by(DirectLight::LightSampling), exact, 0.02);
+    assert_near(by(DirectLight::Combined), exact, 0.02);
+}
+
+#[test]
+fn depth_counts_bounces() {
+    let mut scene = floor();
+    let kind = LightKind::Point { position: Vec3::new(0.0, 2.0, 0.0), intensity: Vec3::ONE };
+    scene.lights.push(Light { name: String::new(), kind });
+    add_sphere(&mut scene, Vec3::new(0.0, 0.0, 0.3), 0.1, lamp(Vec3::ONE));
+    let scene = prepare(scene);
+    let at_depth =
+        |max_depth| color(&paint(&scene, (1, 1), 16, PathSettings { max_depth, ..PathSettings::default() }), 0, 0).x;
+    assert_eq!(at_depth(0), 0.0);
+    assert!(at_depth(1) > 0.0);
+}
+
+#[test]
+fn emission_seen_directly_needs_no_bounce() {
+    let mut scene = floor();
+    add_sphere(&mut scene, Vec3::ZERO, 1.0, lamp(Vec3::new(1.0, 2.0, 3.0)));
+    let settings = PathSettings { max_depth: 0, ..PathSettings::default() };
+    assert_eq!(color(&paint(&prepare(scene), (1, 1), 4, settings), 0, 0), Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn a_half_transparent_lamp_shines_half_as_much() {
+    let by = |alpha_mode, alpha, direct_light| {
+        let mut scene = floor();
+        scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
+        let light = Material { alpha_mode, alpha, ..lamp(Vec3::splat(3.0)) };
+        add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, light);
+        irradiance(scene, direct_light)
+    };
+    for direct_light in ALL {
+        let full = by(AlphaMode::Opaque, 0.5, direct_light);
+        assert_near(by(AlphaMode::Blend, 0.5, direct_light), 0.5 * full, 0.04);
+        assert_eq!(by(AlphaMode::Mask { cutoff: 0.6 }, 0.5, direct_light), 0.0);
+        assert_near(by(AlphaMode::Mask { cutoff: 0.4 }, 0.5, direct_light), full, 0.02);
+    }
+}
+
+#[test]
+fn a_half_transparent_blind_lets_half_the_light_through() {
+    let mut scene = floor();
+    let kind = LightKind::Point { position: Vec3::new(3.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
+    scene.lights.push(Light { name: String::new(), kind });
+    let blind = Material { alpha_mode: AlphaMode::Blend, alpha: 0.5, ..matte(Vec3::ZERO) };
+    add_quad(&mut scene, Vec3::new(1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, blind);
+    assert_near(irradiance(scene, DirectLight::Combined), 0.5 * 10.0 * 0.8 / 25.0, 0.03);
+}
+
+#[test]
+fn a_solid_absorbs_by_the_length_of_the_way() {
+    // Straight through the middle of a slab of no refraction but with absorption, before a white sky.
+    let mut scene = Scene {
+        cameras: vec![camera(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 0.001)],
+        environment: Some(Environment { image: None, factor: Vec3::ONE, world_from_environment: Quat::IDENTITY }),
+        ..Scene::default()
+    };
+    let tinted =
+        Material { ior: 1.0, attenuation_distance: 2.0, attenuation_color: Vec3::new(0.5, 0.25, 1.0), ..glass() };
+    add_sphere(&mut scene, Vec3::ZERO, 1.0, tinted);
+    let settings = PathSettings { filter: Filter::Box, ..PathSettings::default() };
+    let found = color(&paint(&prepare(scene), (1, 1), 64, settings), 0, 0);
+    assert!((found - Vec3::new(0.5, 0.25, 1.0)).abs().max_element() < 5e-3, "{found}");
+}
+
+#[test]
+fn unlit_surfaces_show_their_color_and_light_up_nothing_by_light_sampling() {
+    let mut scene = floor();
+    scene.materials[0] = Material { unlit: true, base_color: Vec3::new(0.2, 0.4, 0.6).into(), ..Material::default() };
+    let tile = paint(&prepare(scene), (1, 1), 4, PathSettings::default());
+    assert!((color(&tile, 0, 0) - Vec3::new(0.2, 0.4, 0.6)).length() < 1e-6);
+}
+
+#[test]
+fn other_values_tell_of_the_first_surface() {
+    let mut scene = floor();
+    add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, glass());
+    let aovs: AovSet = Aov::ALL.into_iter().collect();
+    let layout = Layout::new(aovs);
+    let view = View { camera: 0, width: 1, height: 1 };
+    let tile = Tile::new(Rect::of_size(1, 1), layout);
+    let settings = Arc::new(PathSettings { filter: Filter::Box, ..PathSettings::default() });
+    let work = BlockWork { scene: prepare(scene), view, settings, tile, samples: 0..256 };
+    let tile = work.perform().unwrap().tile;
+    let mean = |aov, channel: usize| tile.pixel(0, 0)[layout.offset(aov).unwrap() + channel] / 256.0;
+    assert!((mean(Aov::Depth, 0) - 1.5).abs() < 1e-3);
+    assert!((mean(Aov::Normal, 1) - 1.0).abs() < 1e-3);
+    // Through the glass the floor is seen, but for some 8 % that are mirrored into the dark.
+    assert!((mean(Aov::Albedo, 0) - 0.5 * 0.92).abs() < 0.03, "{}", mean(Aov::Albedo, 0));
+    assert!(mean(Aov::Cost, 0) > 10.0);
+}
+
+#[test]
+fn wrong_views_are_refused() {
+    let scene: Arc<PreparedScene> = prepare(floor());
+    let work = |view: View| BlockWork {
+        scene: Arc::clone(&scene),
+        view,
+        settings: Arc::default(),
+        tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
+        samples: 0..1,
+    };
+    assert!(work(View { camera: 1, width: 1, height: 1 }).perform().is_err());
+    assert!(work(View { camera: 0, width: 0, height: 1 }).perform().is_err());
+}
+
+#[test]
+fn scenes_without_sound_surfaces_are_painted_all_the_same() {
+    let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 1.0)], ..Scene::default() };
+    let black = paint(&prepare(scene.clone()), (4, 4), 4, PathSettings::default());
+    assert!(black.sums().iter().all(|sum| *sum == 0.0 || *sum == 4.0));
+    // A triangle without area that shines.
+    add_mesh(&mut scene, vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0], vec![[0, 1, 2]], lamp(Vec3::ONE));
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), Vec3::X * 2.0, Vec3::Y * 2.0, matte(Vec3::ONE));
+    let tile = paint(&prepare(scene), (4, 4), 16, PathSettings::default());
+    assert!(tile.sums().iter().all(|sum| sum.is_finite()));
+}

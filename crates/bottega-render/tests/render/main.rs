@@ -1,0 +1,8 @@
+//! Pictures held to the yardsticks that their claims deserve: known answers, equal means, equal bits.
+
+mod determinism;
+mod furnace;
+mod known_answers;
+mod scenes;
+mod strategies;
+mod surveys;

@@ -1,0 +1,112 @@
+//! Scenes made by hand, and how to paint them.
+
+use std::sync::Arc;
+
+use bottega_image::{Layout, Rect, Tile};
+use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_scene::{Camera, Instance, Material, Mesh, Projection, Scene, Spectrum, Sphere};
+use glam::{Affine3A, Vec3};
+
+/// A matte surface: Lambert's, nothing else.
+pub(crate) fn matte(albedo: Vec3) -> Material {
+    Material { base_color: albedo.into(), specular: 0.0.into(), ..Material::default() }
+}
+
+/// A black surface that shines on both sides.
+pub(crate) fn lamp(radiance: Vec3) -> Material {
+    Material { emission: radiance.into(), ..matte(Vec3::ZERO) }
+}
+
+/// Smooth clear glass.
+pub(crate) fn glass() -> Material {
+    Material { roughness: 0.0.into(), transmission: 1.0.into(), ..Material::default() }
+}
+
+/// A camera at `eye` that looks at `target`.
+pub(crate) fn camera(eye: Vec3, target: Vec3, vertical_fov: f32) -> Camera {
+    let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::Z } else { Vec3::Y };
+    Camera {
+        name: String::new(),
+        world_from_camera: Affine3A::from_mat4(glam::camera::rh::view::look_at_mat4(eye, target, up).inverse()),
+        projection: Projection::Perspective { vertical_fov },
+        aspect: None,
+        lens_radius: 0.0,
+        focus_distance: 1.0,
+    }
+}
+
+/// Adds a parallelogram with corner `a` and edges `u`, `v`; its front is where u × v points.
+pub(crate) fn add_quad(scene: &mut Scene, a: Vec3, u: Vec3, v: Vec3, material: Material) {
+    add_mesh(scene, vec![a, a + u, a + u + v, a + v], vec![[0, 1, 2], [0, 2, 3]], material);
+}
+
+pub(crate) fn add_mesh(scene: &mut Scene, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, material: Material) {
+    let material_index = scene.materials.len() as u32;
+    scene.materials.push(material);
+    let mesh = scene.meshes.len() as u32;
+    scene.meshes.push(Mesh { positions, triangles, material: material_index, ..Mesh::default() });
+    scene.instances.push(Instance { mesh, world_from_object: Affine3A::IDENTITY });
+}
+
+pub(crate) fn add_sphere(scene: &mut Scene, center: Vec3, radius: f32, material: Material) {
+    let material_index = scene.materials.len() as u32;
+    scene.materials.push(material);
+    scene.spheres.push(Sphere { center, radius, material: material_index });
+}
+
+/// A box around the origin with these half sides, seen from inside.
+pub(crate) fn add_room(scene: &mut Scene, half: Vec3, material: &Material) {
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let mut a = -half;
+            a[axis] = side * half[axis];
+            let mut u = Vec3::ZERO;
+            u[(axis + 1) % 3] = 2.0 * half[(axis + 1) % 3];
+            let mut v = Vec3::ZERO;
+            v[(axis + 2) % 3] = 2.0 * half[(axis + 2) % 3];
+            add_quad(scene, a, u, v, material.clone());
+        }
+    }
+}
+
+/// The room of Cornell with a lamp below its ceiling, a matte box-like sphere and a glass one.
+pub(crate) fn cornell() -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 3.9), Vec3::ZERO, 0.68)], ..Scene::default() };
+    let white = matte(Vec3::new(0.73, 0.71, 0.68));
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), z, x, white.clone());
+    add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), x, z, white.clone());
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), x, y, white.clone());
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), y, z, matte(Vec3::new(0.63, 0.065, 0.05)));
+    add_quad(&mut scene, Vec3::new(1.0, -1.0, -1.0), z, y, matte(Vec3::new(0.14, 0.45, 0.091)));
+    let light = Material { double_sided: false, ..lamp(Vec3::new(17.0, 12.0, 4.0)) };
+    add_quad(&mut scene, Vec3::new(-0.25, 0.99, -0.2), Vec3::X * 0.5, Vec3::Z * 0.4, light);
+    add_sphere(&mut scene, Vec3::new(-0.4, -0.55, -0.3), 0.45, white);
+    add_sphere(&mut scene, Vec3::new(0.4, -0.65, 0.3), 0.35, glass());
+    scene
+}
+
+/// Prepares a scene so that each strategy alone can find all light.
+pub(crate) fn prepare(scene: Scene) -> Arc<PreparedScene> {
+    let options = PrepareOptions { threads: 1, compensate_environment: false };
+    Arc::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"))
+}
+
+/// Paints samples 0 to `spp` of a whole picture.
+pub(crate) fn paint(scene: &Arc<PreparedScene>, size: (u32, u32), spp: u32, settings: PathSettings) -> Tile {
+    let tile = Tile::new(Rect::of_size(size.0, size.1), Layout::new(bottega_image::AovSet::NONE));
+    let view = View { camera: 0, width: size.0, height: size.1 };
+    let work = BlockWork { scene: Arc::clone(scene), view, settings: Arc::new(settings), tile, samples: 0..spp };
+    work.perform().expect("a picture").tile
+}
+
+/// Mean radiance of a pixel.
+pub(crate) fn color(tile: &Tile, x: u32, y: u32) -> Spectrum {
+    let sums = tile.pixel(x, y);
+    Vec3::new(sums[0], sums[1], sums[2]) / sums[Layout::SAMPLE_COUNT]
+}
+
+/// Mean radiance of all pixels.
+pub(crate) fn mean_color(tile: &Tile) -> Spectrum {
+    tile.rect().pixels().map(|(x, y)| color(tile, x, y)).sum::<Vec3>() / tile.rect().area() as f32
+}

@@ -1,0 +1,57 @@
+//! The Analyst's fast look.
+
+use bottega_hra::{Hra, HraConfig, VirtualCpu};
+use bottega_render::{RenderError, RenderWork, View, survey};
+use bottega_scene::Scene;
+use glam::Vec3;
+
+use crate::scenes::{add_quad, add_sphere, camera, cornell, glass, matte, prepare};
+
+const VIEW: View = View { camera: 0, width: 32, height: 32 };
+
+fn allocator(lanes: usize) -> Hra<RenderWork> {
+    Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform))
+}
+
+#[test]
+fn glass_has_levels_of_recursion_and_walls_have_none() {
+    let hra = allocator(1);
+    let seen = survey(&prepare(cornell()), VIEW, &hra.client()).unwrap();
+    assert_eq!((seen.width, seen.height, seen.pixels.len()), (32, 32, 1024));
+    let at = |x: usize, y: usize| seen.pixels[y * 32 + x];
+    let (glass, wall) = (at(22, 26), at(16, 10));
+    assert!(glass.recursion_levels >= 1.5, "{glass:?}");
+    assert_eq!(wall.recursion_levels, 0.0);
+    assert!(wall.steps > 1.0 && wall.path_length > 1.5 && wall.albedo[0] > 0.5 && wall.depth > 3.0, "{wall:?}");
+    assert!(wall.noise > 0.0 && wall.color[0] > 0.0);
+}
+
+#[test]
+fn between_two_mirrors_the_levels_end() {
+    let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, Vec3::new(0.02, 0.01, -1.0), 0.3)], ..Scene::default() };
+    let mirror = bottega_scene::Material { metallic: 1.0.into(), roughness: 0.0.into(), ..Default::default() };
+    add_quad(&mut scene, Vec3::new(-50.0, -50.0, -1.0), Vec3::X * 100.0, Vec3::Y * 100.0, mirror.clone());
+    add_quad(&mut scene, Vec3::new(-50.0, -50.0, 1.0), Vec3::Y * 100.0, Vec3::X * 100.0, mirror);
+    let seen = survey(&prepare(scene), VIEW, &allocator(1).client()).unwrap();
+    assert_eq!(seen.pixels[16 * 32 + 16].recursion_levels, 16.0);
+}
+
+#[test]
+fn it_does_not_depend_on_the_number_of_lanes() {
+    let scene = prepare(cornell());
+    let one = survey(&scene, VIEW, &allocator(1).client()).unwrap();
+    let three = survey(&scene, VIEW, &allocator(3).client()).unwrap();
+    assert_eq!(one, three);
+}
+
+#[test]
+fn a_camera_that_is_not_there_is_an_error_and_leaves_nothing_behind() {
+    let mut scene = Scene { cameras: vec![camera(Vec3::Z, Vec3::ZERO, 1.0)], ..Scene::default() };
+    add_sphere(&mut scene, Vec3::ZERO, 0.2, glass());
+    add_sphere(&mut scene, Vec3::X, 0.2, matte(Vec3::ONE));
+    let hra = allocator(1);
+    let client = hra.client();
+    let result = survey(&prepare(scene), View { camera: 3, ..VIEW }, &client);
+    assert!(matches!(result, Err(RenderError::Refused(_) | RenderError::NoCamera { .. })));
+    assert_eq!(client.outstanding(), 0);
+}
