@@ -1,6 +1,6 @@
 //! Rays per second of this crate beside `obvhs`, the fastest other BVH library in Rust.
 //!
-//! `cargo bench -p bottega-kernels --bench rays -- [--side N] [--reps N] [MESH.obj ...]`
+//! `cargo bench -p bottega-kernels --bench rays -- [--side N] [--reps N] [--alone] [MESH.obj ...]`
 //!
 //! `obvhs` chooses its vector instructions when it is compiled: give it a chance with
 //! `RUSTFLAGS="-C target-cpu=x86-64-v3"`. Ours are chosen at run time.
@@ -130,7 +130,7 @@ fn read_obj(path: &str) -> std::io::Result<BenchScene> {
 }
 
 fn main() {
-    let (mut side, mut repetitions, mut threads, mut quick) = (512, 7, 1, false);
+    let (mut side, mut repetitions, mut threads, mut alone) = (512, 7, 1, false);
     let mut scenes = vec![noisy_sphere(), interior()];
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
@@ -140,7 +140,7 @@ fn main() {
             "--reps" => repetitions = number() as usize,
             "--threads" => threads = number() as usize,
             "--bench" => {}
-            "--quick" => quick = true,
+            "--alone" => alone = true,
             path => scenes.push(read_obj(path).expect("an OBJ file")),
         }
     }
@@ -155,7 +155,7 @@ fn main() {
         for (preset, params) in
             [("medium", BvhBuildParams::medium_build()), ("very_slow", BvhBuildParams::very_slow_build())]
         {
-            if quick && preset == "very_slow" {
+            if alone {
                 continue;
             }
             peers.push(Peer::build(&format!("obvhs bvh2 {preset}"), scene, params, false));
@@ -164,6 +164,10 @@ fn main() {
         let mut kernels: Vec<&dyn RayKernel> = vec![&robust, &fast];
         kernels.extend(peers.iter().map(|peer| peer as &dyn RayKernel));
         let rows = measure(scene, &rays, &kernels, repetitions);
+        if alone {
+            println!("{}", table(scene, &rows));
+            continue;
+        }
         let best = |kind: usize| rows[2..].iter().map(|row| row.mrays[kind]).fold(0.0, f64::max);
         let ratio: [f64; 4] = std::array::from_fn(|kind| rows[0].mrays[kind] / best(kind));
         println!("{}  robust / best peer: {ratio:.2?}\n", table(scene, &rows));
