@@ -15,8 +15,12 @@
 pub mod math;
 
 mod accel;
+mod build;
+mod instance;
 mod offset;
 mod ray;
+mod traverse;
+mod tree;
 
 pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 pub use offset::offset_ray_origin;

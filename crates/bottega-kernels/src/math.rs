@@ -144,13 +144,7 @@ pub fn tan(x: f32) -> f32 {
 /// 2^x for any x, without rounding to `f32`; saturates to 0 and infinity far outside the range of `f32`.
 #[inline(always)]
 fn exp2_wide(x: f64) -> f64 {
-    let x = if x > 300.0 {
-        300.0
-    } else if x < -300.0 {
-        -300.0
-    } else {
-        x
-    };
+    let x = x.clamp(-300.0, 300.0);
     let (k, n) = round(x);
     let p = poly(
         x - k,

@@ -1,0 +1,247 @@
+//! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
+//!
+//! Beside the result, a build holds at most about 90 bytes a triangle: 32 for the item, some 27 for the binary tree, 27
+//! for the dynamic program, 2 for the plan.
+
+mod bins;
+mod collapse;
+mod emit;
+
+use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
+use crate::instance::{self, Affine};
+use crate::tree::{Child, Node, Placed, Sphere, Tree, WIDTH};
+use crate::{Aabb, Hit, Precision};
+use bins::Item;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// A mesh with several instances is copied into the world tree when all copies together have no more triangles: a short
+/// detour through a tree of its own costs a ray more than this costs memory.
+const FLATTEN_TRIANGLES: usize = 4096;
+
+/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter.
+const BINARY_LEAF: usize = 4;
+
+/// A finished tree with what the outside asks about it.
+pub(crate) struct Built {
+    pub(crate) tree: Tree,
+    pub(crate) bounds: Aabb,
+    pub(crate) triangles: usize,
+}
+
+/// Checks the geometry and builds the trees.
+pub(crate) fn build(
+    meshes: &[MeshGeometry<'_>],
+    instances: &[InstanceGeometry],
+    spheres: &[SphereGeometry],
+    options: &BuildOptions,
+) -> Result<Built, BuildError> {
+    let run = |parallel| {
+        instance::validate(meshes, instances, spheres)?;
+        Builder { meshes, instances, precision: options.precision, parallel, tree: empty_tree() }.build(spheres)
+    };
+    match options.threads {
+        0 => run(true),
+        1 => run(false),
+        threads => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+            Ok(pool) => pool.install(|| run(true)),
+            Err(_) => run(false),
+        },
+    }
+}
+
+fn empty_tree() -> Tree {
+    let (nodes, blocks, spheres) = (Vec::new(), Vec::new(), Vec::new());
+    Tree { nodes, blocks, spheres, placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
+}
+
+struct Builder<'a> {
+    meshes: &'a [MeshGeometry<'a>],
+    instances: &'a [InstanceGeometry],
+    precision: Precision,
+    parallel: bool,
+    tree: Tree,
+}
+
+impl Builder<'_> {
+    fn build(mut self, spheres: &[SphereGeometry]) -> Result<Built, BuildError> {
+        let inverses = self.choose_shared();
+        let flat: Vec<usize> = (0..self.instances.len()).filter(|&i| inverses[i].is_none()).collect();
+        let parts = [self.instance_tree(&inverses)?, self.world_triangles(&flat)?, self.sphere_tree(spheres)?];
+        let bounds = parts.iter().fold(Aabb::EMPTY, |b, part| b.union(&part.1));
+        self.tree.root = self.join(&parts);
+        let triangles = self.instances.iter().map(|i| self.meshes[i.mesh as usize].triangles.len()).sum();
+        Ok(Built { tree: self.tree, bounds, triangles })
+    }
+
+    /// For each instance the map into its mesh's own space, or `None` where it is flattened into the world.
+    fn choose_shared(&self) -> Vec<Option<Affine>> {
+        let mut uses = vec![0usize; self.meshes.len()];
+        for instance in self.instances {
+            uses[instance.mesh as usize] += 1;
+        }
+        let shared = |mesh: usize| {
+            uses[mesh] > 1 && uses[mesh].saturating_mul(self.meshes[mesh].triangles.len()) > FLATTEN_TRIANGLES
+        };
+        let inverse = |i: &InstanceGeometry| {
+            shared(i.mesh as usize).then(|| Affine::new(&i.world_from_object).inverse()).flatten()
+        };
+        self.instances.iter().map(inverse).collect()
+    }
+
+    /// The trees of the shared meshes, and one over their instances.
+    fn instance_tree(&mut self, inverses: &[Option<Affine>]) -> Result<(Child, Aabb), BuildError> {
+        let mut roots: Vec<Option<(Child, Aabb)>> = vec![None; self.meshes.len()];
+        let mut items = Vec::new();
+        for (index, inverse) in inverses.iter().enumerate() {
+            let Some(inverse) = inverse else { continue };
+            let mesh = self.instances[index].mesh as usize;
+            let (root, bounds) = match roots[mesh] {
+                Some(known) => known,
+                None => *roots[mesh].insert(self.mesh_tree(mesh)?),
+            };
+            if root == Child::EMPTY {
+                continue;
+            }
+            let bounds = Affine::new(&self.instances[index].world_from_object).bounds(&bounds);
+            if !(bounds.min.is_finite() && bounds.max.is_finite()) {
+                return Err(BuildError::TransformNotFinite { instance: index });
+            }
+            items.push(Item::new(&bounds, self.tree.placed.len() as u32));
+            self.tree.placed.push(Placed { object_from_world: inverse.rows, root, instance: index as u32 });
+        }
+        emit::check("instances", self.tree.placed.len())?;
+        self.single_item_tree(&mut items, Child::instance)
+    }
+
+    fn mesh_tree(&mut self, mesh: usize) -> Result<(Child, Aabb), BuildError> {
+        let geometry = self.meshes[mesh];
+        let corners =
+            |triangle: u32| geometry.triangles[triangle as usize].map(|i| geometry.positions[i as usize].to_array());
+        let items = self.items(0..geometry.triangles.len() as u32, &corners);
+        self.triangle_tree(items, corners)
+    }
+
+    /// One tree over all triangles of the instances that are flattened.
+    fn world_triangles(&mut self, flat: &[usize]) -> Result<(Child, Aabb), BuildError> {
+        let (meshes, instances) = (self.meshes, self.instances);
+        let mut count = 0usize;
+        for &i in flat {
+            let triangles = meshes[instances[i].mesh as usize].triangles.len();
+            if triangles != 0 {
+                self.tree.flat.push((count as u32, i as u32));
+            }
+            count += triangles;
+            if count >= u32::MAX as usize {
+                return Err(BuildError::TooMany { what: "triangles", count, limit: u32::MAX as usize });
+            }
+        }
+        let starts = self.tree.flat.clone();
+        let corners = |id: u32| {
+            let (start, index) = starts[starts.partition_point(|f| f.0 <= id) - 1];
+            let instance = &instances[index as usize];
+            let mesh = &meshes[instance.mesh as usize];
+            let map = Affine::new(&instance.world_from_object);
+            mesh.triangles[(id - start) as usize].map(|i| map.point(mesh.positions[i as usize].to_array()))
+        };
+        let items = self.items(0..count as u32, &corners);
+        if let Some(bad) = items.par_iter().find_any(|item| !item.is_finite()) {
+            let (_, instance) = starts[starts.partition_point(|f| f.0 <= bad.id()) - 1];
+            return Err(BuildError::TransformNotFinite { instance: instance as usize });
+        }
+        self.triangle_tree(items, corners)
+    }
+
+    /// The triangles that have an area.
+    fn items(&self, ids: std::ops::Range<u32>, corners: &(impl Fn(u32) -> [[f32; 3]; 3] + Sync)) -> Vec<Item> {
+        let item = |id: u32| {
+            let corners = corners(id);
+            let [a, b, c] = corners.map(Vec3::from);
+            (!is_flat(&corners)).then(|| Item::new(&Aabb::EMPTY.with(a).with(b).with(c), id))
+        };
+        if !self.parallel {
+            return ids.filter_map(item).collect();
+        }
+        const CHUNK: u32 = 1 << 16;
+        let chunks: Vec<Vec<Item>> = (ids.start..ids.end.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let first = chunk * CHUNK;
+                (first..first.saturating_add(CHUNK).min(ids.end)).filter_map(item).collect()
+            })
+            .collect();
+        let mut all = Vec::with_capacity(chunks.iter().map(Vec::len).sum());
+        for chunk in chunks {
+            all.extend_from_slice(&chunk);
+        }
+        all
+    }
+
+    fn triangle_tree(
+        &mut self,
+        mut items: Vec<Item>,
+        corners: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
+    ) -> Result<(Child, Aabb), BuildError> {
+        let binary = bins::build(&mut items, BINARY_LEAF, self.parallel);
+        let choices = collapse::choose(&binary, WIDTH as u32);
+        let base = self.tree.blocks.len();
+        emit::check("leaf blocks", base + binary.len())?;
+        let leaf = |n: usize, _: &_| Child::triangles(base + n);
+        let out = emit::nodes(&binary, &choices, &mut self.tree.nodes, self.parallel, leaf)?;
+        drop((binary, choices));
+        emit::blocks(&out.leaves, &items, &mut self.tree.blocks, self.precision, self.parallel, corners);
+        Ok((out.root, out.bounds))
+    }
+
+    fn sphere_tree(&mut self, spheres: &[SphereGeometry]) -> Result<(Child, Aabb), BuildError> {
+        emit::check("spheres", spheres.len())?;
+        let mut items = Vec::new();
+        for (index, s) in spheres.iter().enumerate() {
+            self.tree.spheres.push(Sphere { center: s.center.to_array(), radius: s.radius });
+            if s.radius > 0.0 {
+                items.push(Item::new(&Aabb::around(s.center, s.radius), index as u32));
+            }
+        }
+        self.single_item_tree(&mut items, Child::sphere)
+    }
+
+    /// A tree whose leaves are single items, referred to by `child`.
+    fn single_item_tree(
+        &mut self,
+        items: &mut [Item],
+        child: impl Fn(usize) -> Child + Sync,
+    ) -> Result<(Child, Aabb), BuildError> {
+        let binary = bins::build(items, 1, self.parallel);
+        let choices = collapse::choose(&binary, 1);
+        let items = &*items;
+        let leaf = |_, node: &bins::Binary| child(items[node.first as usize].id() as usize);
+        let out = emit::nodes(&binary, &choices, &mut self.tree.nodes, self.parallel, leaf)?;
+        Ok((out.root, out.bounds))
+    }
+
+    /// One root over several trees.
+    fn join(&mut self, parts: &[(Child, Aabb)]) -> Child {
+        let parts: Vec<_> = parts.iter().filter(|part| part.0 != Child::EMPTY).collect();
+        if let [] | [_] = parts[..] {
+            return parts.first().map_or(Child::EMPTY, |part| part.0);
+        }
+        let mut node = Node::EMPTY;
+        for (slot, part) in parts.iter().enumerate() {
+            node.set(slot, &part.1, part.0);
+        }
+        node.sort_octants(parts.len());
+        self.tree.nodes.push(node);
+        Child::node(self.tree.nodes.len() - 1)
+    }
+}
+
+/// Whether a triangle has no area. In double precision both products of each component are rounded alike, so corners on
+/// one line give exactly zero whenever the edges are exact in `f64`.
+fn is_flat(corners: &[[f32; 3]; 3]) -> bool {
+    let [a, b, c] = corners.map(|p| p.map(f64::from));
+    let edge = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
+    let (e, f) = (edge(b), edge(c));
+    e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0]
+}
+
+const _: () = assert!(Hit::SPHERE as usize > Child::LIMIT, "sphere numbers leave the bit free");

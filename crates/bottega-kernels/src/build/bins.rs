@@ -1,0 +1,254 @@
+//! The first stage: a binary tree by the surface area heuristic over bins (Wald 2007, "On fast Construction of
+//! SAH-based Bounding Volume Hierarchies").
+//!
+//! Deterministic whatever the number of threads: minima, maxima and counts do not depend on the order in which they
+//! are taken, and the partition of one node is serial.
+
+use crate::Aabb;
+use crate::tree::MAX_DEPTH;
+use glam::Vec4;
+
+/// A primitive while the tree is built: its box, and its number in the bits of `lower.w`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Item {
+    lower: Vec4,
+    upper: Vec4,
+}
+
+impl Item {
+    pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
+        Self { lower: bounds.min.extend(f32::from_bits(id)), upper: bounds.max.extend(0.0) }
+    }
+
+    pub(super) fn id(&self) -> u32 {
+        self.lower.w.to_bits()
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        self.lower.truncate().is_finite() && self.upper.truncate().is_finite()
+    }
+
+    /// Twice its center.
+    #[inline(always)]
+    fn center(&self) -> Vec4 {
+        self.lower + self.upper
+    }
+}
+
+/// A node of the binary tree. Nodes lie in preorder: the first child follows its parent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Binary {
+    pub(super) bounds: Aabb,
+    /// Items below.
+    pub(super) first: u32,
+    pub(super) count: u32,
+    /// Distance to the second child; 0 for a leaf.
+    pub(super) second: u32,
+}
+
+/// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.
+const SAH_DEPTH: usize = MAX_DEPTH - 32;
+const BINS: usize = 16;
+/// Smaller nodes are not worth another thread.
+const PARALLEL_ITEMS: usize = 16 * 1024;
+
+/// Builds the tree and sorts the items so that each node has a range of them.
+///
+/// - `leaf_size`: nodes of at most so many items are not divided.
+/// - `parallel`: whether to use the threads of the current pool.
+pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec<Binary> {
+    let mut nodes = Vec::new();
+    let builder = Builder { leaf_size, parallel };
+    if !items.is_empty() {
+        nodes.reserve(items.len().min(PARALLEL_ITEMS));
+        builder.node(items, 0, 0, &mut nodes);
+    }
+    nodes
+}
+
+/// A box over items and one over (doubled) centers.
+#[derive(Clone, Copy)]
+struct Extent {
+    lower: Vec4,
+    upper: Vec4,
+    center_lower: Vec4,
+    center_upper: Vec4,
+}
+
+impl Extent {
+    fn of(items: &[Item]) -> Self {
+        let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        let mut e = Self { lower: low, upper: high, center_lower: low, center_upper: high };
+        for item in items {
+            e.lower = e.lower.min(item.lower);
+            e.upper = e.upper.max(item.upper);
+            let center = item.center();
+            e.center_lower = e.center_lower.min(center);
+            e.center_upper = e.center_upper.max(center);
+        }
+        e
+    }
+
+    fn bounds(&self) -> Aabb {
+        Aabb { min: self.lower.truncate(), max: self.upper.truncate() }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Bin {
+    lower: Vec4,
+    upper: Vec4,
+    count: u32,
+}
+
+const EMPTY_BIN: Bin = Bin { lower: Vec4::INFINITY, upper: Vec4::NEG_INFINITY, count: 0 };
+
+#[inline(always)]
+fn half_area(lower: Vec4, upper: Vec4) -> f32 {
+    let d = upper - lower;
+    d.x * d.y + d.y * d.z + d.z * d.x
+}
+
+/// Which bin a center falls into.
+#[derive(Clone, Copy)]
+struct Binning {
+    base: Vec4,
+    scale: Vec4,
+    bins: usize,
+}
+
+impl Binning {
+    fn new(extent: &Extent, count: usize) -> Self {
+        let bins = (4 + count / 2).min(BINS);
+        let size = extent.center_upper - extent.center_lower;
+        let scale = |d: f32| if d > 0.0 { (bins as f32 * 0.9999 / d).min(f32::MAX) } else { 0.0 };
+        Self { base: extent.center_lower, scale: Vec4::new(scale(size.x), scale(size.y), scale(size.z), 0.0), bins }
+    }
+
+    #[inline(always)]
+    fn of(&self, center: Vec4) -> [usize; 3] {
+        let b = (center - self.base) * self.scale;
+        [b.x, b.y, b.z].map(|b| (b as i32 as usize).min(BINS - 1))
+    }
+}
+
+struct Builder {
+    leaf_size: usize,
+    parallel: bool,
+}
+
+impl Builder {
+    fn node(&self, items: &mut [Item], first: u32, depth: usize, nodes: &mut Vec<Binary>) {
+        let extent = Extent::of(items);
+        let this = nodes.len();
+        let count = items.len() as u32;
+        nodes.push(Binary { bounds: extent.bounds(), first, count, second: 0 });
+        if items.len() <= self.leaf_size {
+            return;
+        }
+        let middle = self.divide(items, &extent, depth);
+        let (left, right) = items.split_at_mut(middle);
+        let first_right = first + middle as u32;
+        if self.parallel && count as usize >= PARALLEL_ITEMS {
+            let subtree = |items: &mut [Item], first| {
+                let mut nodes = Vec::with_capacity(items.len() * 2 / self.leaf_size);
+                self.node(items, first, depth + 1, &mut nodes);
+                nodes
+            };
+            let (left, right) = rayon::join(|| subtree(left, first), || subtree(right, first_right));
+            nodes.reserve_exact(left.len() + right.len());
+            nodes.extend_from_slice(&left);
+            nodes[this].second = (nodes.len() - this) as u32;
+            nodes.extend_from_slice(&right);
+        } else {
+            self.node(left, first, depth + 1, nodes);
+            nodes[this].second = (nodes.len() - this) as u32;
+            self.node(right, first_right, depth + 1, nodes);
+        }
+    }
+
+    /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all.
+    fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> usize {
+        if depth < SAH_DEPTH {
+            let binning = Binning::new(extent, items.len());
+            if let Some((axis, bin)) = best_split(items, &binning) {
+                let middle = partition(items, |item| binning.of(item.center())[axis] < bin);
+                if middle != 0 && middle != items.len() {
+                    return middle;
+                }
+            }
+        }
+        let size = extent.center_upper - extent.center_lower;
+        let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+        let middle = items.len() / 2;
+        items.select_nth_unstable_by(middle, |a, b| {
+            a.center()[axis].total_cmp(&b.center()[axis]).then(a.id().cmp(&b.id()))
+        });
+        middle
+    }
+}
+
+/// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
+fn best_split(items: &[Item], binning: &Binning) -> Option<(usize, usize)> {
+    let mut bins = [[EMPTY_BIN; BINS]; 3];
+    for item in items {
+        let at = binning.of(item.center());
+        for axis in 0..3 {
+            let bin = &mut bins[axis][at[axis]];
+            bin.lower = bin.lower.min(item.lower);
+            bin.upper = bin.upper.max(item.upper);
+            bin.count += 1;
+        }
+    }
+    let mut best = (f32::INFINITY, 0, 0);
+    for (axis, bins) in bins.iter().enumerate() {
+        if binning.scale[axis] == 0.0 {
+            continue;
+        }
+        let mut right_cost = [0.0; BINS];
+        let mut right = EMPTY_BIN;
+        for i in (1..binning.bins).rev() {
+            right.lower = right.lower.min(bins[i].lower);
+            right.upper = right.upper.max(bins[i].upper);
+            right.count += bins[i].count;
+            right_cost[i] = if right.count == 0 { f32::INFINITY } else { cost(&right) };
+        }
+        let mut left = EMPTY_BIN;
+        for i in 1..binning.bins {
+            left.lower = left.lower.min(bins[i - 1].lower);
+            left.upper = left.upper.max(bins[i - 1].upper);
+            left.count += bins[i - 1].count;
+            if left.count != 0 {
+                let total = cost(&left) + right_cost[i];
+                if total < best.0 {
+                    best = (total, axis, i);
+                }
+            }
+        }
+    }
+    (best.0 < f32::INFINITY).then_some((best.1, best.2))
+}
+
+#[inline(always)]
+fn cost(bin: &Bin) -> f32 {
+    half_area(bin.lower, bin.upper) * bin.count as f32
+}
+
+/// Moves the items for which `first` holds to the front; returns how many there are.
+fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> usize {
+    let (mut i, mut j) = (0, items.len());
+    loop {
+        while i < j && first(&items[i]) {
+            i += 1;
+        }
+        while i < j && !first(&items[j - 1]) {
+            j -= 1;
+        }
+        if i >= j {
+            return i;
+        }
+        items.swap(i, j - 1);
+        i += 1;
+        j -= 1;
+    }
+}

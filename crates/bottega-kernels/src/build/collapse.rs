@@ -1,0 +1,103 @@
+//! The second stage: which nodes of the binary tree become nodes of the wide one, by dynamic programming.
+//!
+//! Source: Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs",
+//! section 3 (the cost C(n, i) of representing the subtree of n by a forest of at most i wide trees). Here a leaf costs
+//! the same for one to eight triangles, as they are tested at once.
+
+use super::bins::Binary;
+use crate::tree::WIDTH;
+
+/// Time to visit a node, relative to that of a leaf block (measured).
+const NODE_COST: f32 = 1.0;
+const LEAF_COST: f32 = 1.0;
+
+/// What becomes of a binary node.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Choice {
+    /// Number of roots that go to the first child: `[0]` when the node becomes a wide node with 8 children (0: it becomes a
+    /// leaf), `[i]` when it is represented by up to i + 1 roots (0: by i).
+    split: [u8; WIDTH],
+}
+
+impl Choice {
+    /// Whether the node, where it is one root, is a leaf.
+    pub(super) fn is_leaf(&self) -> bool {
+        self.split[0] == 0
+    }
+}
+
+/// Chooses for every node; bottom-up, so backwards through the preorder.
+///
+/// `leaf_limit`: how many items a leaf may hold. Every leaf of the binary tree must keep to it.
+pub(super) fn choose(nodes: &[Binary], leaf_limit: u32) -> Vec<Choice> {
+    let mut costs = vec![[0.0f32; WIDTH - 1]; nodes.len()];
+    let mut choices = vec![Choice::default(); nodes.len()];
+    for index in (0..nodes.len()).rev() {
+        let node = &nodes[index];
+        let area = node.bounds.half_area();
+        let leaf_cost = area * LEAF_COST;
+        if node.second == 0 {
+            debug_assert!(node.count <= leaf_limit);
+            costs[index] = [leaf_cost; WIDTH - 1];
+            continue;
+        }
+        let (first, second) = (costs[index + 1], costs[index + node.second as usize]);
+        let distribute = |roots: usize| {
+            (1..roots).fold((f32::INFINITY, 0), |best, k| {
+                let cost = first[k - 1] + second[roots - k - 1];
+                if cost < best.0 { (cost, k as u8) } else { best }
+            })
+        };
+        let mut cost = [0.0; WIDTH - 1];
+        let choice = &mut choices[index];
+        let (below, k) = distribute(WIDTH);
+        let inner_cost = area * NODE_COST + below;
+        if node.count <= leaf_limit && leaf_cost <= inner_cost {
+            cost[0] = leaf_cost;
+        } else {
+            cost[0] = inner_cost;
+            choice.split[0] = k.max(1);
+        }
+        for roots in 2..WIDTH {
+            let (forest, k) = distribute(roots);
+            cost[roots - 1] = cost[roots - 2];
+            if forest < cost[roots - 1] {
+                cost[roots - 1] = forest;
+                choice.split[roots - 1] = k;
+            }
+        }
+        costs[index] = cost;
+    }
+    choices
+}
+
+/// The children of the wide node made of binary node `index`, at most eight; returns their number.
+pub(super) fn children(nodes: &[Binary], choices: &[Choice], index: usize, out: &mut [usize; WIDTH]) -> usize {
+    let mut count = 0;
+    let left = choices[index].split[0] as usize;
+    collect(nodes, choices, index + 1, left, out, &mut count);
+    collect(nodes, choices, index + nodes[index].second as usize, WIDTH - left, out, &mut count);
+    count
+}
+
+/// The roots of the forest that represents a subtree by at most `roots` of them.
+fn collect(
+    nodes: &[Binary],
+    choices: &[Choice],
+    index: usize,
+    mut roots: usize,
+    out: &mut [usize; WIDTH],
+    count: &mut usize,
+) {
+    while roots > 1 && choices[index].split[roots - 1] == 0 {
+        roots -= 1;
+    }
+    if roots == 1 {
+        out[*count] = index;
+        *count += 1;
+        return;
+    }
+    let left = choices[index].split[roots - 1] as usize;
+    collect(nodes, choices, index + 1, left, out, count);
+    collect(nodes, choices, index + nodes[index].second as usize, roots - left, out, count);
+}

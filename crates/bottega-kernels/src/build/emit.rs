@@ -1,0 +1,144 @@
+//! The third stage: the wide tree is written into the arenas.
+
+use super::bins::{Binary, Item};
+use super::collapse::{Choice, children};
+use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
+use crate::{Aabb, BuildError, Precision};
+use rayon::prelude::*;
+
+/// A wide node to be written: its binary node, and the indices of its first child node and first leaf.
+struct Outline {
+    binary: u32,
+    first_node: u32,
+    first_leaf: u32,
+}
+
+/// Which nodes and leaves there will be. Children of a node have consecutive indices.
+struct Plan {
+    nodes: Vec<Outline>,
+    /// Binary node of each leaf.
+    leaves: Vec<u32>,
+}
+
+fn plan(binary: &[Binary], choices: &[Choice]) -> Plan {
+    let mut plan = Plan { nodes: Vec::new(), leaves: Vec::new() };
+    if choices[0].is_leaf() {
+        plan.leaves.push(0);
+        return plan;
+    }
+    plan.nodes.push(Outline { binary: 0, first_node: 0, first_leaf: 0 });
+    let mut stack = vec![(0usize, 1usize)];
+    while let Some((node, depth)) = stack.pop() {
+        assert!(depth < MAX_DEPTH, "the binary tree is at most {MAX_DEPTH} deep");
+        let mut out = [0; WIDTH];
+        let count = children(binary, choices, plan.nodes[node].binary as usize, &mut out);
+        plan.nodes[node].first_node = plan.nodes.len() as u32;
+        plan.nodes[node].first_leaf = plan.leaves.len() as u32;
+        for &child in &out[..count] {
+            if choices[child].is_leaf() {
+                plan.leaves.push(child as u32);
+            } else {
+                stack.push((plan.nodes.len(), depth + 1));
+                plan.nodes.push(Outline { binary: child as u32, first_node: 0, first_leaf: 0 });
+            }
+        }
+    }
+    plan
+}
+
+/// Where a tree goes: the nodes of all trees, and what makes a leaf into a child.
+pub(super) struct Emitted {
+    pub(super) root: Child,
+    pub(super) bounds: Aabb,
+    /// For each leaf the range of items.
+    pub(super) leaves: Vec<(u32, u32)>,
+}
+
+/// Appends the wide nodes. `leaf` makes the reference to the n-th leaf of this tree, which has the items given.
+pub(super) fn nodes(
+    binary: &[Binary],
+    choices: &[Choice],
+    arena: &mut Vec<Node>,
+    parallel: bool,
+    leaf: impl Fn(usize, &Binary) -> Child + Sync,
+) -> Result<Emitted, BuildError> {
+    let Some(top) = binary.first() else {
+        return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new() });
+    };
+    let plan = plan(binary, choices);
+    let base = arena.len();
+    check("tree nodes", base + plan.nodes.len())?;
+    arena.reserve_exact(plan.nodes.len());
+    arena.resize(base + plan.nodes.len(), Node::EMPTY);
+    let write = |(node, outline): (&mut Node, &Outline)| {
+        let mut out = [0; WIDTH];
+        let count = children(binary, choices, outline.binary as usize, &mut out);
+        let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
+        for (slot, &child) in out[..count].iter().enumerate() {
+            let reference = if choices[child].is_leaf() {
+                next_leaf += 1;
+                leaf(next_leaf - 1, &binary[child])
+            } else {
+                next_node += 1;
+                Child::node(base + next_node - 1)
+            };
+            node.set(slot, &binary[child].bounds, reference);
+        }
+        node.sort_octants(count);
+    };
+    if parallel {
+        arena[base..].par_iter_mut().with_min_len(256).zip(&plan.nodes).for_each(write);
+    } else {
+        arena[base..].iter_mut().zip(&plan.nodes).for_each(write);
+    }
+    let root = if plan.nodes.is_empty() { leaf(0, top) } else { Child::node(base) };
+    let leaves = plan.leaves.iter().map(|&i| (binary[i as usize].first, binary[i as usize].count)).collect();
+    Ok(Emitted { root, bounds: top.bounds, leaves })
+}
+
+/// Appends the leaf blocks of a tree of triangles.
+///
+/// - `leaves`: ranges of `items`, a block each.
+/// - `vertices`: the corners of the triangle with a number.
+pub(super) fn blocks(
+    leaves: &[(u32, u32)],
+    items: &[Item],
+    arena: &mut Vec<TriangleBlock>,
+    precision: Precision,
+    parallel: bool,
+    vertices: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
+) {
+    let make = |&(first, count): &(u32, u32)| {
+        let mut ids = [u32::MAX; WIDTH];
+        for (id, item) in ids.iter_mut().zip(&items[first as usize..(first + count) as usize]) {
+            *id = item.id();
+        }
+        ids[..count as usize].sort_unstable();
+        let mut block = TriangleBlock { p: [[[0.0; WIDTH]; 3]; 3], id: ids };
+        for lane in 0..WIDTH {
+            let corners = if lane < count as usize { vertices(ids[lane]) } else { [vertices(ids[0])[0]; 3] };
+            for axis in 0..3 {
+                let [a, b, c] = corners.map(|p| p[axis]);
+                let values = match precision {
+                    Precision::Robust => [a, b, c],
+                    Precision::Fast => [a, b - a, c - a],
+                };
+                for (vertex, value) in values.into_iter().enumerate() {
+                    block.p[vertex][axis][lane] = value;
+                }
+            }
+        }
+        block
+    };
+    arena.reserve_exact(leaves.len());
+    if parallel {
+        arena.par_extend(leaves.par_iter().with_min_len(256).map(make));
+    } else {
+        arena.extend(leaves.iter().map(make));
+    }
+}
+
+/// Refuses more than a [`Child`] can number.
+pub(super) fn check(what: &'static str, count: usize) -> Result<(), BuildError> {
+    if count > Child::LIMIT { Err(BuildError::TooMany { what, count, limit: Child::LIMIT }) } else { Ok(()) }
+}

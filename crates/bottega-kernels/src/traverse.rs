@@ -1,0 +1,321 @@
+//! How a ray walks through the tree. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
+//!
+//! Robust mode, two halves. The *triangle* test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
+//! Intersection" (JCGT 2(1)): vertices are sheared into a space where the ray is the z axis; the sign of each edge
+//! function is then a property of edge and ray alone, the same for both triangles at the edge. Their fallback to double
+//! precision is not needed to be watertight: rounding never turns a sign, it only makes zeros, and zero counts as inside.
+//! The *box* test must never miss a box whose triangle would be hit. Slabs are fused multiply-adds, `plane · scale +
+//! shift`, and instead of rounding each outward, `scale` and `shift` are made a little too small for near planes and a
+//! little too large for far planes, once a ray: see [`setup::Setup`].
+//!
+//! Independence of the order of visits: a box is skipped only when it is entered beyond the best hit, and a hit never
+//! counts as closer than where its leaf box is entered (all boxes above are entered no later, as every operation is
+//! monotone). So the lowest (t, instance, primitive) wins whatever the order.
+
+pub(crate) mod lanes;
+pub(crate) mod portable;
+pub(crate) mod setup;
+mod sphere;
+pub(crate) mod stack;
+mod triangle;
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx2;
+
+use crate::tree::{Child, Node, Placed, Tree};
+use crate::{Hit, Ray};
+use lanes::Lanes;
+use setup::{Setup, Wide};
+use stack::Stack;
+
+/// What is asked along a ray; the traversal is compiled for each.
+pub(crate) trait Query {
+    /// The first hit found will do.
+    const ANY: bool;
+    /// Candidates must be shown to [`Query::accept`].
+    const FILTERED: bool;
+    fn accept(&self, _candidate: &Hit) -> bool {
+        true
+    }
+    /// Called for each node and each leaf visited.
+    #[inline(always)]
+    fn visit(&mut self) {}
+}
+
+/// The closest hit.
+pub(crate) struct Closest;
+impl Query for Closest {
+    const ANY: bool = false;
+    const FILTERED: bool = false;
+}
+
+/// Any hit.
+pub(crate) struct Any;
+impl Query for Any {
+    const ANY: bool = true;
+    const FILTERED: bool = false;
+}
+
+/// The closest or any hit that a filter accepts.
+pub(crate) struct Filtered<A, const ANY: bool>(pub(crate) A);
+impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
+    const ANY: bool = ANY;
+    const FILTERED: bool = true;
+    #[inline(always)]
+    fn accept(&self, candidate: &Hit) -> bool {
+        (self.0)(candidate)
+    }
+}
+
+/// The closest hit, with the number of visits.
+pub(crate) struct Counted<'a>(pub(crate) &'a mut u32);
+impl Query for Counted<'_> {
+    const ANY: bool = false;
+    const FILTERED: bool = false;
+    #[inline(always)]
+    fn visit(&mut self) {
+        *self.0 = self.0.saturating_add(1);
+    }
+}
+
+/// Stands for "world space" where an instance index is wanted.
+const WORLD: u32 = u32::MAX;
+
+/// The best hit so far.
+struct Best {
+    t: f32,
+    /// Where in the arenas the triangle is; meaningless for a sphere.
+    block: u32,
+    lane: u32,
+    /// [`WORLD`], or the instance with a tree of its own, or the sphere with its bit.
+    space: u32,
+    /// Triangle within that space; [`NOTHING`] when nothing was hit.
+    id: u32,
+    u: f32,
+    v: f32,
+}
+
+/// No triangle has this number.
+const NOTHING: u32 = u32::MAX;
+
+impl Best {
+    /// Instance and primitive as the caller counts them.
+    fn key(&self, tree: &Tree) -> (u32, u32) {
+        key(tree, self.space, self.id)
+    }
+}
+
+fn key(tree: &Tree, space: u32, id: u32) -> (u32, u32) {
+    if id == NOTHING {
+        (u32::MAX, u32::MAX)
+    } else if space == WORLD {
+        tree.resolve(id)
+    } else {
+        (space, id)
+    }
+}
+
+/// Walks the whole scene. [`Hit::NONE`] when nothing was hit; only `is_some` is meaningful for [`Query::ANY`].
+#[inline(always)]
+pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+    let Some(setup) = Setup::new::<ROBUST>(ray.origin.to_array(), ray.direction.to_array()) else {
+        return Hit::NONE;
+    };
+    let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
+    let mut best = Best { t: ray.t_max, block: 0, lane: 0, space: WORLD, id: NOTHING, u: 0.0, v: 0.0 };
+    let found = Walk::<S, ROBUST> { s, tree, setup: &setup, t_min, space: WORLD }
+        .walk::<Q, true>(tree.root, t_min, query, &mut best);
+    if !found {
+        return Hit::NONE;
+    }
+    if Q::ANY && !Q::FILTERED {
+        return Hit { instance: 0, ..Hit::NONE };
+    }
+    let (instance, primitive) = best.key(tree);
+    Hit { t: best.t, u: best.u, v: best.v, instance, primitive }
+}
+
+/// What stays the same while one tree is walked.
+struct Walk<'a, S, const ROBUST: bool> {
+    s: S,
+    tree: &'a Tree,
+    setup: &'a Setup,
+    t_min: f32,
+    /// [`WORLD`] or an instance.
+    space: u32,
+}
+
+impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
+    /// Walks the tree below `root`, which the ray enters at `floor`. Returns whether `best` was improved.
+    #[inline(always)]
+    fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
+        let s = self.s;
+        let wide = Wide::<S, ROBUST>::new(s, self.setup, floor);
+        let mut stack = Stack::new();
+        let mut found = false;
+        let (mut current, mut entry) = (root, floor);
+        loop {
+            query.visit();
+            if current.is_node() {
+                let node = &self.tree.nodes[current.index()];
+                let (near, hit) = wide.boxes(s, &node.planes, best.t);
+                if let Some(next) = self.choose(node, near, hit, &mut stack) {
+                    (current, entry) = next;
+                    continue;
+                }
+            } else if self.leaf::<Q, TOP>(current, entry, &wide, query, best) {
+                found = true;
+                if Q::ANY {
+                    return true;
+                }
+            }
+            loop {
+                let Some(next) = stack.pop() else {
+                    if found && !Q::FILTERED && best.space == self.space {
+                        (best.u, best.v) = triangle::barycentric::<ROBUST>(
+                            &self.tree.blocks[best.block as usize],
+                            best.lane as usize,
+                            self.setup,
+                        );
+                    }
+                    return found;
+                };
+                if next.1 <= best.t {
+                    (current, entry) = next;
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
+    #[inline(always)]
+    fn choose(&self, node: &Node, near: S::F, hit: S::Mask, stack: &mut Stack) -> Option<(Child, f32)> {
+        let s = self.s;
+        let bits = s.bits(hit);
+        if bits == 0 {
+            return None;
+        }
+        let nears = s.store(near);
+        let first = bits.trailing_zeros() as usize & 7;
+        let rest = bits & (bits - 1);
+        if rest == 0 {
+            return Some((node.children[first], nears[first]));
+        }
+        let second = rest.trailing_zeros() as usize & 7;
+        if rest & (rest - 1) == 0 {
+            let (closer, farther) = if nears[second] < nears[first] { (second, first) } else { (first, second) };
+            stack.push(node.children[farther], nears[farther]);
+            return Some((node.children[closer], nears[closer]));
+        }
+        s.push_ordered(stack, &node.children, near, hit, node.order[self.setup.octant & 7]);
+        stack.pop()
+    }
+
+    /// Tests what is in a leaf. Returns whether `best` was improved.
+    #[inline(always)]
+    fn leaf<Q: Query, const TOP: bool>(
+        &self,
+        leaf: Child,
+        entry: f32,
+        wide: &Wide<S, ROBUST>,
+        query: &mut Q,
+        best: &mut Best,
+    ) -> bool {
+        if !TOP || leaf.is_triangles() {
+            self.triangles(leaf.index(), entry, wide, query, best)
+        } else if leaf == Child::EMPTY {
+            false
+        } else if leaf.is_sphere() {
+            self.sphere(leaf.index(), entry, query, best)
+        } else {
+            self.instance(&self.tree.placed[leaf.index()], entry, query, best)
+        }
+    }
+
+    #[inline(always)]
+    fn triangles<Q: Query>(
+        &self,
+        index: usize,
+        entry: f32,
+        wide: &Wide<S, ROBUST>,
+        query: &mut Q,
+        best: &mut Best,
+    ) -> bool {
+        let s = self.s;
+        let Some(block) = self.tree.blocks.get(index) else { return false };
+        let Some((t, inside)) = wide.triangles(s, block) else { return false };
+        let valid = s.and(inside, s.and(s.lt(s.splat(self.t_min), t), s.le(t, s.splat(best.t))));
+        let mut bits = s.bits(valid);
+        if bits == 0 {
+            return false;
+        }
+        if Q::ANY && !Q::FILTERED {
+            return true;
+        }
+        let ts = s.store(t);
+        let mut found = false;
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize & 7;
+            bits &= bits - 1;
+            let (t, id) = (ts[lane].max(entry), block.id[lane]);
+            let closer = t < best.t || (t == best.t && self.key_is_lower(self.space, id, best));
+            if !closer {
+                continue;
+            }
+            if Q::FILTERED {
+                let (u, v) = triangle::barycentric::<ROBUST>(block, lane, self.setup);
+                let (instance, primitive) = key(self.tree, self.space, id);
+                if !query.accept(&Hit { t, u, v, instance, primitive }) {
+                    continue;
+                }
+                (best.u, best.v) = (u, v);
+            }
+            (best.t, best.block, best.lane) = (t, index as u32, lane as u32);
+            (best.space, best.id) = (self.space, id);
+            found = true;
+            if Q::ANY {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Which of two at the same distance counts.
+    #[cold]
+    fn key_is_lower(&self, space: u32, id: u32, best: &Best) -> bool {
+        key(self.tree, space, id) < best.key(self.tree)
+    }
+
+    #[inline(never)]
+    fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+        let sphere = &self.tree.spheres[index];
+        let space = Hit::SPHERE | index as u32;
+        for t in sphere::roots(sphere, self.setup) {
+            if !(t > self.t_min) {
+                continue;
+            }
+            let t = t.max(entry);
+            let closer = t < best.t || (t == best.t && self.key_is_lower(space, 0, best));
+            if !closer {
+                continue;
+            }
+            if Q::FILTERED && !query.accept(&Hit { t, u: 0.0, v: 0.0, instance: space, primitive: 0 }) {
+                continue;
+            }
+            (best.t, best.u, best.v) = (t, 0.0, 0.0);
+            (best.space, best.id) = (space, 0);
+            return true;
+        }
+        false
+    }
+
+    /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
+    #[inline(always)]
+    fn instance<Q: Query>(&self, placed: &Placed, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+        let (origin, direction) = self.setup.transformed(&placed.object_from_world);
+        let Some(setup) = Setup::new::<ROBUST>(origin, direction) else { return false };
+        Walk::<S, ROBUST> { s: self.s, tree: self.tree, setup: &setup, t_min: self.t_min, space: placed.instance }
+            .walk::<Q, false>(placed.root, entry, query, best)
+    }
+}

@@ -1,0 +1,149 @@
+//! The vector unit of x86-64 processors since 2013 (AVX2 and FMA).
+#![allow(unsafe_code)]
+
+use super::Query;
+use super::lanes::Lanes;
+use super::stack::Stack;
+use crate::tree::{Child, Tree, WIDTH};
+use crate::{Hit, Ray};
+use std::arch::x86_64::*;
+
+/// Proof that the processor has AVX2, FMA and BMI1; only [`Avx2::detect`] makes one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(());
+
+impl Avx2 {
+    /// Asks the processor.
+    pub(crate) fn detect() -> Option<Self> {
+        let has =
+            is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1");
+        has.then_some(Self(()))
+    }
+}
+
+/// [`super::run`], compiled for this unit.
+#[inline(always)]
+pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+    #[target_feature(enable = "avx2,fma,bmi1")]
+    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+        super::run::<_, Q, ROBUST>(unit, tree, ray, query)
+    }
+    // SAFETY: `unit` proves that the processor has these features.
+    unsafe { compiled::<Q, ROBUST>(unit, tree, ray, query) }
+}
+
+/// For each mask of eight bits the positions of its set bits, lowest first.
+static COMPRESS: [[u8; WIDTH]; 256] = {
+    let mut table = [[0; WIDTH]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut bit, mut count) = (0, 0);
+        while bit < WIDTH {
+            if mask >> bit & 1 == 1 {
+                table[mask][count] = bit as u8;
+                count += 1;
+            }
+            bit += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+// SAFETY (of every block below, but for what is said there): `self` proves that the processor has the instructions;
+// they touch registers only.
+impl Lanes for Avx2 {
+    type F = __m256;
+    type Mask = __m256;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m256 {
+        unsafe { _mm256_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn load(self, x: &[f32; WIDTH]) -> __m256 {
+        // SAFETY: reads the 32 bytes of `x`; unaligned loads are allowed.
+        unsafe { _mm256_loadu_ps(x.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, x: __m256) -> [f32; WIDTH] {
+        let mut out = [0.0; WIDTH];
+        // SAFETY: writes the 32 bytes of `out`; unaligned stores are allowed.
+        unsafe { _mm256_storeu_ps(out.as_mut_ptr(), x) };
+        out
+    }
+    #[inline(always)]
+    fn add(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn div(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_div_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn min(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_min_ps(a, b) }
+    }
+    #[inline(always)]
+    fn max(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_max_ps(a, b) }
+    }
+    #[inline(always)]
+    fn lt(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn le(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn and(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[inline(always)]
+    fn and_not(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_andnot_ps(a, b) }
+    }
+    #[inline(always)]
+    fn bits(self, a: __m256) -> u32 {
+        unsafe { _mm256_movemask_ps(a) as u32 }
+    }
+    #[inline(always)]
+    fn push_ordered(self, stack: &mut Stack, children: &[Child; WIDTH], near: __m256, mask: __m256, order: u32) {
+        let (near_out, child_out) = stack.room();
+        // SAFETY: `Child` is a transparent `u32`, so `children` is 32 readable bytes, and so are both outputs writable;
+        // a table row is the 8 bytes that `_mm_loadl_epi64` reads. `permutevar8x32` takes three bits of each lane.
+        // The first `count` entries are written, as `grow` asks: all eight are.
+        unsafe {
+            let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
+            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
+            let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, order)) as usize;
+            let row = _mm_loadl_epi64(COMPRESS[hit & 255].as_ptr().cast());
+            let slots = _mm256_permutevar8x32_epi32(order, _mm256_cvtepu8_epi32(row));
+            let child = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(children.as_ptr().cast()), slots);
+            _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_permutevar8x32_ps(near, slots));
+            _mm256_storeu_si256(child_out.as_mut_ptr().cast(), child);
+            stack.grow(hit.count_ones() as usize);
+        }
+    }
+}

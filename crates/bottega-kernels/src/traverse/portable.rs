@@ -1,0 +1,104 @@
+//! The vector unit that every processor has: arrays. It is the oracle for the others.
+
+use super::lanes::Lanes;
+use super::stack::Stack;
+use crate::tree::{Child, WIDTH};
+
+/// Arrays of eight floats; `f32::mul_add` keeps the one rounding of the hardware's fused operation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Portable;
+
+type F = [f32; WIDTH];
+
+#[inline(always)]
+fn zip(a: F, b: F, f: impl Fn(f32, f32) -> f32) -> F {
+    std::array::from_fn(|i| f(a[i], b[i]))
+}
+
+#[inline(always)]
+fn compare(a: F, b: F, f: impl Fn(f32, f32) -> bool) -> u32 {
+    (0..WIDTH).fold(0, |bits, i| bits | u32::from(f(a[i], b[i])) << i)
+}
+
+impl Lanes for Portable {
+    type F = F;
+    type Mask = u32;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> F {
+        [x; WIDTH]
+    }
+    #[inline(always)]
+    fn load(self, x: &F) -> F {
+        *x
+    }
+    #[inline(always)]
+    fn store(self, x: F) -> F {
+        x
+    }
+    #[inline(always)]
+    fn add(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn mul_add(self, a: F, b: F, c: F) -> F {
+        std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: F, b: F, c: F) -> F {
+        std::array::from_fn(|i| a[i].mul_add(b[i], -c[i]))
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: F, b: F, c: F) -> F {
+        std::array::from_fn(|i| (-a[i]).mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn min(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn lt(self, a: F, b: F) -> u32 {
+        compare(a, b, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn le(self, a: F, b: F) -> u32 {
+        compare(a, b, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn and(self, a: u32, b: u32) -> u32 {
+        a & b
+    }
+    #[inline(always)]
+    fn and_not(self, a: u32, b: u32) -> u32 {
+        !a & b
+    }
+    #[inline(always)]
+    fn bits(self, a: u32) -> u32 {
+        a
+    }
+    #[inline(always)]
+    fn push_ordered(self, stack: &mut Stack, children: &[Child; WIDTH], near: F, mask: u32, order: u32) {
+        for i in 0..WIDTH {
+            let slot = (order >> (3 * i) & 7) as usize;
+            if mask >> slot & 1 == 1 {
+                stack.push(children[slot], near[slot]);
+            }
+        }
+    }
+}
