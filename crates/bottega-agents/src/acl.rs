@@ -56,3 +56,34 @@ pub struct AclMessage<C = String> {
     /// When an answer is of no more use.
     pub reply_by: Option<Time>,
 }
+
+impl<C> AclMessage<C> {
+    /// A message to one receiver that belongs to no conversation yet.
+    pub fn new(performative: Performative, sender: AgentId, receiver: AgentId, content: C) -> Self {
+        Self {
+            performative,
+            sender,
+            receivers: vec![receiver],
+            content,
+            language: "",
+            ontology: "",
+            protocol: "",
+            conversation_id: 0,
+            reply_with: 0,
+            in_reply_to: 0,
+            reply_by: None,
+        }
+    }
+
+    /// An answer of `from` to the sender of this message: same conversation, protocol, language and ontology.
+    pub fn reply(&self, performative: Performative, from: AgentId, content: C) -> Self {
+        Self {
+            language: self.language,
+            ontology: self.ontology,
+            protocol: self.protocol,
+            conversation_id: self.conversation_id,
+            in_reply_to: self.reply_with,
+            ..Self::new(performative, from, self.sender.clone(), content)
+        }
+    }
+}

@@ -6,8 +6,12 @@
 
 mod acl;
 mod id;
+mod machine;
+pub mod store;
 mod time;
 
 pub use acl::{AclMessage, Performative};
 pub use id::AgentId;
+pub use machine::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine};
+pub use store::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket};
 pub use time::Time;

@@ -1,0 +1,245 @@
+//! The shared key-value store: every entry has a revision, and a write can ask that nobody wrote in between.
+//!
+//! The revision is also the *fencing token* of whatever the entry awards: it grows with every write to the store, so
+//! what was awarded later always carries the greater one.
+
+use std::{collections::BTreeMap, fmt, sync::Arc};
+
+/// The name of an entry, such as `work/7/zone/12`. Watches go by prefix.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Key(Arc<str>);
+
+impl Key {
+    /// The name as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl<T: Into<Arc<str>>> From<T> for Key {
+    fn from(name: T) -> Self {
+        Self(name.into())
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Counts the writes to a store. Greater is later, over all keys.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Revision(pub u64);
+
+impl Revision {
+    /// The revision of an entry that does not exist: what to expect in order to create one.
+    pub const ABSENT: Self = Self(0);
+}
+
+/// Ties an answer to its request. Chosen by the asker; unique among its open requests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Ticket(pub u64);
+
+/// One entry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry<V> {
+    /// Its name.
+    pub key: Key,
+    /// The write that made it what it is.
+    pub revision: Revision,
+    /// What it holds.
+    pub value: V,
+}
+
+/// What can be asked of the store.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StoreRequest<V> {
+    /// Reads an entry; answered by [`StoreReply::Got`].
+    Get {
+        /// Which.
+        key: Key,
+    },
+    /// Writes an entry, whatever was there; answered by [`StoreReply::Written`].
+    Put {
+        /// Which.
+        key: Key,
+        /// What it shall hold.
+        value: V,
+    },
+    /// Writes an entry only if nobody wrote it since; answered by [`StoreReply::Written`] or [`StoreReply::Conflict`].
+    CompareAndSet {
+        /// Which.
+        key: Key,
+        /// The revision it must have: [`Revision::ABSENT`] where it must not exist yet.
+        expected_revision: Revision,
+        /// What it shall hold.
+        value: V,
+    },
+    /// Reports all entries whose name begins so, then [`StoreReply::CaughtUp`], then every write to one of them.
+    Watch {
+        /// How the names begin.
+        prefix: Key,
+    },
+}
+
+/// What the store says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StoreReply<V> {
+    /// The entry asked for, if there is one.
+    Got {
+        /// Which was asked for.
+        key: Key,
+        /// What is there.
+        entry: Option<Entry<V>>,
+    },
+    /// Written.
+    Written {
+        /// Which.
+        key: Key,
+        /// By which write: the fencing token.
+        revision: Revision,
+    },
+    /// Not written: the entry has another revision than expected.
+    Conflict {
+        /// Which.
+        key: Key,
+        /// What is there.
+        entry: Option<Entry<V>>,
+    },
+    /// A watched entry as it is now.
+    Changed(Entry<V>),
+    /// A watch has reported all that was there when it began.
+    CaughtUp,
+    /// The store could not be asked. Whether a write took place is not known.
+    Unavailable,
+}
+
+/// A store in memory: what the drivers of one process hold, and what every other store must behave like.
+#[derive(Clone, Debug)]
+pub struct MemoryStore<V, W = ()> {
+    entries: BTreeMap<Key, Entry<V>>,
+    /// Who watches which prefix, in order of asking.
+    watches: Vec<(Key, Ticket, W)>,
+    last: Revision,
+}
+
+/// A reply and to whom it goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Addressed<V, W> {
+    /// Who asked.
+    pub to: W,
+    /// With which ticket.
+    pub ticket: Ticket,
+    /// What is said.
+    pub reply: StoreReply<V>,
+}
+
+impl<V, W> Default for MemoryStore<V, W> {
+    fn default() -> Self {
+        Self { entries: BTreeMap::new(), watches: Vec::new(), last: Revision::ABSENT }
+    }
+}
+
+impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
+    /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
+    pub fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
+        let entry_of = |key: &Key| self.entries.get(key).cloned();
+        match request {
+            StoreRequest::Get { key } => {
+                let entry = entry_of(&key);
+                replies.push(Addressed { to: from, ticket, reply: StoreReply::Got { key, entry } });
+            }
+            StoreRequest::Put { key, value } => self.write(from, ticket, key, value, replies),
+            StoreRequest::CompareAndSet { key, expected_revision, value } => {
+                let entry = entry_of(&key);
+                if entry.as_ref().map_or(Revision::ABSENT, |entry| entry.revision) == expected_revision {
+                    self.write(from, ticket, key, value, replies);
+                } else {
+                    replies.push(Addressed { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
+                }
+            }
+            StoreRequest::Watch { prefix } => {
+                let say = |reply| Addressed { to: from.clone(), ticket, reply };
+                replies.extend(self.with_prefix(&prefix).map(|entry| say(StoreReply::Changed(entry.clone()))));
+                replies.push(say(StoreReply::CaughtUp));
+                self.watches.retain(|(_, other, who)| *other != ticket || *who != from);
+                self.watches.push((prefix, ticket, from));
+            }
+        }
+    }
+
+    fn write(&mut self, from: W, ticket: Ticket, key: Key, value: V, replies: &mut Vec<Addressed<V, W>>) {
+        self.last = Revision(self.last.0 + 1);
+        let revision = self.last;
+        replies.push(Addressed { to: from, ticket, reply: StoreReply::Written { key: key.clone(), revision } });
+        let entry = Entry { key: key.clone(), revision, value };
+        for (prefix, ticket, who) in &self.watches {
+            if key.as_str().starts_with(prefix.as_str()) {
+                replies.push(Addressed { to: who.clone(), ticket: *ticket, reply: StoreReply::Changed(entry.clone()) });
+            }
+        }
+        self.entries.insert(key, entry);
+    }
+
+    /// Ends all watches of one who is gone.
+    pub fn forget(&mut self, who: &W) {
+        self.watches.retain(|(_, _, other)| other != who);
+    }
+
+    /// Reads an entry.
+    pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
+        self.entries.get(key)
+    }
+
+    /// All entries whose name begins so, in order of their names.
+    pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
+        self.entries
+            .range(prefix..)
+            .take_while(|(key, _)| key.as_str().starts_with(prefix.as_str()))
+            .map(|(_, entry)| entry)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ask(
+        store: &mut MemoryStore<u32, &'static str>,
+        from: &'static str,
+        request: StoreRequest<u32>,
+    ) -> Vec<(&'static str, StoreReply<u32>)> {
+        let mut replies = Vec::new();
+        store.handle(from, Ticket(1), request, &mut replies);
+        replies.into_iter().map(|reply| (reply.to, reply.reply)).collect()
+    }
+
+    #[test]
+    fn of_two_who_saw_the_same_revision_one_writes() {
+        let mut store = MemoryStore::default();
+        let cas =
+            |value| StoreRequest::CompareAndSet { key: "zone/1".into(), expected_revision: Revision::ABSENT, value };
+        assert!(matches!(ask(&mut store, "a", cas(1))[..], [("a", StoreReply::Written { revision: Revision(1), .. })]));
+        match &ask(&mut store, "b", cas(2))[..] {
+            [("b", StoreReply::Conflict { entry: Some(entry), .. })] => assert_eq!(entry.value, 1),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_watch_reports_what_is_there_and_then_what_changes_under_its_prefix_only() {
+        let mut store = MemoryStore::default();
+        ask(&mut store, "a", StoreRequest::Put { key: "zone/1".into(), value: 1 });
+        ask(&mut store, "a", StoreRequest::Put { key: "agent/1".into(), value: 2 });
+        let seen = ask(&mut store, "w", StoreRequest::Watch { prefix: "zone/".into() });
+        assert!(
+            matches!(&seen[..], [("w", StoreReply::Changed(entry)), ("w", StoreReply::CaughtUp)] if entry.value == 1)
+        );
+        let seen = ask(&mut store, "a", StoreRequest::Put { key: "zone/2".into(), value: 3 });
+        assert!(matches!(&seen[..], [("a", StoreReply::Written { .. }), ("w", StoreReply::Changed(entry))]
+            if entry.value == 3 && entry.revision == Revision(3)));
+        store.forget(&"w");
+        assert_eq!(ask(&mut store, "a", StoreRequest::Put { key: "zone/3".into(), value: 4 }).len(), 1);
+    }
+}
