@@ -1,5 +1,7 @@
 //! Messages of the Agent Communication Language (FIPA00061).
 
+use std::fmt;
+
 use crate::{AgentId, Time};
 
 /// The communicative acts (FIPA00037).
@@ -28,6 +30,73 @@ pub enum Performative {
     RequestWhen,
     RequestWhenever,
     Subscribe,
+}
+
+impl Performative {
+    /// All of them, in the order of the standard's names.
+    pub const ALL: [Self; 22] = [
+        Self::AcceptProposal,
+        Self::Agree,
+        Self::Cancel,
+        Self::CallForProposal,
+        Self::Confirm,
+        Self::Disconfirm,
+        Self::Failure,
+        Self::InformIf,
+        Self::Inform,
+        Self::InformRef,
+        Self::NotUnderstood,
+        Self::Propagate,
+        Self::Propose,
+        Self::Proxy,
+        Self::QueryIf,
+        Self::QueryRef,
+        Self::Refuse,
+        Self::RejectProposal,
+        Self::Request,
+        Self::RequestWhen,
+        Self::RequestWhenever,
+        Self::Subscribe,
+    ];
+
+    /// The word of the standard, in lower case.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::AcceptProposal => "accept-proposal",
+            Self::Agree => "agree",
+            Self::Cancel => "cancel",
+            Self::CallForProposal => "cfp",
+            Self::Confirm => "confirm",
+            Self::Disconfirm => "disconfirm",
+            Self::Failure => "failure",
+            Self::InformIf => "inform-if",
+            Self::Inform => "inform",
+            Self::InformRef => "inform-ref",
+            Self::NotUnderstood => "not-understood",
+            Self::Propagate => "propagate",
+            Self::Propose => "propose",
+            Self::Proxy => "proxy",
+            Self::QueryIf => "query-if",
+            Self::QueryRef => "query-ref",
+            Self::Refuse => "refuse",
+            Self::RejectProposal => "reject-proposal",
+            Self::Request => "request",
+            Self::RequestWhen => "request-when",
+            Self::RequestWhenever => "request-whenever",
+            Self::Subscribe => "subscribe",
+        }
+    }
+
+    /// Reads the word, without case: some platforms write capitals.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|performative| performative.word().eq_ignore_ascii_case(word))
+    }
+}
+
+impl fmt::Display for Performative {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
 }
 
 /// One message. `C` is the content: typed within one platform (nothing is encoded there), text on a wire.

@@ -5,12 +5,16 @@
 //! a network, or in a simulator with virtual time.
 
 mod acl;
+pub mod bus;
+pub mod driver;
 mod id;
 mod machine;
 pub mod store;
 mod time;
 
 pub use acl::{AclMessage, Performative};
+pub use bus::{Blob, BlobId, Bus};
+pub use driver::{Faults, LocalBus, LocalPlatform, Mailbox, Performer, Random, Simulator, World};
 pub use id::AgentId;
 pub use machine::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine};
 pub use store::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket};

@@ -2,7 +2,7 @@
 
 use crate::{
     AclMessage, AgentId, Time,
-    store::{StoreReply, StoreRequest, Ticket},
+    store::{Key, StoreReply, StoreRequest, Ticket},
 };
 
 /// What happens to an agent.
@@ -31,7 +31,8 @@ pub enum Event<C, V, R> {
         /// Whether it is here.
         present: bool,
     },
-    /// [`StateMachine::next_deadline`] is reached.
+    /// [`StateMachine::next_deadline`] is reached. It may come when the machine has just named a later one: compare
+    /// with `now`.
     Deadline,
 }
 
@@ -49,6 +50,15 @@ pub enum Action<C, V, E> {
     },
     /// Begins something in the world outside of the platform; its end comes as [`Event::Completed`].
     Effect(E),
+    /// Puts a message into a queue: exactly one of those who joined it gets it. Its receivers are ignored.
+    Enqueue {
+        /// Which queue.
+        queue: Key,
+        /// What is said.
+        message: AclMessage<C>,
+    },
+    /// From now on takes its turn at a queue.
+    JoinQueue(Key),
     /// From now on tells who comes and goes, and at once who is here.
     WatchPresence,
     /// The agent is finished: it gets no more events.

@@ -141,6 +141,13 @@ impl<V, W> Default for MemoryStore<V, W> {
     }
 }
 
+impl<V, W: PartialEq> MemoryStore<V, W> {
+    /// Ends all watches of one who is gone.
+    pub fn forget(&mut self, who: &W) {
+        self.watches.retain(|(_, _, other)| other != who);
+    }
+}
+
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
     /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
     pub fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
@@ -180,11 +187,6 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
             }
         }
         self.entries.insert(key, entry);
-    }
-
-    /// Ends all watches of one who is gone.
-    pub fn forget(&mut self, who: &W) {
-        self.watches.retain(|(_, _, other)| other != who);
     }
 
     /// Reads an entry.

@@ -1,0 +1,685 @@
+//! Agents in one process: a few threads, mailboxes in memory, real time.
+//!
+//! One lock guards mailboxes, store and timers; no machine ever runs under it. A thread without work sleeps until a
+//! mailbox fills or the next deadline comes: nothing polls.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    panic,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use super::queues::Queues;
+use crate::{
+    AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreRequest, Ticket, Time,
+    bus::{BLOBS_MAX, Beyond, Blob, BlobId, Bus, carry_out},
+    store::{Addressed, MemoryStore},
+};
+
+/// The most messages that wait in a mailbox; what comes on top is lost, as on any network.
+///
+/// Completions and answers of the store are not counted: each was asked for by the agent itself.
+pub const MAILBOX_MESSAGES_MAX: usize = 1 << 16;
+
+/// How many events an agent may take before the next agent has its turn.
+const TURN_EVENTS_MAX: usize = 32;
+
+/// The shortest time after which a machine is woken again that names a deadline in the past.
+const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
+
+/// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
+/// end through the [`Mailbox`].
+pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
+
+struct Slot<M: StateMachine> {
+    id: AgentId,
+    /// Absent while a thread runs it, and when it has stopped.
+    machine: Option<(M, Performer<M>)>,
+    mailbox: VecDeque<EventOf<M>>,
+    messages: usize,
+    /// In the ready queue, or running.
+    scheduled: bool,
+    deadline: Option<Time>,
+    stopped: bool,
+}
+
+struct State<M: StateMachine> {
+    slots: Vec<Slot<M>>,
+    index: BTreeMap<AgentId, usize>,
+    ready: VecDeque<usize>,
+    timers: BTreeSet<(Time, usize)>,
+    store: MemoryStore<M::Value, usize>,
+    queues: Queues<M::Content>,
+    blobs: BTreeMap<BlobId, Blob>,
+    presence_watchers: BTreeSet<usize>,
+    /// Agents that have not stopped.
+    alive: usize,
+    messages_lost: u64,
+    closing: bool,
+    panicked: bool,
+}
+
+struct Shared<M: StateMachine> {
+    state: Mutex<State<M>>,
+    /// There is work for a worker, or the platform closes.
+    work: Condvar,
+    /// The last agent stopped, or the platform closes.
+    finished: Condvar,
+    started: Instant,
+}
+
+impl<M: StateMachine> Shared<M> {
+    fn lock(&self) -> MutexGuard<'_, State<M>> {
+        // No machine runs under the lock, so a panic elsewhere leaves the state whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn now(&self) -> Time {
+        Time::since_start(self.started.elapsed())
+    }
+}
+
+impl<M: StateMachine> State<M> {
+    /// Puts an event into a mailbox. Returns whether a worker must be woken.
+    fn deliver(&mut self, to: usize, event: EventOf<M>) -> bool {
+        let slot = &mut self.slots[to];
+        if slot.stopped {
+            return false;
+        }
+        if matches!(event, Event::Message(_)) {
+            if slot.messages == MAILBOX_MESSAGES_MAX {
+                self.messages_lost += 1;
+                return false;
+            }
+            slot.messages += 1;
+        }
+        slot.mailbox.push_back(event);
+        self.schedule(to)
+    }
+
+    fn schedule(&mut self, agent: usize) -> bool {
+        let slot = &mut self.slots[agent];
+        if slot.scheduled {
+            return false;
+        }
+        slot.scheduled = true;
+        self.ready.push_back(agent);
+        true
+    }
+
+    fn set_deadline(&mut self, agent: usize, deadline: Option<Time>) {
+        let slot = &mut self.slots[agent];
+        if slot.deadline == deadline {
+            return;
+        }
+        if let Some(old) = slot.deadline {
+            self.timers.remove(&(old, agent));
+        }
+        slot.deadline = deadline;
+        if let Some(new) = deadline {
+            self.timers.insert((new, agent));
+        }
+    }
+
+    /// Moves agents whose deadline has come into the ready queue.
+    fn wake_due(&mut self, now: Time) {
+        while let Some(&(at, agent)) = self.timers.first() {
+            if at > now {
+                return;
+            }
+            self.timers.pop_first();
+            self.slots[agent].deadline = None;
+            self.deliver(agent, Event::Deadline);
+        }
+    }
+
+    fn tell_presence(&mut self, agent: usize, present: bool) {
+        let id = self.slots[agent].id.clone();
+        for watcher in self.presence_watchers.clone() {
+            if watcher != agent {
+                self.deliver(watcher, Event::Presence { agent: id.clone(), present });
+            }
+        }
+    }
+
+    fn retire(&mut self, agent: usize) {
+        self.set_deadline(agent, None);
+        let slot = &mut self.slots[agent];
+        slot.stopped = true;
+        slot.mailbox.clear();
+        let id = slot.id.clone();
+        self.store.forget(&agent);
+        self.queues.forget(&id);
+        self.presence_watchers.remove(&agent);
+        self.alive -= 1;
+        self.tell_presence(agent, false);
+    }
+}
+
+/// The bus of a [`LocalPlatform`]: may be cloned and used by any thread.
+pub struct LocalBus<M: StateMachine>(Arc<Shared<M>>);
+
+impl<M: StateMachine> Clone for LocalBus<M> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<M: StateMachine> LocalBus<M>
+where
+    M::Content: Clone,
+    M::Value: Clone,
+{
+    fn with(&self, change: impl FnOnce(&mut State<M>)) {
+        change(&mut self.0.lock());
+        self.0.work.notify_all();
+    }
+}
+
+impl<M: StateMachine> Bus for LocalBus<M>
+where
+    M::Content: Clone,
+    M::Value: Clone,
+{
+    type Content = M::Content;
+    type Value = M::Value;
+
+    fn publish(&mut self, message: AclMessage<M::Content>) {
+        self.with(|state| {
+            for receiver in &message.receivers {
+                match state.index.get(receiver) {
+                    Some(&to) => _ = state.deliver(to, Event::Message(message.clone())),
+                    None => state.messages_lost += 1,
+                }
+            }
+        });
+    }
+
+    fn enqueue(&mut self, queue: &Key, message: AclMessage<M::Content>) {
+        let addressed = self.0.lock().queues.enqueue(queue, message);
+        if let Some(message) = addressed {
+            self.publish(message);
+        }
+    }
+
+    fn join(&mut self, queue: &Key, agent: &AgentId) {
+        let waiting = self.0.lock().queues.join(queue, agent);
+        for message in waiting {
+            self.publish(message);
+        }
+    }
+
+    fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
+        self.with(|state| {
+            let Some(&from) = state.index.get(from) else { return };
+            let mut replies = Vec::new();
+            state.store.handle(from, ticket, request, &mut replies);
+            for Addressed { to, ticket, reply } in replies {
+                state.deliver(to, Event::Store { ticket, reply });
+            }
+        });
+    }
+
+    fn watch_presence(&mut self, from: &AgentId) {
+        self.with(|state| {
+            let Some(&watcher) = state.index.get(from) else { return };
+            state.presence_watchers.insert(watcher);
+            for agent in 0..state.slots.len() {
+                if agent != watcher && !state.slots[agent].stopped {
+                    let agent = state.slots[agent].id.clone();
+                    state.deliver(watcher, Event::Presence { agent, present: true });
+                }
+            }
+        });
+    }
+
+    fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool {
+        let mut state = self.0.lock();
+        if state.blobs.len() >= BLOBS_MAX && !state.blobs.contains_key(&id) {
+            return false;
+        }
+        state.blobs.insert(id, blob);
+        true
+    }
+
+    fn blob(&self, id: BlobId) -> Option<Blob> {
+        self.0.lock().blobs.get(&id).cloned()
+    }
+}
+
+/// The mailbox of one agent, for threads outside of the platform: an engine that reports, a user who interrupts.
+pub struct Mailbox<M: StateMachine> {
+    shared: Arc<Shared<M>>,
+    agent: usize,
+}
+
+impl<M: StateMachine> Clone for Mailbox<M> {
+    fn clone(&self) -> Self {
+        Self { shared: Arc::clone(&self.shared), agent: self.agent }
+    }
+}
+
+impl<M: StateMachine> Mailbox<M> {
+    /// Reports an effect. Dropped when the agent has stopped.
+    pub fn complete(&self, completion: M::Completion) {
+        self.shared.lock().deliver(self.agent, Event::Completed(completion));
+        self.shared.work.notify_all();
+    }
+
+    /// The platform's time.
+    pub fn now(&self) -> Time {
+        self.shared.now()
+    }
+}
+
+/// A platform in one process.
+pub struct LocalPlatform<M: StateMachine> {
+    shared: Arc<Shared<M>>,
+    threads: Vec<thread::JoinHandle<()>>,
+}
+
+impl<M: StateMachine + Send + 'static> LocalPlatform<M>
+where
+    M::Content: Clone + Send + 'static,
+    M::Value: Clone + Send + 'static,
+    M::Effect: Send + 'static,
+    M::Completion: Send + 'static,
+{
+    /// Starts so many threads (at least one), which sleep until there are agents.
+    ///
+    /// # Errors
+    /// When the operating system gives no thread.
+    pub fn new(threads: usize) -> std::io::Result<Self> {
+        let state = State {
+            slots: Vec::new(),
+            index: BTreeMap::new(),
+            ready: VecDeque::new(),
+            timers: BTreeSet::new(),
+            store: MemoryStore::default(),
+            queues: Queues::default(),
+            blobs: BTreeMap::new(),
+            presence_watchers: BTreeSet::new(),
+            alive: 0,
+            messages_lost: 0,
+            closing: false,
+            panicked: false,
+        };
+        let shared = Arc::new(Shared {
+            state: Mutex::new(state),
+            work: Condvar::new(),
+            finished: Condvar::new(),
+            started: Instant::now(),
+        });
+        let mut platform = Self { shared: Arc::clone(&shared), threads: Vec::new() };
+        for number in 0..threads.max(1) {
+            let shared = Arc::clone(&shared);
+            let worker = thread::Builder::new().name(format!("agents-{number}"));
+            platform.threads.push(worker.spawn(move || work(&shared))?);
+        }
+        Ok(platform)
+    }
+
+    /// Brings an agent to life. Its first event is [`Event::Start`].
+    ///
+    /// # Errors
+    /// When the name is taken, by an agent that lives or has lived.
+    pub fn add(&self, id: &AgentId, machine: M, performer: Performer<M>) -> Result<Mailbox<M>, NameTaken> {
+        let mut state = self.shared.lock();
+        if state.index.contains_key(id) {
+            return Err(NameTaken(id.clone()));
+        }
+        let agent = state.slots.len();
+        state.index.insert(id.clone(), agent);
+        state.slots.push(Slot {
+            id: id.clone(),
+            machine: Some((machine, performer)),
+            mailbox: VecDeque::new(),
+            messages: 0,
+            scheduled: false,
+            deadline: None,
+            stopped: false,
+        });
+        state.alive += 1;
+        state.deliver(agent, Event::Start);
+        state.tell_presence(agent, true);
+        drop(state);
+        self.shared.work.notify_all();
+        Ok(Mailbox { shared: Arc::clone(&self.shared), agent })
+    }
+
+    /// The bus, for threads outside of the platform.
+    pub fn bus(&self) -> LocalBus<M> {
+        LocalBus(Arc::clone(&self.shared))
+    }
+
+    /// Messages that nobody got: no such agent, or its mailbox was full.
+    pub fn messages_lost(&self) -> u64 {
+        self.shared.lock().messages_lost
+    }
+
+    /// The platform's time.
+    pub fn now(&self) -> Time {
+        self.shared.now()
+    }
+
+    /// Waits until every agent has stopped, then ends the threads. Goes on with the panic of a machine, if one did.
+    pub fn wait(mut self) {
+        let mut state = self.shared.lock();
+        while state.alive > 0 && !state.panicked {
+            state = self.shared.finished.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        drop(state);
+        self.close();
+    }
+
+    /// Ends the threads after the events they have in hand, whether agents have stopped or not.
+    pub fn stop(mut self) {
+        self.close();
+    }
+}
+
+impl<M: StateMachine> LocalPlatform<M> {
+    fn close(&mut self) {
+        self.shared.lock().closing = true;
+        self.shared.work.notify_all();
+        let mut first_panic = None;
+        for thread in self.threads.drain(..) {
+            if let Err(panic) = thread.join() {
+                first_panic.get_or_insert(panic);
+            }
+        }
+        // Performers may hold mailboxes, which hold the platform: cut the circle, outside of the lock.
+        let retire = |slot: &mut Slot<M>| {
+            slot.stopped = true;
+            slot.mailbox.clear();
+            slot.machine.take()
+        };
+        let machines: Vec<_> = self.shared.lock().slots.iter_mut().map(retire).collect();
+        drop(machines);
+        if let Some(panic) = first_panic
+            && !thread::panicking()
+        {
+            panic::resume_unwind(panic);
+        }
+    }
+}
+
+impl<M: StateMachine> Drop for LocalPlatform<M> {
+    fn drop(&mut self) {
+        if !self.threads.is_empty() {
+            self.close();
+        }
+    }
+}
+
+/// An agent's name is its identity and is never given twice.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is already an agent `{0}`")]
+pub struct NameTaken(pub AgentId);
+
+/// Tells the platform when a machine panics, so that nobody waits for it.
+struct PanicNotice<'a, M: StateMachine>(&'a Shared<M>);
+
+impl<M: StateMachine> Drop for PanicNotice<'_, M> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let mut state = self.0.lock();
+            state.panicked = true;
+            state.closing = true;
+            drop(state);
+            self.0.work.notify_all();
+            self.0.finished.notify_all();
+        }
+    }
+}
+
+fn work<M: StateMachine>(shared: &Arc<Shared<M>>)
+where
+    M::Content: Clone,
+    M::Value: Clone,
+{
+    let _notice = PanicNotice(shared);
+    let mut turn = VecDeque::new();
+    let mut actions = Vec::new();
+    while let Some(agent) = next_agent(shared) {
+        let (mut machine, mut performer, id) = {
+            let mut state = shared.lock();
+            let slot = &mut state.slots[agent];
+            let count = slot.mailbox.len().min(TURN_EVENTS_MAX);
+            turn.extend(slot.mailbox.drain(..count));
+            slot.messages -= turn.iter().filter(|event| matches!(event, Event::Message(_))).count();
+            let (machine, performer) = slot.machine.take().expect("an agent in the ready queue is at rest");
+            (machine, performer, slot.id.clone())
+        };
+        let mut bus = LocalBus(Arc::clone(shared));
+        let mailbox = Mailbox { shared: Arc::clone(shared), agent };
+        let mut stopped = false;
+        for event in turn.drain(..) {
+            if stopped {
+                break;
+            }
+            machine.handle(shared.now(), event, &mut actions);
+            for action in actions.drain(..) {
+                match carry_out(&mut bus, &id, action) {
+                    Some(Beyond::Effect(effect)) => performer(effect, &mailbox),
+                    Some(Beyond::Stop) => stopped = true,
+                    None => {}
+                }
+            }
+        }
+        rest(shared, agent, machine, performer, stopped);
+    }
+}
+
+/// Waits for an agent that has something to do. `None`: the platform closes.
+fn next_agent<M: StateMachine>(shared: &Shared<M>) -> Option<usize> {
+    let mut state = shared.lock();
+    loop {
+        if state.closing {
+            return None;
+        }
+        let now = shared.now();
+        state.wake_due(now);
+        if let Some(agent) = state.ready.pop_front() {
+            return Some(agent);
+        }
+        state = match state.timers.first() {
+            Some(&(at, _)) => {
+                let waited = shared.work.wait_timeout(state, at.since(now));
+                waited.unwrap_or_else(PoisonError::into_inner).0
+            }
+            None => shared.work.wait(state).unwrap_or_else(PoisonError::into_inner),
+        };
+    }
+}
+
+/// Puts a machine back after its turn.
+fn rest<M: StateMachine>(shared: &Shared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
+    // A deadline in the past was just answered: do not turn in place.
+    let deadline = machine.next_deadline().map(|at| at.max(shared.now() + WAKE_AFTER_MIN));
+    let mut state = shared.lock();
+    if stopped {
+        state.retire(agent);
+        let last = state.alive == 0;
+        drop(state);
+        // The machine is dropped outside of the lock: it may hold anything.
+        drop((machine, performer));
+        if last {
+            shared.finished.notify_all();
+        }
+        shared.work.notify_all();
+        return;
+    }
+    state.set_deadline(agent, deadline);
+    let slot = &mut state.slots[agent];
+    slot.machine = Some((machine, performer));
+    slot.scheduled = false;
+    let again = !slot.mailbox.is_empty() && state.schedule(agent);
+    drop(state);
+    if again || deadline.is_some() {
+        shared.work.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+    use crate::{Action, ActionOf, Performative, Revision, StoreReply};
+
+    /// Two players pass a number to and fro until it is zero.
+    struct Player {
+        id: AgentId,
+        other: AgentId,
+        serve: Option<u32>,
+        wake: Option<Time>,
+    }
+
+    impl StateMachine for Player {
+        type Content = u32;
+        type Value = u32;
+        type Effect = u32;
+        type Completion = u32;
+
+        fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+            let mut pass = |left: u32| {
+                actions.push(Action::Send(AclMessage::new(
+                    Performative::Inform,
+                    self.id.clone(),
+                    self.other.clone(),
+                    left,
+                )));
+            };
+            match event {
+                Event::Start => {
+                    if self.serve.is_some() {
+                        self.wake = Some(now + Duration::from_millis(5));
+                    }
+                }
+                Event::Deadline => {
+                    if self.wake.take().is_some() {
+                        pass(self.serve.expect("only who serves wakes"));
+                    }
+                }
+                Event::Message(message) if message.content == 0 => actions.push(Action::Stop),
+                Event::Message(message) => {
+                    pass(message.content - 1);
+                    if message.content == 1 {
+                        actions.push(Action::Effect(7));
+                    }
+                }
+                Event::Completed(seven) => {
+                    let request = StoreRequest::CompareAndSet {
+                        key: "end".into(),
+                        expected_revision: Revision::ABSENT,
+                        value: seven,
+                    };
+                    actions.push(Action::Store { ticket: Ticket(1), request });
+                }
+                Event::Store { reply, .. } => {
+                    assert!(matches!(reply, StoreReply::Written { revision: Revision(1), .. }));
+                    actions.push(Action::Stop);
+                }
+                Event::Presence { .. } => {}
+            }
+        }
+
+        fn next_deadline(&self) -> Option<Time> {
+            self.wake
+        }
+    }
+
+    fn play(threads: usize) {
+        let platform = LocalPlatform::new(threads).unwrap();
+        let (a, b) = (AgentId::new("a@here"), AgentId::new("b@here"));
+        for (id, other, serve) in [(&a, &b, Some(1001)), (&b, &a, None)] {
+            let player = Player { id: id.clone(), other: other.clone(), serve, wake: None };
+            // The effect takes its time on a thread of its own, as an engine does.
+            let performer: Performer<Player> = Box::new(|effect, mailbox| {
+                let mailbox = mailbox.clone();
+                thread::spawn(move || mailbox.complete(effect));
+            });
+            platform.add(id, player, performer).unwrap();
+        }
+        assert!(matches!(
+            platform.add(&a, Player { id: a.clone(), other: b, serve: None, wake: None }, Box::new(|_, _| {})),
+            Err(NameTaken(_))
+        ));
+        platform.wait();
+    }
+
+    #[test]
+    fn two_agents_talk_wait_ask_the_store_and_stop_on_one_thread_and_on_three() {
+        play(1);
+        play(3);
+    }
+
+    #[test]
+    fn a_panic_in_a_machine_reaches_who_waits() {
+        struct Bad;
+        impl StateMachine for Bad {
+            type Content = ();
+            type Value = ();
+            type Effect = ();
+            type Completion = ();
+            fn handle(&mut self, _: Time, _: EventOf<Self>, _: &mut Vec<ActionOf<Self>>) {
+                panic!("a bug");
+            }
+            fn next_deadline(&self) -> Option<Time> {
+                None
+            }
+        }
+        let platform = LocalPlatform::new(1).unwrap();
+        platform.add(&AgentId::new("bad@here"), Bad, Box::new(|_, _| {})).unwrap();
+        let caught = panic::catch_unwind(panic::AssertUnwindSafe(|| platform.wait()));
+        assert_eq!(caught.unwrap_err().downcast_ref::<&str>(), Some(&"a bug"));
+    }
+
+    #[test]
+    fn an_idle_platform_sleeps_and_a_late_completion_wakes_it() {
+        struct Sleeper(mpsc::Sender<u32>);
+        impl StateMachine for Sleeper {
+            type Content = ();
+            type Value = ();
+            type Effect = ();
+            type Completion = u32;
+            fn handle(&mut self, _: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+                match event {
+                    Event::Completed(number) => {
+                        self.0.send(number).unwrap();
+                        actions.push(Action::Stop);
+                    }
+                    other => assert!(matches!(other, Event::Start), "nothing else happens: {other:?}"),
+                }
+            }
+            fn next_deadline(&self) -> Option<Time> {
+                None
+            }
+        }
+        let platform = LocalPlatform::new(2).unwrap();
+        let (sender, receiver) = mpsc::channel();
+        let mailbox = platform.add(&AgentId::new("s@here"), Sleeper(sender), Box::new(|_, _| {})).unwrap();
+        thread::sleep(Duration::from_millis(10));
+        mailbox.complete(3);
+        assert_eq!(receiver.recv().unwrap(), 3);
+        platform.wait();
+        mailbox.complete(4);
+    }
+
+    #[test]
+    fn a_queue_gives_each_message_to_one_agent_in_turn() {
+        let mut queues = Queues::default();
+        let (name, a, b) = (Key::from("jobs"), AgentId::new("a"), AgentId::new("b"));
+        let message = |number| AclMessage::new(Performative::Request, AgentId::new("c"), AgentId::new("c"), number);
+        assert!(queues.enqueue(&name, message(1)).is_none());
+        assert_eq!(queues.join(&name, &a).len(), 1);
+        assert!(queues.join(&name, &b).is_empty());
+        let takers: Vec<_> = (0..4).map(|n| queues.enqueue(&name, message(n)).unwrap().receivers[0].clone()).collect();
+        assert_eq!(takers, [a.clone(), b.clone(), a.clone(), b.clone()]);
+        queues.forget(&a);
+        assert_eq!(queues.enqueue(&name, message(9)).unwrap().receivers, [b]);
+    }
+}

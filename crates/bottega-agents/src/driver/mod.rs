@@ -1,0 +1,10 @@
+//! What turns state machines into running agents.
+
+pub mod local;
+mod queues;
+pub mod random;
+pub mod simulator;
+
+pub use local::{LocalBus, LocalPlatform, Mailbox, Performer};
+pub use random::Random;
+pub use simulator::{Faults, Simulator, World};

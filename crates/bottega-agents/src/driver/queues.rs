@@ -1,0 +1,63 @@
+//! Queues from which agents take turns.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::{AclMessage, AgentId, Key};
+
+/// The most messages that wait in a queue which nobody has joined; the oldest goes first.
+pub(crate) const QUEUED_MESSAGES_MAX: usize = 1 << 16;
+
+struct Queue<C> {
+    members: VecDeque<AgentId>,
+    waiting: VecDeque<AclMessage<C>>,
+}
+
+/// All queues of a platform.
+pub(crate) struct Queues<C>(BTreeMap<Key, Queue<C>>);
+
+impl<C> Default for Queues<C> {
+    fn default() -> Self {
+        Self(BTreeMap::new())
+    }
+}
+
+impl<C> Queues<C> {
+    fn queue(&mut self, name: &Key) -> &mut Queue<C> {
+        self.0.entry(name.clone()).or_insert_with(|| Queue { members: VecDeque::new(), waiting: VecDeque::new() })
+    }
+
+    /// Addresses the message to the member whose turn it is; keeps it where there is none.
+    pub(crate) fn enqueue(&mut self, name: &Key, mut message: AclMessage<C>) -> Option<AclMessage<C>> {
+        let queue = self.queue(name);
+        let Some(next) = queue.members.pop_front() else {
+            if queue.waiting.len() == QUEUED_MESSAGES_MAX {
+                queue.waiting.pop_front();
+            }
+            queue.waiting.push_back(message);
+            return None;
+        };
+        message.receivers = vec![next.clone()];
+        queue.members.push_back(next);
+        Some(message)
+    }
+
+    /// Adds a member, and gives it what has waited for one.
+    pub(crate) fn join(&mut self, name: &Key, agent: &AgentId) -> Vec<AclMessage<C>> {
+        let queue = self.queue(name);
+        if !queue.members.contains(agent) {
+            queue.members.push_back(agent.clone());
+        }
+        let mut waiting: Vec<_> = queue.waiting.drain(..).collect();
+        for message in &mut waiting {
+            message.receivers = vec![agent.clone()];
+        }
+        waiting
+    }
+
+    /// Takes an agent out of all queues.
+    pub(crate) fn forget(&mut self, agent: &AgentId) {
+        for queue in self.0.values_mut() {
+            queue.members.retain(|member| member != agent);
+        }
+    }
+}

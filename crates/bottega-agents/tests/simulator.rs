@@ -1,0 +1,135 @@
+//! The simulator itself: one seed, one run; faults happen; what must arrive arrives.
+
+use std::time::Duration;
+
+use bottega_agents::{
+    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Performative, Revision, Simulator, StateMachine,
+    StoreReply, StoreRequest, Ticket, Time,
+};
+use expect_test::expect;
+
+/// Counts up an entry of the store until it stands at `goal`, telling a friend about each step.
+struct Counter {
+    id: AgentId,
+    friend: AgentId,
+    goal: u32,
+    heard: u32,
+    retry: Option<Time>,
+    ticket: u64,
+}
+
+impl Counter {
+    fn read(&mut self, now: Time, actions: &mut Vec<ActionOf<Self>>) {
+        self.ticket += 1;
+        self.retry = Some(now + Duration::from_secs(5));
+        actions.push(Action::Store { ticket: Ticket(self.ticket), request: StoreRequest::Get { key: "count".into() } });
+    }
+}
+
+impl StateMachine for Counter {
+    type Content = u32;
+    type Value = u32;
+    type Effect = Duration;
+    type Completion = ();
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+        match event {
+            Event::Start => actions.push(Action::Effect(Duration::from_millis(3))),
+            Event::Completed(()) | Event::Deadline => self.read(now, actions),
+            Event::Store { ticket, reply } if ticket == Ticket(self.ticket) => match reply {
+                StoreReply::Got { key, entry } => {
+                    let (value, expected_revision) = entry.map_or((0, Revision::ABSENT), |e| (e.value, e.revision));
+                    if value < self.goal {
+                        let request = StoreRequest::CompareAndSet { key, expected_revision, value: value + 1 };
+                        self.ticket += 1;
+                        actions.push(Action::Store { ticket: Ticket(self.ticket), request });
+                    } else {
+                        self.retry = None;
+                    }
+                }
+                StoreReply::Written { .. } => {
+                    actions.push(Action::Send(AclMessage::new(
+                        Performative::Inform,
+                        self.id.clone(),
+                        self.friend.clone(),
+                        1,
+                    )));
+                    self.read(now, actions);
+                }
+                _ => self.read(now, actions),
+            },
+            Event::Message(message) => self.heard += message.content,
+            Event::Store { .. } | Event::Presence { .. } => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.retry
+    }
+}
+
+type World = fn(Time, &AgentId, Duration, &mut bottega_agents::Random, &mut Vec<(Duration, ())>);
+
+fn run(seed: u64, faults: Faults, goal: u32) -> Simulator<Counter, World> {
+    let world: World = |_, _, takes, _, reports| reports.push((takes, ()));
+    let mut simulator = Simulator::new(seed, faults, world);
+    simulator.record_trace();
+    let (a, b) = (AgentId::new("a"), AgentId::new("b"));
+    for (id, friend) in [(a.clone(), b.clone()), (b, a)] {
+        simulator.add(&id.clone(), true, move || Counter {
+            id: id.clone(),
+            friend: friend.clone(),
+            goal,
+            heard: 0,
+            retry: None,
+            ticket: 0,
+        });
+    }
+    simulator.run_until(Time::since_start(Duration::from_secs(600)));
+    simulator
+}
+
+fn everything_wrong() -> Faults {
+    Faults {
+        latency_min: Duration::from_micros(200),
+        latency_extra_mean: Duration::from_millis(5),
+        loss: 0.1,
+        duplication: 0.1,
+        crash_every: Some(Duration::from_secs(10)),
+        down_max: Duration::from_secs(10),
+        partition_every: Some(Duration::from_secs(10)),
+        partition_max: Duration::from_secs(10),
+        until: Time::since_start(Duration::from_secs(300)),
+    }
+}
+
+#[test]
+fn without_faults_the_trace_is_what_it_is() {
+    let simulator = run(1, Faults::NONE, 2);
+    expect![[r#"
+                0.000 a starts
+                0.000 b starts
+                8.000 a -> b  inform #0
+               12.000 a -> b  inform #0"#]]
+    .assert_eq(&simulator.trace());
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_seed_another() {
+    let trace = |seed| run(seed, everything_wrong(), 200).trace();
+    let first = trace(7);
+    for word in ["crashes", "cut off", "healed", "lost"] {
+        assert!(first.contains(word), "no `{word}` in the trace");
+    }
+    assert_eq!(first, trace(7));
+    assert_ne!(first, trace(8));
+}
+
+#[test]
+fn compare_and_set_counts_right_whatever_goes_wrong() {
+    for seed in 0..50 {
+        let simulator = run(seed, everything_wrong(), 100);
+        let entry = simulator.store().get(&"count".into()).unwrap();
+        assert_eq!((entry.value, entry.revision), (100, Revision(100)), "seed {seed}");
+    }
+}
