@@ -59,6 +59,16 @@ impl AovSet {
         self.0 & (1 << aov as u8) != 0
     }
 
+    /// One bit an AOV, the first of [`Aov::ALL`] lowest: for stored tiles.
+    pub fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The set of these [`bits`](Self::bits); `None` when one of them means nothing.
+    pub fn from_bits(bits: u8) -> Option<Self> {
+        (bits >> Aov::ALL.len() == 0).then_some(Self(bits))
+    }
+
     /// Its members, in the order of [`Aov::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Aov> {
         Aov::ALL.into_iter().filter(move |&aov| self.contains(aov))

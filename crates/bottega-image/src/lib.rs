@@ -3,11 +3,34 @@
 //! This crate knows nothing of rendering: numbers come in, pictures go out. The decision that shaped it: a pixel is
 //! a *left fold over its samples in the order of their indices*, kept as running sums in a [`Tile`]. However the
 //! samples of a pixel are cut into passes, and whoever computes them, the sums have the same bits.
+//!
+//! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from
+//! any file as a [`Picture`] by [`read_picture`].
 
+mod error;
+mod exr_read;
+mod exr_write;
+mod film;
 mod layout;
+mod metadata;
+mod output;
+mod picture;
+mod png_read;
+mod png_write;
+mod read;
 mod rect;
 mod tile;
+mod tone;
 
+pub use error::ImageError;
+pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
+pub use film::Film;
 pub use layout::{Aov, AovSet, Layout};
+pub use metadata::Metadata;
+pub use output::{OutputFormat, check_writable};
+pub use picture::{Picture, luminance};
+pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
+pub use read::{ImageFile, ReadLimits, read_image, read_picture};
 pub use rect::Rect;
 pub use tile::{SampleValues, Tile};
+pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};

@@ -1,0 +1,96 @@
+//! What can go wrong with a picture.
+
+use std::path::{Path, PathBuf};
+
+/// An image file or a picture that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The operating system refused to read.
+    #[error("cannot read `{}`", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The operating system refused to write.
+    #[error("cannot write `{}`", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The path cannot become a picture; found before anything is painted.
+    #[error("cannot write `{}`: {reason}", .path.display())]
+    NotWritable {
+        /// The file.
+        path: PathBuf,
+        /// What stands in the way, and what to do.
+        reason: String,
+    },
+    /// The file is in none of the formats that are read.
+    #[error("`{}` is not a picture in a known format: EXR, PNG or Radiance HDR is expected", .path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file contradicts its format, or ends too early.
+    #[error("`{}` is not a sound {format} file: {detail}", .path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// What is wrong, and where.
+        detail: String,
+    },
+    /// The header announces more than the caller allows; nothing was allocated.
+    #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", .path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u64,
+        /// Rows.
+        height: u64,
+        /// The limit that the caller set.
+        max_pixels: u64,
+    },
+    /// An EXR file without R, G, B or Y.
+    #[error("`{}` holds no color: R, G, B or Y is expected, found {found}", .path.display())]
+    NoColor {
+        /// The file.
+        path: PathBuf,
+        /// The channels that it holds.
+        found: String,
+    },
+    /// A picture of no pixels cannot be written.
+    #[error("cannot write `{}`: the picture has no pixels", .path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Only pictures of equal size can be compared.
+    #[error("pictures of different sizes: {}×{} and {}×{}", .first.0, .first.1, .second.0, .second.1)]
+    SizesDiffer {
+        /// Width and height of the first.
+        first: (u32, u32),
+        /// Width and height of the second.
+        second: (u32, u32),
+    },
+}
+
+impl ImageError {
+    pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
+        Self::Read { path: path.to_owned(), source }
+    }
+
+    pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
+    }
+
+    pub(crate) fn malformed(path: &Path, format: &'static str, detail: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), format, detail: detail.into() }
+    }
+}

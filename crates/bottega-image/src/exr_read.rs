@@ -1,0 +1,170 @@
+//! Pictures from OpenEXR files, ours and other programs'.
+
+use std::{
+    io::{BufRead, Seek},
+    ops::Range,
+};
+
+use exr::{
+    block::{UncompressedBlock, reader::ChunksReader},
+    meta::{
+        attribute::AttributeValue,
+        header::{Header, standard_names},
+    },
+    prelude::{Error, SampleType, Vec2, f16},
+};
+
+use crate::{
+    ImageError, Metadata, Picture,
+    read::{ImageFile, Source},
+};
+
+/// The most bytes that one compressed block of a file may unfold to.
+const MAX_BLOCK_BYTES: u64 = 1 << 30;
+
+pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<ImageFile, ImageError> {
+    let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
+    let headers = reader.headers();
+    let found = find_color(headers).ok_or_else(|| ImageError::NoColor {
+        path: source.path.to_owned(),
+        found: headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect::<Vec<_>>().join(", "),
+    })?;
+    for header in headers {
+        source.check_size(header.layer_size.0 as u64, header.layer_size.1 as u64)?;
+        let block = header.max_block_pixel_size();
+        let block_pixels =
+            (block.0.min(header.layer_size.0) as u64).saturating_mul(block.1.min(header.layer_size.1) as u64);
+        if block_pixels.saturating_mul(header.channels.bytes_per_pixel as u64) > MAX_BLOCK_BYTES {
+            return Err(source.malformed("EXR", "a block of pixels is larger than 1 GiB"));
+        }
+    }
+
+    let header = headers[found.layer].clone();
+    let (width, height) = (header.layer_size.0, header.layer_size.1);
+    let mut picture = Picture::new(width as u32, height as u32);
+    let mut covered = 0;
+    let mut chunks = reader.all_chunks(false).map_err(|error| failed(source, error))?;
+    while let Some(chunk) = chunks.read_next_chunk() {
+        let chunk = chunk.map_err(|error| failed(source, error))?;
+        if chunk.layer_index != found.layer {
+            continue;
+        }
+        let block = UncompressedBlock::decompress_chunk(chunk, chunks.meta_data(), false)
+            .map_err(|error| failed(source, error))?;
+        if block.index.level == Vec2(0, 0) {
+            covered += copy_block(&block, &header, &found, &mut picture)
+                .ok_or_else(|| source.malformed("EXR", "a block of pixels lies outside the data window"))?;
+        }
+    }
+    if covered != width * height {
+        return Err(source.malformed("EXR", format!("{covered} of {} pixels are there", width * height)));
+    }
+    let position = header.own_attributes.layer_position;
+    let display = header.shared_attributes.display_window;
+    Ok(ImageFile {
+        picture,
+        offset: (position.0.saturating_sub(display.position.0), position.1.saturating_sub(display.position.1)),
+        full_size: (display.size.0 as u32, display.size.1 as u32),
+        metadata: metadata(&header),
+    })
+}
+
+fn failed(source: &Source<'_>, error: Error) -> ImageError {
+    match error {
+        Error::Io(io) => ImageError::read(source.path, io),
+        Error::Invalid(what) if what == "reference to missing bytes" => {
+            source.malformed("EXR", "it ends too early; was it cut off?")
+        }
+        other => source.malformed("EXR", other.to_string()),
+    }
+}
+
+/// Which channels of which part of the file are the color.
+struct Color {
+    layer: usize,
+    /// Channel of red, green and blue; the same one three times for gray.
+    channels: [usize; 3],
+}
+
+/// The first of: R, G, B without a layer; R, G, B of a layer called by a usual name of the whole picture; those of any other
+/// layer that is no AOV; those of any layer; Y. Parts in the order of the file.
+fn find_color(headers: &[Header]) -> Option<Color> {
+    let rank = |prefix: &str| match prefix.to_ascii_lowercase().as_str() {
+        "" => 0,
+        p if ["combined", "rgba", "rgb", "color", "beauty", "image"].iter().any(|name| p.contains(name)) => 1,
+        p if ["albedo", "normal", "position", "uv", "depth"].iter().any(|name| p.contains(name)) => 3,
+        _ => 2,
+    };
+    let mut best: Option<((usize, usize), Color)> = None;
+    for (layer, header) in headers.iter().enumerate() {
+        let names: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
+        let find = |wanted: String| names.iter().position(|name| name.eq_ignore_ascii_case(&wanted));
+        for name in &names {
+            let (prefix, last) = name.rsplit_once('.').map_or(("", name.as_str()), |(prefix, last)| (prefix, last));
+            let dotted = if prefix.is_empty() { String::new() } else { format!("{prefix}.") };
+            let (gray, channels) = match last {
+                "R" | "r" => (0, [find(format!("{dotted}R")), find(format!("{dotted}G")), find(format!("{dotted}B"))]),
+                "Y" | "y" => (4, [find(format!("{dotted}Y")); 3]),
+                _ => continue,
+            };
+            let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
+            let key = (gray + rank(prefix), rank(&part));
+            if let [Some(r), Some(g), Some(b)] = channels
+                && best.as_ref().is_none_or(|(other, _)| key < *other)
+            {
+                best = Some((key, Color { layer, channels: [r, g, b] }));
+            }
+        }
+    }
+    best.map(|(_, color)| color)
+}
+
+/// Copies the color of a block; the number of its pixels, or `None` when they are not all in the picture.
+fn copy_block(block: &UncompressedBlock, header: &Header, color: &Color, picture: &mut Picture) -> Option<usize> {
+    let Vec2(x, y) = block.index.pixel_position;
+    let Vec2(width, height) = block.index.pixel_size;
+    let row_length = picture.width as usize;
+    if x.checked_add(width)? > row_length || y.checked_add(height)? > picture.height as usize {
+        return None;
+    }
+    let bytes_of_row: usize = header.channels.list.iter().map(|c| width * c.sample_type.bytes_per_sample()).sum();
+    let line_of = |channel: usize| -> (Range<usize>, SampleType) {
+        let bytes = |c: &exr::prelude::ChannelDescription| width * c.sample_type.bytes_per_sample();
+        let start = header.channels.list[..channel].iter().map(bytes).sum();
+        let description = &header.channels.list[channel];
+        (start..start + bytes(description), description.sample_type)
+    };
+    let lines = color.channels.map(line_of);
+    for row in 0..height {
+        let bytes = block.data.get(row * bytes_of_row..(row + 1) * bytes_of_row)?;
+        let start = (y + row) * row_length + x;
+        let pixels = &mut picture.data[start..start + width];
+        for (component, (range, sample_type)) in lines.iter().enumerate() {
+            decode(&bytes[range.clone()], *sample_type, pixels.iter_mut().map(|pixel| &mut pixel[component]));
+        }
+    }
+    Some(width * height)
+}
+
+/// Native-endian samples to floats.
+fn decode<'a>(bytes: &[u8], sample_type: SampleType, to: impl Iterator<Item = &'a mut f32>) {
+    match sample_type {
+        SampleType::F16 => bytes.as_chunks().0.iter().zip(to).for_each(|(b, v)| *v = f16::from_ne_bytes(*b).to_f32()),
+        SampleType::F32 => bytes.as_chunks().0.iter().zip(to).for_each(|(b, v)| *v = f32::from_ne_bytes(*b)),
+        SampleType::U32 => bytes.as_chunks().0.iter().zip(to).for_each(|(b, v)| *v = u32::from_ne_bytes(*b) as f32),
+    }
+}
+
+fn metadata(header: &Header) -> Metadata {
+    let mut metadata = Metadata::default();
+    for (name, value) in header.all_named_attributes() {
+        if let AttributeValue::Text(text) = value
+            && name != standard_names::NAME
+        {
+            let name = String::from_utf8_lossy(name);
+            let key = name.strip_prefix("bottega.").unwrap_or(&name);
+            metadata.set_read(key, String::from_utf8_lossy(text.bytes()).into_owned());
+        }
+    }
+    metadata
+}

@@ -1,0 +1,310 @@
+//! Films as OpenEXR files.
+//!
+//! The `exr` crate describes and compresses; the file itself is laid out here, for two reasons: its own writer emits
+//! attributes in the order of a hash map, so that equal pictures would give unequal files, and it knows no channels whose
+//! number is found at run time and whose values are fetched block by block, so that a second copy of the film would
+//! be needed.
+
+use std::{
+    collections::BTreeMap,
+    io::{Seek, SeekFrom, Write},
+    path::Path,
+};
+
+use exr::{
+    block::{BlockIndex, UncompressedBlock, chunk::CompressedBlock, enumerate_ordered_header_block_indices},
+    meta::{
+        BlockDescription, MetaData,
+        attribute::{self, AttributeValue, Chromaticities, LevelMode, TileDescription},
+        header::{Header, standard_names},
+    },
+    prelude::{
+        ChannelDescription, Compression, Error, IntegerBounds, LayerAttributes, LineOrder, SampleType, SmallVec, Text,
+        Vec2, f16,
+    },
+};
+
+use crate::{Aov, Film, ImageError, Layout, Metadata, Picture, Rect, output::AtomicFile};
+
+/// Width of a float in an EXR file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HalfOrFloat {
+    /// 16 bits for color, alpha, albedo and normal; the other AOVs stay 32-bit. Values beyond ±65504 are clamped.
+    Half,
+    /// 32 bits.
+    #[default]
+    Float,
+}
+
+/// Compression of an EXR file. All of them keep every bit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrCompression {
+    /// None: largest, fastest.
+    None,
+    /// Run lengths.
+    Rle,
+    /// Deflate in blocks of 16 rows, or tiles: every program reads it.
+    #[default]
+    Zip,
+    /// Wavelets: smallest for noisy pictures, slower.
+    Piz,
+}
+
+/// How an EXR file is laid out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExrOptions {
+    /// Width of the floats.
+    pub depth: HalfOrFloat,
+    /// Tiles of 64 × 64 pixels in place of rows.
+    pub tiled: bool,
+    /// How blocks are compressed.
+    pub compression: ExrCompression,
+}
+
+/// Writes a film, with all its AOVs, to `path`, whole or not at all.
+///
+/// The channels are `R G B A` and, of the AOVs kept, `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`. The data
+/// window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes text attributes.
+/// Equal films and metadata give equal bytes.
+pub fn write_exr(
+    path: impl AsRef<Path>,
+    film: &Film,
+    metadata: &Metadata,
+    options: ExrOptions,
+) -> Result<(), ImageError> {
+    let rect = film.rect();
+    let channels = film_channels(film.layout(), options.depth);
+    let frame = Frame { path: path.as_ref(), data_window: rect, display_size: film.picture_size(), metadata, options };
+    write(&frame, &channels, |offset, x, y| film.pixel(x, y)[offset])
+}
+
+/// Writes the RGB of a picture to `path`, whole or not at all.
+pub fn write_picture_exr(
+    path: impl AsRef<Path>,
+    picture: &Picture,
+    metadata: &Metadata,
+    options: ExrOptions,
+) -> Result<(), ImageError> {
+    let channels = color_channels(options.depth, ["R", "G", "B"], 0);
+    let data_window = Rect::of_size(picture.width, picture.height);
+    let frame = Frame { path: path.as_ref(), data_window, display_size: picture.size(), metadata, options };
+    let row = picture.width as usize;
+    write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
+}
+
+/// A channel of the file, and where its value lies in a pixel of the source.
+struct Channel {
+    name: String,
+    sample_type: SampleType,
+    offset: usize,
+}
+
+/// What is the same for all channels of a file.
+struct Frame<'a> {
+    path: &'a Path,
+    data_window: Rect,
+    display_size: (u32, u32),
+    metadata: &'a Metadata,
+    options: ExrOptions,
+}
+
+const TILE_SIDE: usize = 64;
+
+fn film_channels(layout: Layout, depth: HalfOrFloat) -> Vec<Channel> {
+    let mut channels = color_channels(depth, ["R", "G", "B"], Layout::COLOR);
+    channels.extend(color_channels(depth, ["A"], Layout::ALPHA));
+    for aov in layout.aovs().iter() {
+        let offset = layout.offset(aov).expect("an AOV of the layout");
+        channels.extend(match aov {
+            Aov::Albedo => color_channels(depth, ["albedo.R", "albedo.G", "albedo.B"], offset),
+            Aov::Normal => color_channels(depth, ["normal.X", "normal.Y", "normal.Z"], offset),
+            Aov::Depth => color_channels(HalfOrFloat::Float, ["depth.Z"], offset),
+            Aov::SampleCount | Aov::Cost => color_channels(HalfOrFloat::Float, [aov.name()], offset),
+        });
+    }
+    channels
+}
+
+fn color_channels<const N: usize>(depth: HalfOrFloat, names: [&str; N], offset: usize) -> Vec<Channel> {
+    let sample_type = match depth {
+        HalfOrFloat::Half => SampleType::F16,
+        HalfOrFloat::Float => SampleType::F32,
+    };
+    let channel = |(index, name): (usize, &str)| Channel { name: name.to_owned(), sample_type, offset: offset + index };
+    names.into_iter().enumerate().map(channel).collect()
+}
+
+/// Writes the file. `value(offset, x, y)` is asked once for each value, at pixels of the data window.
+fn write(
+    frame: &Frame<'_>,
+    channels: &[Channel],
+    value: impl Fn(usize, u32, u32) -> f32 + Sync,
+) -> Result<(), ImageError> {
+    let path = frame.path;
+    if frame.data_window.is_empty() {
+        return Err(ImageError::Empty { path: path.to_owned() });
+    }
+    let mut by_name: Vec<&Channel> = channels.iter().collect();
+    by_name.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
+    let header = header(frame, &by_name);
+    let fetch = |index: BlockIndex| {
+        let Rect { x0, y0, .. } = frame.data_window;
+        UncompressedBlock::from_lines(&header.channels, index, |line| {
+            let channel = by_name[line.location.channel];
+            let (left, y) = (x0 + line.location.position.x() as u32, y0 + line.location.position.y() as u32);
+            let row = (left..).map(|x| value(channel.offset, x, y));
+            match channel.sample_type {
+                SampleType::F16 => line.value.chunks_exact_mut(2).zip(row).for_each(|(bytes, value)| {
+                    bytes.copy_from_slice(&to_half(value).to_ne_bytes());
+                }),
+                _ => line.value.chunks_exact_mut(4).zip(row).for_each(|(bytes, value)| {
+                    bytes.copy_from_slice(&value.to_ne_bytes());
+                }),
+            }
+        })
+    };
+    let mut file = AtomicFile::create(path)?;
+    write_file(file.writer(), &header, frame.metadata, fetch).map_err(|error| match error {
+        Error::Io(source) => ImageError::write(path, source),
+        other => ImageError::NotWritable { path: path.to_owned(), reason: other.to_string() },
+    })?;
+    file.commit()
+}
+
+/// Rounds to nearest; finite values stay finite, so that a bright pixel does not become infinite.
+fn to_half(value: f32) -> f16 {
+    if value.is_finite() { f16::from_f32(value.clamp(-65504.0, 65504.0)) } else { f16::from_f32(value) }
+}
+
+fn header(frame: &Frame<'_>, channels: &[&Channel]) -> Header {
+    let Rect { x0, y0, .. } = frame.data_window;
+    let data_size = (frame.data_window.width() as usize, frame.data_window.height() as usize);
+    let display_size = (frame.display_size.0 as usize, frame.display_size.1 as usize);
+    let compression = match frame.options.compression {
+        ExrCompression::None => Compression::Uncompressed,
+        ExrCompression::Rle => Compression::RLE,
+        ExrCompression::Zip => Compression::ZIP16,
+        ExrCompression::Piz => Compression::PIZ,
+    };
+    let blocks = if frame.options.tiled {
+        BlockDescription::Tiles(TileDescription {
+            tile_size: Vec2(TILE_SIDE, TILE_SIDE),
+            level_mode: LevelMode::Singular,
+            rounding_mode: exr::math::RoundingMode::Down,
+        })
+    } else {
+        BlockDescription::ScanLines
+    };
+    let channels: SmallVec<[ChannelDescription; 5]> =
+        channels.iter().map(|c| ChannelDescription::named(c.name.as_str(), c.sample_type)).collect();
+    let mut header = Header::new(Text::default(), data_size, channels)
+        .with_encoding(compression, blocks, LineOrder::Increasing)
+        .with_attributes(LayerAttributes::default())
+        .with_position(Vec2(x0 as i32, y0 as i32))
+        .with_display_window(IntegerBounds::from_dimensions(display_size));
+    header.shared_attributes.chromaticities = Some(Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.3, 0.6),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.329),
+    });
+    header
+}
+
+/// Name and value of every attribute, by name.
+fn attributes(header: &Header, metadata: &Metadata) -> BTreeMap<Vec<u8>, AttributeValue> {
+    let mut all: BTreeMap<_, _> = header.all_named_attributes().map(|(name, value)| (name.to_vec(), value)).collect();
+    for (key, value) in metadata.iter() {
+        const TEXTS: [&[u8]; 4] =
+            [standard_names::SOFTWARE, standard_names::COMMENTS, standard_names::OWNER, standard_names::CAPTURE_DATE];
+        let key = key.as_bytes();
+        // Names that the format gives to values of other types keep them.
+        let name = if standard_names::ALL.contains(&key) && !TEXTS.contains(&key) {
+            [b"bottega.", key].concat()
+        } else {
+            key.to_vec()
+        };
+        all.insert(name, AttributeValue::Text(Text::from_slice_unchecked(value.as_bytes())));
+    }
+    all
+}
+
+fn write_file<W: Write + Seek>(
+    out: &mut W,
+    header: &Header,
+    metadata: &Metadata,
+    fetch: impl Fn(BlockIndex) -> UncompressedBlock + Sync,
+) -> Result<(), Error> {
+    let headers = std::slice::from_ref(header);
+    let mut requirements = MetaData::validate(headers, true)?;
+    let attributes = attributes(header, metadata);
+    requirements.has_long_names = attributes.keys().any(|name| name.len() > 31);
+
+    exr::meta::magic_number::write(out)?;
+    requirements.write(out)?;
+    for (name, value) in &attributes {
+        attribute::write(name, value, out)?;
+    }
+    out.write_all(&[0])?;
+
+    let table_position = out.stream_position()?;
+    let mut offsets = vec![0u64; header.chunk_count];
+    out.write_all(&le_bytes(&offsets))?;
+    let indices: Vec<(usize, BlockIndex)> = enumerate_ordered_header_block_indices(headers).collect();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    for batch in indices.chunks(4 * threads) {
+        for (&(index, _), chunk) in batch.iter().zip(compress(batch, threads, headers, &fetch)) {
+            offsets[index] = out.stream_position()?;
+            write_chunk(out, &chunk?)?;
+        }
+    }
+    out.seek(SeekFrom::Start(table_position))?;
+    out.write_all(&le_bytes(&offsets))?;
+    out.flush()?;
+    Ok(())
+}
+
+/// Fetches and compresses blocks on all processors; the results in the order of `batch`.
+fn compress(
+    batch: &[(usize, BlockIndex)],
+    threads: usize,
+    headers: &[Header],
+    fetch: &(impl Fn(BlockIndex) -> UncompressedBlock + Sync),
+) -> Vec<Result<CompressedBlock, Error>> {
+    let one =
+        |&(_, index): &(usize, BlockIndex)| fetch(index).compress_to_chunk(headers).map(|chunk| chunk.compressed_block);
+    if threads == 1 || batch.len() == 1 {
+        return batch.iter().map(one).collect();
+    }
+    std::thread::scope(|scope| {
+        let share = batch.len().div_ceil(threads);
+        let workers: Vec<_> =
+            batch.chunks(share).map(|part| scope.spawn(move || part.iter().map(one).collect::<Vec<_>>())).collect();
+        workers.into_iter().flat_map(|worker| worker.join().expect("compression does not panic")).collect()
+    })
+}
+
+/// Writes one block with its place, as OpenEXR's "Technical Introduction", *Scan lines* and *Tiles*, lays it out.
+fn write_chunk(out: &mut impl Write, block: &CompressedBlock) -> Result<(), Error> {
+    let (place, pixels): (Vec<i32>, &[u8]) = match block {
+        CompressedBlock::ScanLine(lines) => (vec![lines.y_coordinate], &lines.compressed_pixels_le),
+        CompressedBlock::Tile(tile) => {
+            let (at, level) = (tile.coordinates.tile_index, tile.coordinates.level_index);
+            let place = [at.x(), at.y(), level.x(), level.y()];
+            (place.map(|index| index as i32).to_vec(), &tile.compressed_pixels_le)
+        }
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => {
+            return Err(Error::NotSupported("deep data".into()));
+        }
+    };
+    for number in place {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    out.write_all(&(pixels.len() as i32).to_le_bytes())?;
+    out.write_all(pixels)?;
+    Ok(())
+}
+
+fn le_bytes(numbers: &[u64]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}

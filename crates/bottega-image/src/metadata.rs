@@ -1,0 +1,49 @@
+//! What a picture file says of itself.
+
+use std::collections::BTreeMap;
+
+/// Text that travels with a picture: scene digest, settings, seed, times, software. Text attributes in EXR, text chunks
+/// in PNG. Ordered by key, so that equal metadata gives equal bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Metadata(BTreeMap<String, String>);
+
+impl Metadata {
+    /// The longest key, in bytes: what PNG allows.
+    pub const MAX_KEY_BYTES: usize = 79;
+
+    /// Metadata that names only this software and its version.
+    pub fn new() -> Self {
+        let mut metadata = Self::default();
+        metadata.set("software", concat!("Bottega ", env!("CARGO_PKG_VERSION")));
+        metadata
+    }
+
+    /// Sets a value, in place of an earlier one. Bytes of `value` that are NUL become spaces, as no format holds them.
+    ///
+    /// Panics when `key` is not 1 to [`MAX_KEY_BYTES`](Self::MAX_KEY_BYTES) printable ASCII characters without spaces.
+    pub fn set(&mut self, key: &str, value: impl Into<String>) {
+        assert!(Self::is_key(key), "metadata key `{key}`");
+        self.0.insert(key.to_owned(), value.into().replace('\0', " "));
+    }
+
+    /// The value of `key`.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(String::as_str)
+    }
+
+    /// All keys and values, by key.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
+    }
+
+    /// Sets a value that a file holds; a key that [`set`](Self::set) would refuse is left out.
+    pub(crate) fn set_read(&mut self, key: &str, value: String) {
+        if Self::is_key(key) {
+            self.0.insert(key.to_owned(), value);
+        }
+    }
+
+    fn is_key(key: &str) -> bool {
+        (1..=Self::MAX_KEY_BYTES).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic())
+    }
+}

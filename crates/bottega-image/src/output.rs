@@ -1,0 +1,179 @@
+//! Where pictures are written: formats, the check before the work, and files that appear whole or not at all.
+
+use std::{
+    fs::{self, File},
+    io::BufWriter,
+    path::{Path, PathBuf},
+};
+
+use crate::ImageError;
+
+/// A format in which pictures are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputFormat {
+    /// OpenEXR: linear, with all AOVs.
+    Exr,
+    /// PNG: tone mapped.
+    Png,
+}
+
+impl OutputFormat {
+    /// The format that the extension of `path` names.
+    pub fn of(path: &Path) -> Result<Self, ImageError> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("exr") => Ok(Self::Exr),
+            Some("png") => Ok(Self::Png),
+            Some(other) => Err(not_writable(path, format!("unknown extension `.{other}`; use .exr or .png"))),
+            None => Err(not_writable(path, "it has no extension; use .exr or .png")),
+        }
+    }
+}
+
+fn not_writable(path: &Path, reason: impl Into<String>) -> ImageError {
+    ImageError::NotWritable { path: path.to_owned(), reason: reason.into() }
+}
+
+/// Checks that a picture can be written to `path`, before anything is painted: the extension, the folder, what is there
+/// already. Leaves nothing behind.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError> {
+    let path = path.as_ref();
+    let format = OutputFormat::of(path)?;
+    if path.is_dir() {
+        return Err(not_writable(path, "it is a directory; name a file in it"));
+    }
+    let folder = folder_of(path);
+    match fs::metadata(folder) {
+        Ok(found) if !found.is_dir() => {
+            return Err(not_writable(path, format!("`{}` is not a directory", folder.display())));
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Err(not_writable(path, format!("the folder `{}` does not exist; create it", folder.display())));
+        }
+        Err(error) => return Err(ImageError::write(path, error)),
+        Ok(_) => {}
+    }
+    if fs::metadata(path).is_ok_and(|found| found.permissions().readonly()) {
+        return Err(not_writable(path, "the file that is there is read-only"));
+    }
+    // Nothing but trying tells whether the folder takes a file: permissions, quota, a read-only file system.
+    AtomicFile::create(path).map(|_| format)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A file that takes its name only when it is complete. Dropped before [`commit`](Self::commit) it leaves nothing behind.
+#[derive(Debug)]
+pub(crate) struct AtomicFile {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: Option<BufWriter<File>>,
+}
+
+impl AtomicFile {
+    pub(crate) fn create(path: &Path) -> Result<Self, ImageError> {
+        let name = path.file_name().ok_or_else(|| not_writable(path, "it names no file"))?.to_string_lossy();
+        let mut attempt = 0;
+        loop {
+            // A short prefix of the name, so that a name of nearly the longest length still works.
+            let prefix: String = name.chars().take(32).collect();
+            let temporary = folder_of(path).join(format!(".{prefix}.{}-{attempt}.part", std::process::id()));
+            match File::create_new(&temporary) {
+                Ok(file) => return Ok(Self { path: path.to_owned(), temporary, file: Some(BufWriter::new(file)) }),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && attempt < 1000 => attempt += 1,
+                Err(error) => return Err(ImageError::write(path, error)),
+            }
+        }
+    }
+
+    /// Where to write. Buffered.
+    pub(crate) fn writer(&mut self) -> &mut BufWriter<File> {
+        self.file.as_mut().expect("open until it is committed")
+    }
+
+    /// Brings what was written to the disk and gives it its name, in place of what was there.
+    pub(crate) fn commit(mut self) -> Result<(), ImageError> {
+        let finish = |writer: BufWriter<File>| -> std::io::Result<()> {
+            let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            file.sync_all()
+        };
+        let writer = self.file.take().expect("open until it is committed");
+        finish(writer)
+            .and_then(|()| fs::rename(&self.temporary, &self.path))
+            .map_err(|error| ImageError::write(&self.path, error))
+    }
+}
+
+impl Drop for AtomicFile {
+    fn drop(&mut self) {
+        if let Some(writer) = self.file.take() {
+            // What is buffered is of no use: the file goes.
+            drop(writer.into_parts());
+        }
+        // After `commit` the name is gone, which is as it should be.
+        let _ = fs::remove_file(&self.temporary);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn reason(path: &Path) -> String {
+        match check_writable(path) {
+            Err(ImageError::NotWritable { reason, .. }) => reason,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn an_output_that_cannot_be_written_is_found_beforehand() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(reason(&folder.path().join("a.jpg")).contains("`.jpg`"));
+        assert!(reason(&folder.path().join("picture")).contains("no extension"));
+        assert!(reason(&folder.path().join("missing/a.exr")).contains("does not exist"));
+        fs::create_dir(folder.path().join("folder.exr")).unwrap();
+        assert!(reason(&folder.path().join("folder.exr")).contains("directory"));
+        fs::write(folder.path().join("file"), b"x").unwrap();
+        let below_a_file = check_writable(&folder.path().join("file/a.exr")).unwrap_err();
+        assert!(below_a_file.to_string().contains("a.exr"), "{below_a_file}");
+        let read_only = folder.path().join("kept.png");
+        fs::write(&read_only, b"x").unwrap();
+        let mut permissions = fs::metadata(&read_only).unwrap().permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&read_only, permissions).unwrap();
+        assert!(reason(&read_only).contains("read-only"));
+    }
+
+    #[test]
+    fn the_check_leaves_nothing_behind_and_changes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.EXR");
+        fs::write(&path, b"old").unwrap();
+        assert_eq!(check_writable(&path).unwrap(), OutputFormat::Exr);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_write_that_fails_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        fs::write(&path, b"old").unwrap();
+        let mut failed = AtomicFile::create(&path).unwrap();
+        failed.writer().write_all(b"half").unwrap();
+        drop(failed);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.writer().write_all(b"new").unwrap();
+        file.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+}

@@ -1,0 +1,153 @@
+//! Films and canvases as PNG files.
+
+use std::{io::Write, path::Path};
+
+use crate::{
+    Encoding, Film, ImageError, Layout, Metadata, ToneMap,
+    output::AtomicFile,
+    tone::{exposure_factor, quantize},
+};
+
+/// How a film becomes a PNG file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PngOptions {
+    /// Stops by which the picture is made brighter; 0 leaves it.
+    pub exposure_stops: f32,
+    /// How bright light is brought into range.
+    pub tone: ToneMap,
+    /// How values are encoded.
+    pub encoding: Encoding,
+    /// Bits a channel.
+    pub bits: PngBits,
+    /// Writes alpha: what shows the environment becomes transparent, and the color is divided by alpha first.
+    pub alpha: bool,
+}
+
+/// Bits of a channel of a PNG file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PngBits {
+    /// 8, dithered, so that smooth gradients show no bands. Equal films give equal bytes.
+    #[default]
+    Eight,
+    /// 16, rounded.
+    Sixteen,
+}
+
+/// Writes a film to `path`, whole or not at all: exposure, tone mapping, encoding, row by row. Metadata becomes text chunks.
+pub fn write_png(
+    path: impl AsRef<Path>,
+    film: &Film,
+    options: &PngOptions,
+    metadata: &Metadata,
+) -> Result<(), ImageError> {
+    let rect = film.rect();
+    let color_type = if options.alpha { png::ColorType::Rgba } else { png::ColorType::Rgb };
+    let mut frame = Frame {
+        size: (rect.width(), rect.height()),
+        color_type,
+        bits: options.bits,
+        encoding: options.encoding,
+        metadata,
+    };
+    frame.write(path.as_ref(), |row, out| {
+        for x in rect.x0..rect.x1 {
+            encode_pixel(film.pixel(x, rect.y0 + row), (x, rect.y0 + row), options, out);
+        }
+    })
+}
+
+/// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, whole or not at all. Panics when the length differs.
+pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<(), ImageError> {
+    let row_bytes = 3 * width as usize;
+    assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");
+    let metadata = Metadata::new();
+    let mut frame = Frame {
+        size: (width, height),
+        color_type: png::ColorType::Rgb,
+        bits: PngBits::Eight,
+        encoding: Encoding::Srgb,
+        metadata: &metadata,
+    };
+    frame.write(path.as_ref(), |row, out| out.extend_from_slice(&rgb[row as usize * row_bytes..][..row_bytes]))
+}
+
+/// Appends the bytes of one pixel: `[r, g, b, alpha, …]` of a film.
+fn encode_pixel(pixel: &[f32], (x, y): (u32, u32), options: &PngOptions, out: &mut Vec<u8>) {
+    let alpha = pixel[Layout::ALPHA].clamp(0.0, 1.0);
+    let mut factor = exposure_factor(options.exposure_stops);
+    if options.alpha {
+        factor = if alpha > 0.0 { factor / alpha } else { 0.0 };
+    }
+    let shown = options.tone.apply([pixel[0] * factor, pixel[1] * factor, pixel[2] * factor]);
+    let mut channels = [0.0, 0.0, 0.0, alpha];
+    for (channel, value) in channels.iter_mut().zip(shown) {
+        *channel = options.encoding.encode(value);
+    }
+    for &channel in &channels[..if options.alpha { 4 } else { 3 }] {
+        match options.bits {
+            PngBits::Eight => out.push(quantize(channel, 255.0, Some((x, y))) as u8),
+            PngBits::Sixteen => out.extend_from_slice(&(quantize(channel, 65535.0, None) as u16).to_be_bytes()),
+        }
+    }
+}
+
+struct Frame<'a> {
+    size: (u32, u32),
+    color_type: png::ColorType,
+    bits: PngBits,
+    encoding: Encoding,
+    metadata: &'a Metadata,
+}
+
+impl Frame<'_> {
+    /// Writes the file; `row(y, out)` appends the bytes of a row to `out`.
+    fn write(&mut self, path: &Path, row: impl FnMut(u32, &mut Vec<u8>)) -> Result<(), ImageError> {
+        let (width, height) = self.size;
+        if width == 0 || height == 0 {
+            return Err(ImageError::Empty { path: path.to_owned() });
+        }
+        let mut file = AtomicFile::create(path)?;
+        self.write_to(file.writer(), row).map_err(|error| match error {
+            png::EncodingError::IoError(source) => ImageError::write(path, source),
+            other => ImageError::NotWritable { path: path.to_owned(), reason: other.to_string() },
+        })?;
+        file.commit()
+    }
+
+    fn write_to(
+        &mut self,
+        out: &mut impl Write,
+        mut row: impl FnMut(u32, &mut Vec<u8>),
+    ) -> Result<(), png::EncodingError> {
+        let (width, height) = self.size;
+        let mut encoder = png::Encoder::new(&mut *out, width, height);
+        encoder.set_color(self.color_type);
+        encoder.set_depth(match self.bits {
+            PngBits::Eight => png::BitDepth::Eight,
+            PngBits::Sixteen => png::BitDepth::Sixteen,
+        });
+        match self.encoding {
+            Encoding::Srgb => encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
+            Encoding::Linear => encoder.set_source_gamma(png::ScaledFloat::new(1.0)),
+        }
+        for (key, value) in self.metadata.iter() {
+            // The format's own name of the program; other keys as they are.
+            let key = if key == "software" { "Software" } else { key }.to_owned();
+            if value.is_ascii() {
+                encoder.add_text_chunk(key, value.to_owned())?;
+            } else {
+                encoder.add_itxt_chunk(key, value.to_owned())?;
+            }
+        }
+        let mut writer = encoder.write_header()?;
+        let mut stream = writer.stream_writer()?;
+        let mut bytes = Vec::new();
+        for y in 0..height {
+            bytes.clear();
+            row(y, &mut bytes);
+            stream.write_all(&bytes)?;
+        }
+        stream.finish()?;
+        writer.finish()
+    }
+}

@@ -1,0 +1,218 @@
+//! From scene-referred radiance to what a display shows: exposure, tone mapping, encoding.
+
+/// How radiance without bound becomes values from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ToneMap {
+    /// A film-like curve in a slightly desaturated base, in the manner of Sobotka's AgX: bright saturated light turns
+    /// white instead of changing its hue. Middle gray, 0.18, stays where it is.
+    #[default]
+    Agx,
+    /// The fit by S. Hill of the ACES reference rendering and output transforms: more contrast, about one stop darker.
+    Aces,
+    /// None: what is brighter than 1 is cut off.
+    Linear,
+}
+
+/// How linear display values become numbers in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// The curve of IEC 61966-2-1: what displays and viewers expect.
+    #[default]
+    Srgb,
+    /// None.
+    Linear,
+}
+
+impl ToneMap {
+    /// Linear display values in [0, 1] of linear radiance. Values that are not finite become 0 (not a number, −∞) or 1.
+    pub fn apply(self, color: [f32; 3]) -> [f32; 3] {
+        let color = color.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1e9) });
+        let mapped = match self {
+            Self::Agx => agx(color),
+            Self::Aces => aces(color),
+            Self::Linear => color,
+        };
+        mapped.map(|v| v.clamp(0.0, 1.0))
+    }
+}
+
+impl Encoding {
+    /// The encoded value of a linear one, both in [0, 1].
+    pub fn encode(self, linear: f32) -> f32 {
+        match self {
+            Self::Srgb => srgb_from_linear(linear),
+            Self::Linear => linear,
+        }
+    }
+}
+
+/// The sRGB curve, IEC 61966-2-1.
+pub fn srgb_from_linear(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`srgb_from_linear`].
+pub fn linear_from_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The factor of an exposure in stops, 2^stops.
+pub(crate) fn exposure_factor(stops: f32) -> f32 {
+    stops.exp2()
+}
+
+type Matrix = [[f32; 3]; 3];
+
+fn multiply(m: &Matrix, v: [f32; 3]) -> [f32; 3] {
+    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+/// AgX: inset of the primaries, a logarithm from 10 stops below to 6.5 above middle gray, a sigmoid, the outset.
+///
+/// The primaries are those of T. Sobotka's configuration for Rec. 709; the sigmoid is [`sigmoid`], with the slope of its later
+/// "punchless" form, which keeps middle gray.
+fn agx(color: [f32; 3]) -> [f32; 3] {
+    const INSET: Matrix = [
+        [0.842_479_06, 0.078_433_6, 0.079_223_745],
+        [0.042_328_242, 0.878_468_64, 0.079_166_13],
+        [0.042_375_654, 0.078_433_6, 0.879_143],
+    ];
+    const OUTSET: Matrix = [
+        [1.196_879, -0.098_020_88, -0.099_029_74],
+        [-0.052_896_85, 1.151_903_1, -0.098_961_18],
+        [-0.052_971_635, -0.098_043_45, 1.151_073_7],
+    ];
+    const MIDDLE_GRAY: f32 = 0.18;
+    let curved = multiply(&INSET, color).map(|v| {
+        let stops = (v.max(1e-10) / MIDDLE_GRAY).log2();
+        sigmoid(((stops + STOPS_BELOW) / (STOPS_BELOW + STOPS_ABOVE)).clamp(0.0, 1.0))
+    });
+    multiply(&OUTSET, curved).map(|v| v.clamp(0.0, 1.0).powf(DISPLAY_GAMMA))
+}
+
+const STOPS_BELOW: f32 = 10.0;
+const STOPS_ABOVE: f32 = 6.5;
+const DISPLAY_GAMMA: f32 = 2.4;
+
+/// The curve from (0, 0) to (1, 1) that passes through middle gray with slope 2.4 and bends towards both ends as
+/// x / (1 + x^p)^(1/p), with p = 3 below and 3.25 above.
+fn sigmoid(x: f32) -> f32 {
+    const SLOPE: f32 = 2.4;
+    const PIVOT_X: f32 = STOPS_BELOW / (STOPS_BELOW + STOPS_ABOVE);
+    // 0.18^(1/2.4): what the display turns back to middle gray.
+    const PIVOT_Y: f32 = 0.489_437_1;
+    // `reach` is how far the end lies from the pivot in x and y, `scale` the height that makes the bend end there:
+    // from y(d) = s·h(m·d/s), h(t) = t/(1+t^p)^(1/p) and y(reach_x) = reach_y follows s = ((m·rx)^-p·((m·rx/ry)^p − 1))^(-1/p).
+    let (reach_x, reach_y, power, sign) =
+        if x < PIVOT_X { (PIVOT_X, PIVOT_Y, 3.0, -1.0) } else { (1.0 - PIVOT_X, 1.0 - PIVOT_Y, 3.25, 1.0) };
+    let rise = SLOPE * reach_x;
+    let scale = (((rise / reach_y).powf(power) - 1.0) * rise.powf(-power)).powf(-1.0 / power);
+    let t = SLOPE * (x - PIVOT_X).abs() / scale;
+    PIVOT_Y + sign * scale * t / (1.0 + t.powf(power)).powf(1.0 / power)
+}
+
+/// The fit by S. Hill (2016) of ACES' reference rendering transform and its output transform for sRGB displays.
+fn aces(color: [f32; 3]) -> [f32; 3] {
+    const INPUT: Matrix = [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
+    const OUTPUT: Matrix =
+        [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]];
+    let curved = multiply(&INPUT, color)
+        .map(|v| (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (0.983_729 * v + 0.432_951) + 0.238_081));
+    multiply(&OUTPUT, curved)
+}
+
+/// A threshold in (0, 1) for the pixel (x, y), as even over neighbors as over the picture: interleaved gradient noise.
+///
+/// Source: Jimenez 2014, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, slide 123.
+fn dither_threshold(x: u32, y: u32) -> f64 {
+    let fraction = |v: f64| v - v.floor();
+    fraction(52.982_918_9 * fraction(0.067_110_56 * f64::from(x) + 0.005_837_15 * f64::from(y)))
+}
+
+/// An encoded value in [0, 1] as an integer from 0 to `max`. With dithering it is one of the two nearest, such that the mean
+/// over neighbors is right; a value that is an integer already stays it.
+pub(crate) fn quantize(encoded: f32, max: f64, dither: Option<(u32, u32)>) -> u32 {
+    let scaled = f64::from(encoded) * max;
+    let threshold = dither.map_or(0.5, |(x, y)| dither_threshold(x, y));
+    // The float behind an exact integer may lie a hair off it.
+    let nearest = scaled.round();
+    if (scaled - nearest).abs() < 1e-4 * max / 255.0 {
+        nearest as u32
+    } else {
+        (scaled + threshold).floor().min(max) as u32
+    }
+}
+
+/// Radiance at an exposure, tone mapped: linear display values in [0, 1].
+pub fn displayed(color: [f32; 3], exposure_stops: f32, tone: ToneMap) -> [f32; 3] {
+    let factor = exposure_factor(exposure_stops);
+    tone.apply(color.map(|v| v * factor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn agx_keeps_middle_gray_and_ends_at_black_and_white() {
+        let gray = ToneMap::Agx.apply([0.18; 3]);
+        assert!(gray.iter().all(|v| (v - 0.18).abs() < 2e-3), "{gray:?}");
+        assert!(ToneMap::Agx.apply([0.0; 3]).iter().all(|&v| v < 1e-4));
+        assert!(ToneMap::Agx.apply([1e4; 3]).iter().all(|&v| v > 0.99));
+    }
+
+    #[test]
+    fn bright_saturated_light_turns_white_with_agx_and_not_without() {
+        let least = |tone: ToneMap| tone.apply([0.0, 0.0, 200.0])[0];
+        assert!(least(ToneMap::Agx) > 0.4, "{}", least(ToneMap::Agx));
+        assert_eq!(least(ToneMap::Linear), 0.0);
+    }
+
+    #[test]
+    fn no_value_leaves_the_display() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, f32::MAX] {
+            for tone in [ToneMap::Agx, ToneMap::Aces, ToneMap::Linear] {
+                let shown = tone.apply([bad, 0.5, bad]);
+                assert!(shown.iter().all(|v| (0.0..=1.0).contains(v)), "{tone:?} of {bad}: {shown:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_srgb_curve_has_its_published_values() {
+        for (linear, encoded) in [(0.0, 0.0), (0.003_130_8, 0.040_45), (0.214_041, 0.5), (1.0, 1.0)] {
+            assert!((srgb_from_linear(linear) - encoded).abs() < 1e-5);
+            assert!((linear_from_srgb(encoded) - linear).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn dithering_keeps_the_mean_and_exact_values() {
+        let value = 100.3 / 255.0;
+        let count = 64 * 64;
+        let sum: u32 = (0..count).map(|i| quantize(value, 255.0, Some((i % 64, i / 64)))).sum();
+        let mean = f64::from(sum) / f64::from(count);
+        assert!((mean - 100.3).abs() < 0.02, "{mean}");
+        for exact in 0..=255u32 {
+            let value = exact as f32 / 255.0;
+            assert!((0..64).all(|i| quantize(value, 255.0, Some((i, 3 * i))) == exact));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn gray_stays_gray_and_brighter_is_not_darker(v in 1e-4f32..50.0, more in 1.0f32..2.0) {
+            for tone in [ToneMap::Agx, ToneMap::Aces, ToneMap::Linear] {
+                let [r, g, b] = tone.apply([v; 3]);
+                prop_assert!((r - g).abs() < 3e-3 && (g - b).abs() < 3e-3, "{:?}: {} {} {}", tone, r, g, b);
+                prop_assert!(tone.apply([v * more; 3])[1] >= g - 1e-6);
+            }
+        }
+
+        #[test]
+        fn decoding_undoes_encoding(v in 0.0f32..1.0) {
+            prop_assert!((linear_from_srgb(srgb_from_linear(v)) - v).abs() < 1e-5);
+        }
+    }
+}

@@ -1,0 +1,328 @@
+//! What is written is read back; what other programs wrote is read; what is broken is refused.
+
+use std::path::{Path, PathBuf};
+
+use bottega_image::{
+    Aov, Encoding, ExrCompression, ExrOptions, Film, HalfOrFloat, ImageError, Layout, Metadata, Picture, PngBits,
+    PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, read_image, read_picture, write_exr, write_picture_exr,
+    write_png, write_png_rgb8,
+};
+
+/// A film with every AOV, whose values tell the pixel that they belong to.
+fn film(rect: Rect, picture: (u32, u32)) -> Film {
+    let layout = Layout::new(Aov::ALL.into_iter().collect());
+    let mut tile = Tile::new(rect, layout);
+    for (x, y) in rect.pixels() {
+        let (x0, y0) = (x as f32, y as f32);
+        for sample in 0..2 {
+            let values = SampleValues {
+                radiance: [x0 * 0.01 + sample as f32, y0 * 0.01, 1e5 * (x0 + 1.0)],
+                alpha: 1.0,
+                albedo: [0.25, 0.5, 0.75],
+                normal: [0.0, -1.0, x0],
+                depth: 1e6 + y0,
+                cost: 17.0,
+            };
+            tile.add(x, y, &values);
+        }
+    }
+    let mut film = Film::new(rect, layout).with_picture_size(picture.0, picture.1);
+    film.add_tile(&tile, |_, _| 1.0);
+    film
+}
+
+fn all_options() -> impl Iterator<Item = ExrOptions> {
+    let compressions = [ExrCompression::None, ExrCompression::Rle, ExrCompression::Zip, ExrCompression::Piz];
+    [HalfOrFloat::Half, HalfOrFloat::Float].into_iter().flat_map(move |depth| {
+        [false, true].into_iter().flat_map(move |tiled| {
+            compressions.into_iter().map(move |compression| ExrOptions { depth, tiled, compression })
+        })
+    })
+}
+
+#[test]
+fn an_exr_file_holds_the_film_in_every_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let film = film(Rect::new(30, 7, 170, 90), (200, 100));
+    let mut metadata = Metadata::new();
+    metadata.set("scene", "Küche №7\nsecond line");
+    metadata.set("a_key_that_is_longer_than_the_31_bytes_of_short_names", "1");
+    metadata.set("channels", "of a name that the format uses otherwise");
+    for options in all_options() {
+        write_exr(&path, &film, &metadata, options).unwrap();
+        let read = read_image(&path, ReadLimits::default()).unwrap();
+        assert_eq!(read.offset, (30, 7));
+        assert_eq!(read.full_size, (200, 100));
+        assert_eq!(read.metadata.get("scene"), metadata.get("scene"));
+        assert!(metadata.iter().all(|(key, value)| read.metadata.get(key) == Some(value)), "{:?}", read.metadata);
+        let expected = film.to_picture();
+        match options.depth {
+            HalfOrFloat::Float => assert_eq!(read.picture, expected, "{options:?}"),
+            HalfOrFloat::Half => {
+                for (got, want) in read.picture.data.iter().zip(&expected.data) {
+                    assert!((got[0] - want[0]).abs() <= want[0] * 5e-4 && got[2] == 65504.0, "{options:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_exr_file_names_its_channels_as_the_field_does() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let film = film(Rect::of_size(70, 40), (70, 40));
+    write_exr(&path, &film, &Metadata::new(), ExrOptions { depth: HalfOrFloat::Half, ..Default::default() }).unwrap();
+    let image = read_first_flat_layer_from_file(&path).unwrap();
+    let names: Vec<String> = image.layer_data.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    let expected = "A B G R albedo.B albedo.G albedo.R cost depth.Z normal.X normal.Y normal.Z samples";
+    assert_eq!(names.join(" "), expected);
+    let value = |name: &str, x: usize, y: usize| {
+        let index = names.iter().position(|n| n == name).unwrap();
+        image.layer_data.channel_data.list[index].sample_data.value_by_flat_index(y * 70 + x).to_f32()
+    };
+    assert_eq!(value("depth.Z", 3, 9), 1e6 + 9.0);
+    assert_eq!(value("normal.X", 0, 0), 0.0);
+    assert_eq!(value("normal.Z", 12, 0), 12.0);
+    assert_eq!(value("albedo.B", 69, 39), 0.75);
+    assert_eq!(value("samples", 5, 5), 2.0);
+    assert_eq!(value("cost", 5, 5), 17.0);
+    assert_eq!(value("A", 5, 5), 1.0);
+    assert!(image.layer_data.attributes.software_name.unwrap().to_string().starts_with("Bottega "));
+}
+
+#[test]
+fn equal_films_give_equal_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = film(Rect::of_size(130, 70), (130, 70));
+    let mut metadata = Metadata::new();
+    (0..20).for_each(|i| metadata.set(&format!("key{i}"), "value"));
+    let bytes = |name: &str| {
+        let path = folder.path().join(name);
+        write_exr(&path, &film, &metadata, ExrOptions::default()).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    assert_eq!(bytes("a.exr"), bytes("b.exr"));
+}
+
+#[test]
+fn a_film_without_pixels_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = film(Rect::new(5, 5, 5, 9), (10, 10));
+    let exr = write_exr(folder.path().join("a.exr"), &empty, &Metadata::new(), ExrOptions::default());
+    assert!(matches!(exr, Err(ImageError::Empty { .. })));
+    let png = write_png(folder.path().join("a.png"), &empty, &PngOptions::default(), &Metadata::new());
+    assert!(matches!(png, Err(ImageError::Empty { .. })));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_png_file_holds_what_was_encoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let film = film(Rect::new(10, 10, 60, 40), (100, 100));
+    let mut metadata = Metadata::new();
+    metadata.set("scene", "Küche");
+    for encoding in [Encoding::Srgb, Encoding::Linear] {
+        for (bits, tolerance) in [(PngBits::Eight, 1.2 / 255.0), (PngBits::Sixteen, 1e-4)] {
+            let options =
+                PngOptions { exposure_stops: -1.0, tone: ToneMap::Linear, encoding, bits, ..Default::default() };
+            write_png(&path, &film, &options, &metadata).unwrap();
+            let read = read_image(&path, ReadLimits::default()).unwrap();
+            assert_eq!(read.metadata, metadata);
+            for (got, want) in read.picture.data.iter().zip(&film.to_picture().data) {
+                for (got, want) in got.iter().zip(want) {
+                    let want = (want * 0.5).clamp(0.0, 1.0);
+                    // The sRGB curve is at most 2.3 times as steep as the line.
+                    assert!((got - want).abs() < 2.3 * tolerance, "{options:?}: {got} {want}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn gray_palette_and_sixteen_bit_png_files_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let encode = |color, depth, palette: Option<Vec<u8>>, data: &[u8]| {
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 2, 1);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        if let Some(palette) = palette {
+            encoder.set_palette(palette);
+        }
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+        read_picture(&path).unwrap().data
+    };
+    use png::{BitDepth, ColorType};
+    assert_eq!(encode(ColorType::Grayscale, BitDepth::Eight, None, &[0, 255]), [[0.0; 3], [1.0; 3]]);
+    assert_eq!(encode(ColorType::Grayscale, BitDepth::One, None, &[0b0100_0000]), [[0.0; 3], [1.0; 3]]);
+    let palette = Some(vec![0, 0, 0, 255, 0, 0]);
+    assert_eq!(encode(ColorType::Indexed, BitDepth::Two, palette, &[0b0100_0000]), [[1.0, 0.0, 0.0], [0.0; 3]]);
+    let alpha = encode(ColorType::GrayscaleAlpha, BitDepth::Sixteen, None, &[0xff, 0xff, 0, 0, 0, 0, 0xff, 0xff]);
+    assert_eq!(alpha, [[1.0; 3], [0.0; 3]]);
+    let rgba = encode(ColorType::Rgba, BitDepth::Eight, None, &[255, 0, 0, 7, 0, 255, 0, 0]);
+    assert_eq!(rgba, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+}
+
+#[test]
+fn an_exr_file_of_layers_gives_its_color_and_not_its_albedo() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let write = |channels: &[(&str, FlatSamples)]| {
+        let list = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone())).collect();
+        Image::from_channels((1, 1), AnyChannels::sort(list)).write().to_file(&path).unwrap();
+    };
+    let float = |v: f32| FlatSamples::F32(vec![v]);
+    write(&[
+        ("Albedo.R", float(9.0)),
+        ("Albedo.G", float(9.0)),
+        ("Albedo.B", float(9.0)),
+        ("ViewLayer.Combined.R", float(1.0)),
+        ("ViewLayer.Combined.G", FlatSamples::F16(vec![f16::from_f32(2.0)])),
+        ("ViewLayer.Combined.B", FlatSamples::U32(vec![3])),
+    ]);
+    assert_eq!(read_picture(&path).unwrap().data, [[1.0, 2.0, 3.0]]);
+    write(&[("Y", float(0.5)), ("Z", float(7.0))]);
+    assert_eq!(read_picture(&path).unwrap().data, [[0.5; 3]]);
+    write(&[("Z", float(7.0))]);
+    let error = read_picture(&path).unwrap_err();
+    assert!(matches!(&error, ImageError::NoColor { found, .. } if found == "Z"), "{error}");
+}
+
+#[test]
+fn what_is_no_picture_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let error = read_picture(&path).unwrap_err();
+    assert!(matches!(error, ImageError::Read { .. }) && error.to_string().contains("a.exr"));
+    assert!(matches!(read_picture(folder.path()), Err(ImageError::Read { .. })));
+    for bytes in [&b""[..], b"x", b"glTF\x02\0\0\0"] {
+        std::fs::write(&path, bytes).unwrap();
+        assert!(matches!(read_picture(&path), Err(ImageError::UnknownFormat { .. })));
+    }
+}
+
+/// One small file of each format and layout.
+fn small_files(folder: &Path) -> Vec<PathBuf> {
+    let film = film(Rect::new(1, 2, 9, 8), (10, 10));
+    let mut files = Vec::new();
+    for (index, options) in all_options().enumerate() {
+        files.push(folder.join(format!("{index}.exr")));
+        write_exr(&files[index], &film, &Metadata::new(), options).unwrap();
+    }
+    files.push(folder.join("a.png"));
+    write_png(files.last().unwrap(), &film, &PngOptions { alpha: true, ..Default::default() }, &Metadata::new())
+        .unwrap();
+    files.push(folder.join("b.png"));
+    let sixteen = PngOptions { bits: PngBits::Sixteen, encoding: Encoding::Linear, ..Default::default() };
+    write_png(files.last().unwrap(), &film, &sixteen, &Metadata::new()).unwrap();
+    files.push(folder.join("a.hdr"));
+    let mut hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 3 +X 9\n".to_vec();
+    for _ in 0..3 {
+        // New run lengths: four components of nine equal bytes.
+        hdr.extend([2, 2, 0, 9, 128 + 9, 200, 128 + 9, 100, 128 + 9, 50, 128 + 9, 129]);
+    }
+    std::fs::write(files.last().unwrap(), &hdr).unwrap();
+    files
+}
+
+#[test]
+fn a_radiance_file_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = read_picture(small_files(folder.path()).last().unwrap()).unwrap();
+    assert_eq!(picture.size(), (9, 3));
+    assert!(picture.data.iter().all(|&pixel| pixel == [200.0 / 128.0, 100.0 / 128.0, 50.0 / 128.0]));
+}
+
+#[test]
+fn a_file_cut_off_at_any_byte_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let cut = folder.path().join("cut");
+    for path in small_files(folder.path()) {
+        let bytes = std::fs::read(&path).unwrap();
+        read_picture(&path).unwrap();
+        for length in 0..bytes.len() {
+            std::fs::write(&cut, &bytes[..length]).unwrap();
+            let result = read_picture(&cut);
+            assert!(result.is_err(), "{} cut to {length} of {}", path.display(), bytes.len());
+        }
+    }
+}
+
+#[test]
+fn a_file_with_any_byte_changed_is_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let changed = folder.path().join("changed");
+    let limits = ReadLimits { max_pixels: 1 << 16 };
+    let mut state = 1u32;
+    for path in small_files(folder.path()) {
+        let bytes = std::fs::read(&path).unwrap();
+        for at in 0..bytes.len() {
+            let mut bytes = bytes.clone();
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            bytes[at] = match state >> 30 {
+                0 => 0xff,
+                1 => bytes[at] ^ 0x80,
+                2 => bytes[at].wrapping_add(1),
+                _ => (state >> 8) as u8,
+            };
+            std::fs::write(&changed, &bytes).unwrap();
+            // Whatever comes of it, it comes without a panic and within the limits.
+            if let Ok(read) = read_image(&changed, limits) {
+                assert!(read.picture.data.len() as u64 <= limits.max_pixels);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_header_that_announces_too_much_is_refused_before_allocating() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb");
+    std::fs::write(&path, b"#?RADIANCE\n\n-Y 60000 +X 60000\n\x02\x02").unwrap();
+    assert!(matches!(read_picture(&path), Err(ImageError::TooLarge { width: 60000, height: 60000, .. })));
+
+    write_png_rgb8(&path, 300, 200, &vec![0; 300 * 200 * 3]).unwrap();
+    let limits = ReadLimits { max_pixels: 59_999 };
+    assert!(matches!(read_image(&path, limits), Err(ImageError::TooLarge { width: 300, height: 200, .. })));
+
+    write_picture_exr(&path, &Picture::new(300, 200), &Metadata::new(), ExrOptions::default()).unwrap();
+    assert!(matches!(read_image(&path, limits), Err(ImageError::TooLarge { width: 300, height: 200, .. })));
+    // The same with a data window of a billion columns.
+    let mut bytes = std::fs::read(&path).unwrap();
+    let window = bytes.windows(16).position(|w| w == b"dataWindow\0box2i").unwrap();
+    let x_max = window + b"dataWindow\0box2i\0".len() + 4 + 8;
+    bytes[x_max..x_max + 4].copy_from_slice(&1_000_000_000i32.to_le_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    assert!(matches!(read_picture(&path), Err(ImageError::TooLarge { .. })));
+}
+
+#[test]
+fn the_references_of_other_programs_are_read() {
+    let Some(folder) = std::env::var_os("BOTTEGA_SCENES") else {
+        eprintln!("skipped: set BOTTEGA_SCENES to the folder of the reference scenes");
+        return;
+    };
+    let mut folders = vec![PathBuf::from(folder)];
+    let mut found = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+            if path.is_dir() {
+                folders.push(path);
+            } else if ["exr", "hdr", "png"].contains(&extension.as_str()) {
+                let picture = read_picture(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                let mean = picture.data.iter().flatten().map(|&v| f64::from(v)).sum::<f64>();
+                assert!(mean.is_finite() && mean >= 0.0, "{}", path.display());
+                found += 1;
+            }
+        }
+    }
+    assert!(found > 20, "{found} pictures");
+}
