@@ -7,7 +7,7 @@
 
 use bottega_image::Rect;
 
-use crate::{Partition, ZoneId, partition::ZoneIndex};
+use crate::{Partition, partition::ZoneIndex};
 
 /// A zone and what is painted for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +41,29 @@ impl BandedZone {
     }
 }
 
+/// The masks of all zones, by id.
+///
+/// - `bands`: the width of the band around each zone, by id.
+pub fn masks(partition: &Partition, bands: &[u32]) -> Vec<Mask> {
+    let (zones, frame) = (partition.zones(), partition.frame());
+    assert_eq!(zones.len(), bands.len(), "one band for each zone");
+    let band_max = bands.iter().copied().max().unwrap_or(0);
+    if band_max == 0 {
+        return zones.iter().map(|&rect| Mask::without_band(rect, frame)).collect();
+    }
+    let index = ZoneIndex::new(frame, zones);
+    let banded = |i: usize| BandedZone::new(zones[i], bands[i], &frame);
+    (0..zones.len())
+        .map(|i| {
+            let zone = banded(i);
+            let near = index.touching(&zone.grown.grown(band_max, &frame)).map(banded).collect();
+            Mask::new(frame, zone, near)
+        })
+        .collect()
+}
+
 /// With which weight each pixel of one zone's tile goes into the picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     frame: Rect,
     zone: BandedZone,
@@ -52,19 +73,9 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The mask of one zone among all.
-    ///
-    /// - `zones`: as many as the partition has, by id.
-    pub fn of_zone(partition: &Partition, bands: &[u32], zone: ZoneId) -> Self {
-        let zones = partition.zones();
-        assert_eq!(zones.len(), bands.len(), "one band for each zone");
-        let frame = partition.frame();
-        let grown = |i: usize| BandedZone::new(zones[i], bands[i], &frame);
-        let band_max = bands.iter().copied().max().unwrap_or(0);
-        let this = grown(zone.index());
-        let index = ZoneIndex::new(frame, zones);
-        let near = index.touching(&this.grown.grown(band_max, &frame)).map(grown).collect::<Vec<_>>();
-        Self::new(frame, this, near)
+    /// The mask of a zone that has no band, among others that have none.
+    pub fn without_band(rect: Rect, frame: Rect) -> Self {
+        Self { frame, zone: BandedZone::new(rect, 0, &frame), overlapping: Vec::new() }
     }
 
     /// The mask of `zone` among `others`: all that may overlap it, in the order of their ids; `zone` is among them.
@@ -108,8 +119,7 @@ mod tests {
     fn across_a_straight_edge_the_mask_is_linear_over_both_bands() {
         let frame = Rect::of_size(40, 10);
         let partition = Partition::of_zones(frame, vec![Rect::new(0, 0, 20, 10), Rect::new(20, 0, 40, 10)]);
-        let left = Mask::of_zone(&partition, &[4, 2], ZoneId(0));
-        let right = Mask::of_zone(&partition, &[4, 2], ZoneId(1));
+        let [left, right] = &masks(&partition, &[4, 2])[..] else { panic!("two zones") };
         for x in 0..40 {
             // The left one fades from 18 (2 pixels inside) to 24 (4 pixels outside).
             let expected = ((24.0 - (x as f32 + 0.5)) / 6.0).clamp(0.0, 1.0);
@@ -133,7 +143,7 @@ mod tests {
                 PartitionSettings { side_min: 3, zone_count: count, ..PartitionSettings::for_agents(Level::Balanced, 1, frame) };
             let partition = Partition::new(&map, frame, &settings);
             let bands = &bands[..partition.zones().len()];
-            let masks: Vec<Mask> = partition.iter().map(|(id, _)| Mask::of_zone(&partition, bands, id)).collect();
+            let masks = masks(&partition, bands);
             for (x, y) in frame.pixels() {
                 let sum: f32 = masks.iter().map(|mask| mask.weight(x, y)).sum();
                 prop_assert!((sum - 1.0).abs() < 1e-5, "{} at {}, {}", sum, x, y);
@@ -157,8 +167,7 @@ mod tests {
                 PartitionSettings { side_min: 2, zone_count: count, ..PartitionSettings::for_agents(Level::Divided, 1, frame) };
             let partition = Partition::new(&map, frame, &settings);
             let bands = vec![0; partition.zones().len()];
-            for (id, zone) in partition.iter() {
-                let mask = Mask::of_zone(&partition, &bands, id);
+            for ((_, zone), mask) in partition.iter().zip(masks(&partition, &bands)) {
                 for (x, y) in frame.pixels() {
                     prop_assert_eq!(mask.weight(x, y), if zone.contains(x, y) { 1.0 } else { 0.0 });
                 }
