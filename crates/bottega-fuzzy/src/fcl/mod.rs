@@ -1,0 +1,10 @@
+//! The Fuzzy Control Language (IEC 61131-7) as text: lexer, parser, printer.
+
+mod error;
+mod lexer;
+mod parser;
+mod print;
+
+pub use error::{FclError, FclErrorKind, Position, Warning};
+pub(crate) use parser::parse_one;
+pub use parser::{Document, parse_document};

@@ -1,0 +1,666 @@
+//! Tokens into function blocks, by recursive descent, checked while they are read.
+
+use super::{
+    error::{FclError, FclErrorKind, Position, Warning, nearest},
+    lexer::{Token, tokens},
+};
+use crate::{
+    block::{Conclusion, Condition, FunctionBlock, InputVariable, Limits, OutputVariable, Rule, RuleBlock, Term},
+    membership::Membership,
+    operators::{Accumulation, Activation, And, Method, Or},
+};
+
+/// What a text holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Document {
+    /// Its function blocks.
+    pub blocks: Vec<FunctionBlock>,
+    /// What is most likely not meant.
+    pub warnings: Vec<Warning>,
+}
+
+/// Reads a text with any number of function blocks.
+///
+/// # Errors
+/// The first mistake, with line and column.
+pub fn parse_document(text: &str) -> Result<Document> {
+    if text.len() > Limits::TEXT_BYTES_MAX {
+        let at = Position { line: 1, column: 1 };
+        return Err(FclError { at, kind: FclErrorKind::TooMany { what: "bytes", max: Limits::TEXT_BYTES_MAX } });
+    }
+    let tokens = tokens(text)?;
+    let mut parser = Parser { tokens: &tokens, next: 0, warnings: Vec::new() };
+    let mut blocks = Vec::new();
+    while !parser.at_end() {
+        parser.keyword("FUNCTION_BLOCK")?;
+        blocks.push(parser.block()?);
+    }
+    Ok(Document { blocks, warnings: parser.warnings })
+}
+
+/// Reads a text with one function block.
+pub(crate) fn parse_one(text: &str) -> Result<FunctionBlock> {
+    let mut blocks = parse_document(text)?.blocks;
+    match (blocks.pop(), blocks.len()) {
+        (Some(block), 0) => Ok(block),
+        (_, others) => {
+            let kind = FclErrorKind::BlockCount(if others == 0 { 0 } else { others + 1 });
+            Err(FclError { at: Position { line: 1, column: 1 }, kind })
+        }
+    }
+}
+
+/// Words that make the structure, and so cannot be names.
+const RESERVED: &[&str] = &[
+    "FUNCTION_BLOCK",
+    "END_FUNCTION_BLOCK",
+    "VAR_INPUT",
+    "VAR_OUTPUT",
+    "VAR",
+    "END_VAR",
+    "FUZZIFY",
+    "END_FUZZIFY",
+    "DEFUZZIFY",
+    "END_DEFUZZIFY",
+    "RULEBLOCK",
+    "END_RULEBLOCK",
+    "TERM",
+    "RANGE",
+    "METHOD",
+    "DEFAULT",
+    "ACCU",
+    "ACT",
+    "AND",
+    "OR",
+    "NOT",
+    "RULE",
+    "IF",
+    "IS",
+    "THEN",
+    "WITH",
+];
+
+type Result<T> = std::result::Result<T, FclError>;
+
+struct Parser<'a> {
+    tokens: &'a [(Token<'a>, Position)],
+    next: usize,
+    warnings: Vec<Warning>,
+}
+
+/// An input as far as it is known.
+struct InputDraft {
+    name: String,
+    at: Position,
+    terms: Option<Vec<Term>>,
+    range: Option<(f64, f64)>,
+}
+
+/// An output as far as it is known.
+struct OutputDraft {
+    name: String,
+    at: Position,
+    defuzzified: bool,
+    terms: Vec<Term>,
+    range: Option<(f64, f64)>,
+    method: Option<(Method, Position)>,
+    accumulation: Option<Accumulation>,
+    /// `Some(None)`: NC.
+    default: Option<Option<f64>>,
+}
+
+#[derive(Default)]
+struct Draft {
+    inputs: Vec<InputDraft>,
+    outputs: Vec<OutputDraft>,
+    locals: Vec<String>,
+    rule_blocks: Vec<RuleBlock>,
+}
+
+impl Draft {
+    fn input(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
+    }
+
+    fn output(&self, name: &str) -> Option<usize> {
+        self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
+    }
+
+    fn knows(&self, name: &str) -> bool {
+        self.input(name).is_some()
+            || self.output(name).is_some()
+            || self.locals.iter().any(|local| local.eq_ignore_ascii_case(name))
+    }
+}
+
+fn unknown<'n>(what: impl Into<String>, name: &str, declared: impl IntoIterator<Item = &'n str>) -> FclErrorKind {
+    FclErrorKind::Unknown { what: what.into(), name: name.to_owned(), suggestion: nearest(name, declared) }
+}
+
+fn term_index(terms: &[Term], variable: &str, name: &str, at: Position) -> Result<usize> {
+    let found = terms.iter().position(|term| term.name.eq_ignore_ascii_case(name));
+    found.ok_or_else(|| {
+        let names = terms.iter().map(|term| term.name.as_str());
+        FclError { at, kind: unknown(format!("term of `{variable}` called"), name, names) }
+    })
+}
+
+// Tokens.
+impl<'a> Parser<'a> {
+    fn peek(&self) -> &Token<'a> {
+        &self.tokens[self.next].0
+    }
+
+    fn at(&self) -> Position {
+        self.tokens[self.next].1
+    }
+
+    fn at_end(&self) -> bool {
+        *self.peek() == Token::End
+    }
+
+    fn advance(&mut self) {
+        // The last token is the end: it is never passed.
+        self.next = (self.next + 1).min(self.tokens.len() - 1);
+    }
+
+    fn is_word(&self, word: &str) -> bool {
+        matches!(self.peek(), Token::Word(found) if found.eq_ignore_ascii_case(word))
+    }
+
+    fn eat_word(&mut self, word: &str) -> bool {
+        let found = self.is_word(word);
+        if found {
+            self.advance();
+        }
+        found
+    }
+
+    fn eat_mark(&mut self, mark: char) -> bool {
+        let found = *self.peek() == Token::Mark(mark);
+        if found {
+            self.advance();
+        }
+        found
+    }
+
+    fn unexpected(&self, expected: &str, words: &[&str]) -> FclError {
+        let suggestion = match self.peek() {
+            Token::Word(found) => nearest(found, words.iter().copied()),
+            _ => None,
+        };
+        let kind =
+            FclErrorKind::Unexpected { expected: expected.to_owned(), found: self.peek().describe(), suggestion };
+        FclError { at: self.at(), kind }
+    }
+
+    fn keyword(&mut self, word: &str) -> Result<()> {
+        if self.eat_word(word) { Ok(()) } else { Err(self.unexpected(&format!("`{word}`"), &[word])) }
+    }
+
+    fn mark(&mut self, mark: char) -> Result<()> {
+        if self.eat_mark(mark) { Ok(()) } else { Err(self.unexpected(&format!("`{mark}`"), &[])) }
+    }
+
+    fn assign(&mut self) -> Result<()> {
+        if *self.peek() == Token::Assign {
+            self.advance();
+            return Ok(());
+        }
+        Err(self.unexpected("`:=`", &[]))
+    }
+
+    fn name(&mut self, what: &str) -> Result<&'a str> {
+        match *self.peek() {
+            Token::Word(word) if !RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(word)) => {
+                self.advance();
+                Ok(word)
+            }
+            _ => Err(self.unexpected(what, &[])),
+        }
+    }
+
+    fn number(&mut self) -> Result<f64> {
+        let negative = if self.eat_mark('-') {
+            true
+        } else {
+            self.eat_mark('+');
+            false
+        };
+        let Token::Number(number, _) = *self.peek() else { return Err(self.unexpected("a number", &[])) };
+        self.advance();
+        Ok(if negative { -number } else { number })
+    }
+
+    fn unit(&mut self, what: &'static str) -> Result<f64> {
+        let at = self.at();
+        let value = self.number()?;
+        if (0.0..=1.0).contains(&value) {
+            return Ok(value);
+        }
+        Err(FclError { at, kind: FclErrorKind::OutsideUnit { what, value } })
+    }
+
+    /// `: WORD ;`, one of a closed set.
+    fn choice<T: Copy>(&mut self, all: &[T], word: impl Fn(T) -> &'static str) -> Result<T> {
+        self.mark(':')?;
+        let words: Vec<&str> = all.iter().map(|one| word(*one)).collect();
+        let Some(found) = all.iter().find(|one| self.is_word(word(**one))) else {
+            return Err(self.unexpected(&format!("one of {}", words.join(", ")), &words));
+        };
+        self.advance();
+        self.mark(';')?;
+        Ok(*found)
+    }
+
+    fn check_count(&self, count: usize, max: usize, what: &'static str) -> Result<()> {
+        if count < max {
+            return Ok(());
+        }
+        Err(FclError { at: self.at(), kind: FclErrorKind::TooMany { what, max } })
+    }
+}
+
+// Declarations.
+impl Parser<'_> {
+    /// A block, after its first keyword.
+    fn block(&mut self) -> Result<FunctionBlock> {
+        const SECTIONS: &[&str] =
+            &["VAR_INPUT", "VAR_OUTPUT", "VAR", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK", "END_FUNCTION_BLOCK"];
+        // The name may be left out; a section's keyword is no name.
+        let name = self.name("").map_or_else(|_| String::new(), str::to_owned);
+        let mut draft = Draft::default();
+        loop {
+            let at = self.at();
+            if self.eat_word("VAR_INPUT") {
+                self.variables(&mut draft, Kind::Input)?;
+            } else if self.eat_word("VAR_OUTPUT") {
+                self.variables(&mut draft, Kind::Output)?;
+            } else if self.eat_word("VAR") {
+                self.variables(&mut draft, Kind::Local)?;
+            } else if self.eat_word("FUZZIFY") {
+                self.fuzzify(&mut draft)?;
+            } else if self.eat_word("DEFUZZIFY") {
+                self.defuzzify(&mut draft)?;
+            } else if self.eat_word("RULEBLOCK") {
+                self.rule_block(&mut draft, at)?;
+            } else if self.eat_word("END_FUNCTION_BLOCK") {
+                return finish(name, draft);
+            } else {
+                return Err(self.unexpected("a section of the function block, or `END_FUNCTION_BLOCK`", SECTIONS));
+            }
+        }
+    }
+
+    fn variables(&mut self, draft: &mut Draft, kind: Kind) -> Result<()> {
+        while !self.eat_word("END_VAR") {
+            let at = self.at();
+            let Ok(name) = self.name("") else {
+                return Err(self.unexpected("the name of a variable, or `END_VAR`", &["END_VAR"]));
+            };
+            if draft.knows(name) {
+                return Err(FclError { at, kind: FclErrorKind::Twice { what: "the variable", name: name.to_owned() } });
+            }
+            self.mark(':')?;
+            self.keyword("REAL")?;
+            self.mark(';')?;
+            let name = name.to_owned();
+            match kind {
+                Kind::Input => draft.inputs.push(InputDraft { name, at, terms: None, range: None }),
+                Kind::Output => draft.outputs.push(OutputDraft {
+                    name,
+                    at,
+                    defuzzified: false,
+                    terms: Vec::new(),
+                    range: None,
+                    method: None,
+                    accumulation: None,
+                    default: None,
+                }),
+                Kind::Local => draft.locals.push(name),
+            }
+            let most = draft.inputs.len().max(draft.outputs.len()).max(draft.locals.len());
+            self.check_count(most, Limits::VARIABLES_MAX + 1, "variables")?;
+        }
+        Ok(())
+    }
+
+    fn fuzzify(&mut self, draft: &mut Draft) -> Result<()> {
+        let at = self.at();
+        let name = self.name("the name of an input")?;
+        let Some(index) = draft.input(name) else {
+            let kind = unknown("input", name, draft.inputs.iter().map(|input| input.name.as_str()));
+            return Err(FclError { at, kind });
+        };
+        let input = &mut draft.inputs[index];
+        if input.terms.is_some() {
+            return Err(FclError { at, kind: FclErrorKind::Twice { what: "FUZZIFY", name: name.to_owned() } });
+        }
+        let mut terms = Vec::new();
+        while !self.eat_word("END_FUZZIFY") {
+            if self.is_word("TERM") {
+                self.term(&mut terms)?;
+            } else if self.is_word("RANGE") {
+                let at = self.at();
+                let before = input.range.replace(self.range()?);
+                once(before.is_none(), "RANGE", &input.name, at)?;
+            } else {
+                let words = &["TERM", "RANGE", "END_FUZZIFY"];
+                return Err(self.unexpected("`TERM`, `RANGE` or `END_FUZZIFY`", words));
+            }
+        }
+        has_terms(&terms, "the input", name, at)?;
+        input.terms = Some(terms);
+        Ok(())
+    }
+
+    fn defuzzify(&mut self, draft: &mut Draft) -> Result<()> {
+        let at = self.at();
+        let name = self.name("the name of an output")?;
+        let Some(index) = draft.output(name) else {
+            let kind = unknown("output", name, draft.outputs.iter().map(|output| output.name.as_str()));
+            return Err(FclError { at, kind });
+        };
+        let output = &mut draft.outputs[index];
+        if output.defuzzified {
+            return Err(FclError { at, kind: FclErrorKind::Twice { what: "DEFUZZIFY", name: name.to_owned() } });
+        }
+        output.defuzzified = true;
+        while !self.eat_word("END_DEFUZZIFY") {
+            self.defuzzify_clause(output)?;
+        }
+        has_terms(&output.terms, "the output", name, at)?;
+        let Some((method, method_at)) = output.method else {
+            let kind = FclErrorKind::Incomplete { what: "the output", name: name.to_owned(), lacks: "has no METHOD" };
+            return Err(FclError { at, kind });
+        };
+        let method_fits = fits(method, &output.terms, output.range);
+        method_fits.map_err(|reason| FclError {
+            at: method_at,
+            kind: FclErrorKind::MethodDoesNotFit { method: method.word(), reason },
+        })
+    }
+
+    fn defuzzify_clause(&mut self, output: &mut OutputDraft) -> Result<()> {
+        let at = self.at();
+        if self.is_word("TERM") {
+            return self.term(&mut output.terms);
+        }
+        if self.is_word("RANGE") {
+            let before = output.range.replace(self.range()?);
+            return once(before.is_none(), "RANGE", &output.name, at);
+        }
+        if self.eat_word("METHOD") {
+            let before = output.method.replace((self.choice(Method::ALL, Method::word)?, at));
+            return once(before.is_none(), "METHOD", &output.name, at);
+        }
+        if self.eat_word("ACCU") {
+            let before = output.accumulation.replace(self.choice(Accumulation::ALL, Accumulation::word)?);
+            return once(before.is_none(), "ACCU", &output.name, at);
+        }
+        if self.eat_word("DEFAULT") {
+            self.assign()?;
+            let value = if self.eat_word("NC") { None } else { Some(self.number()?) };
+            self.mark(';')?;
+            return once(output.default.replace(value).is_none(), "DEFAULT", &output.name, at);
+        }
+        let words = &["TERM", "METHOD", "ACCU", "DEFAULT", "RANGE", "END_DEFUZZIFY"];
+        Err(self.unexpected("`TERM`, `METHOD`, `ACCU`, `DEFAULT`, `RANGE` or `END_DEFUZZIFY`", words))
+    }
+
+    fn range(&mut self) -> Result<(f64, f64)> {
+        self.advance();
+        self.assign()?;
+        self.mark('(')?;
+        let at = self.at();
+        let low = self.number()?;
+        if *self.peek() != Token::Dots {
+            return Err(self.unexpected("`..`", &[]));
+        }
+        self.advance();
+        let high = self.number()?;
+        self.mark(')')?;
+        self.mark(';')?;
+        // A width that overflows cannot be reckoned with.
+        if low < high && (high - low).is_finite() {
+            return Ok((low, high));
+        }
+        Err(FclError { at, kind: FclErrorKind::EmptyRange(low, high) })
+    }
+
+    fn term(&mut self, terms: &mut Vec<Term>) -> Result<()> {
+        self.check_count(terms.len(), Limits::TERMS_MAX, "terms")?;
+        self.advance();
+        let at = self.at();
+        let name = self.name("the name of a term")?;
+        if terms.iter().any(|term| term.name.eq_ignore_ascii_case(name)) {
+            return Err(FclError { at, kind: FclErrorKind::Twice { what: "the term", name: name.to_owned() } });
+        }
+        self.assign()?;
+        let membership = if *self.peek() == Token::Mark('(') {
+            self.points()?
+        } else if matches!(self.peek(), Token::Number(..) | Token::Mark('-' | '+')) {
+            Membership::Singleton(self.number()?)
+        } else {
+            return Err(self.unexpected("a number or a point `(x, y)`", &[]));
+        };
+        self.mark(';')?;
+        terms.push(Term { name: name.to_owned(), membership });
+        Ok(())
+    }
+
+    fn points(&mut self) -> Result<Membership> {
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        while self.eat_mark('(') {
+            self.check_count(points.len(), Limits::POINTS_MAX, "points")?;
+            let at = self.at();
+            let x = self.number()?;
+            self.mark(',')?;
+            let y = self.unit("the degree")?;
+            self.mark(')')?;
+            if let Some(&(before, _)) = points.last()
+                && !(before <= x && (x - before).is_finite())
+            {
+                return Err(FclError { at, kind: FclErrorKind::PointsOutOfOrder(before, x) });
+            }
+            points.push((x, y));
+        }
+        Ok(Membership::Linear(points))
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Input,
+    Output,
+    Local,
+}
+
+fn once(first: bool, what: &'static str, name: &str, at: Position) -> Result<()> {
+    if first { Ok(()) } else { Err(FclError { at, kind: FclErrorKind::Twice { what, name: name.to_owned() } }) }
+}
+
+fn has_terms(terms: &[Term], what: &'static str, name: &str, at: Position) -> Result<()> {
+    if !terms.is_empty() {
+        return Ok(());
+    }
+    Err(FclError { at, kind: FclErrorKind::Incomplete { what, name: name.to_owned(), lacks: "has no TERM" } })
+}
+
+/// Whether a method can be used on these terms; if not, why.
+fn fits(method: Method, terms: &[Term], range: Option<(f64, f64)>) -> std::result::Result<(), &'static str> {
+    let singletons = terms.iter().filter(|term| matches!(term.membership, Membership::Singleton(_))).count();
+    let extent = terms
+        .iter()
+        .map(|term| term.membership.extent())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    if singletons != 0 && singletons != terms.len() {
+        return Err("some are singletons and some are not");
+    }
+    match method {
+        Method::Cogs if singletons == 0 => Err("it needs singletons"),
+        Method::Cog | Method::Coa if singletons != 0 => Err("singletons have no area; use COGS"),
+        _ if !(extent.1 - extent.0).is_finite() => Err("they lie too far apart to be reckoned with"),
+        _ if singletons == 0 && range.is_none() && extent.0 >= extent.1 => Err("they span no range"),
+        _ => Ok(()),
+    }
+}
+
+fn finish(name: String, draft: Draft) -> Result<FunctionBlock> {
+    let incomplete = |what, name: &str, lacks, at| FclError {
+        at,
+        kind: FclErrorKind::Incomplete { what, name: name.to_owned(), lacks },
+    };
+    let mut inputs = Vec::with_capacity(draft.inputs.len());
+    for InputDraft { name, at, terms, range } in draft.inputs {
+        let Some(terms) = terms else {
+            return Err(incomplete("the input", &name, "is never fuzzified", at));
+        };
+        inputs.push(InputVariable { name, terms, range, found: None });
+    }
+    let mut outputs = Vec::with_capacity(draft.outputs.len());
+    for output in draft.outputs {
+        let OutputDraft { name, at, terms, range, method, accumulation, default, .. } = output;
+        let Some((method, _)) = method else {
+            return Err(incomplete("the output", &name, "is never defuzzified", at));
+        };
+        outputs.push(OutputVariable { name, terms, range, method, accumulation, default: default.flatten() });
+    }
+    Ok(FunctionBlock { name, inputs, outputs, locals: draft.locals, rule_blocks: draft.rule_blocks })
+}
+
+// Rules.
+impl Parser<'_> {
+    fn rule_block(&mut self, draft: &mut Draft, at: Position) -> Result<()> {
+        let name = self.name("the name of the rule block")?.to_owned();
+        let (mut and, mut or, mut activation, mut accumulation) = (None, None, None, None);
+        let mut rules: Vec<Rule> = Vec::new();
+        while !self.eat_word("END_RULEBLOCK") {
+            let at = self.at();
+            if self.eat_word("AND") {
+                once(and.replace(self.choice(And::ALL, And::word)?).is_none(), "AND", &name, at)?;
+            } else if self.eat_word("OR") {
+                once(or.replace(self.choice(Or::ALL, Or::word)?).is_none(), "OR", &name, at)?;
+            } else if self.eat_word("ACT") {
+                once(activation.replace(self.choice(Activation::ALL, Activation::word)?).is_none(), "ACT", &name, at)?;
+            } else if self.eat_word("ACCU") {
+                let chosen = self.choice(Accumulation::ALL, Accumulation::word)?;
+                once(accumulation.replace(chosen).is_none(), "ACCU", &name, at)?;
+            } else if self.eat_word("RULE") {
+                let before = draft.rule_blocks.iter().map(|block| block.rules.len()).sum::<usize>();
+                self.check_count(before + rules.len(), Limits::RULES_MAX, "rules")?;
+                let rule = self.rule(draft)?;
+                if rules.iter().any(|other| other.label.eq_ignore_ascii_case(&rule.label)) {
+                    let message = format!("the label `{}` is used twice in `{name}`", rule.label);
+                    self.warnings.push(Warning { at, message });
+                }
+                rules.push(rule);
+            } else {
+                let words = &["AND", "OR", "ACT", "ACCU", "RULE", "END_RULEBLOCK"];
+                return Err(self.unexpected("`AND`, `OR`, `ACT`, `ACCU`, `RULE` or `END_RULEBLOCK`", words));
+            }
+        }
+        let (and, or) = match (and, or) {
+            (None, None) => (And::default(), Or::default()),
+            (Some(and), None) => (and, and.dual()),
+            (None, Some(or)) => (or.dual(), or),
+            (Some(and), Some(or)) if and.dual() == or => (and, or),
+            (Some(and), Some(or)) => {
+                let kind = FclErrorKind::NotDual { and: and.word(), or: or.word(), dual: and.dual().word() };
+                return Err(FclError { at, kind });
+            }
+        };
+        let (activation, accumulation) = (activation.unwrap_or_default(), accumulation.unwrap_or_default());
+        draft.rule_blocks.push(RuleBlock { name, and, or, activation, accumulation, rules });
+        Ok(())
+    }
+
+    /// A rule, after its first keyword.
+    fn rule(&mut self, draft: &Draft) -> Result<Rule> {
+        let label = match *self.peek() {
+            Token::Number(_, written) => {
+                self.advance();
+                written.to_owned()
+            }
+            _ => self.name("the number or name of the rule")?.to_owned(),
+        };
+        self.mark(':')?;
+        self.keyword("IF")?;
+        let condition = self.condition(draft, 0)?;
+        self.keyword("THEN")?;
+        let mut conclusions = vec![self.conclusion(draft)?];
+        while self.eat_mark(',') || self.eat_word("AND") {
+            self.check_count(conclusions.len(), Limits::VARIABLES_MAX, "conclusions")?;
+            conclusions.push(self.conclusion(draft)?);
+        }
+        let weight = if self.eat_word("WITH") { self.unit("the weight")? } else { 1.0 };
+        if !self.eat_mark(';') {
+            return Err(self.unexpected("`;`, `,` or `WITH`", &["WITH", "AND"]));
+        }
+        Ok(Rule { label, condition, conclusions, weight })
+    }
+
+    fn condition(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
+        let mut parts = vec![self.conjunction(draft, depth)?];
+        while self.eat_word("OR") {
+            parts.push(self.conjunction(draft, depth)?);
+        }
+        Ok(if parts.len() == 1 { parts.remove(0) } else { Condition::Or(parts) })
+    }
+
+    fn conjunction(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
+        let mut parts = vec![self.single(draft, depth)?];
+        while self.eat_word("AND") {
+            parts.push(self.single(draft, depth)?);
+        }
+        Ok(if parts.len() == 1 { parts.remove(0) } else { Condition::And(parts) })
+    }
+
+    fn single(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
+        self.check_count(depth, Limits::DEPTH_MAX, "brackets within brackets")?;
+        if self.eat_word("NOT") {
+            return Ok(Condition::Not(Box::new(self.single(draft, depth + 1)?)));
+        }
+        if self.eat_mark('(') {
+            let inner = self.condition(draft, depth + 1)?;
+            self.mark(')')?;
+            return Ok(inner);
+        }
+        let at = self.at();
+        let name = self.name("an input, `NOT` or `(`")?;
+        let Some(input) = draft.input(name) else {
+            let kind = unknown("input", name, draft.inputs.iter().map(|input| input.name.as_str()));
+            return Err(FclError { at, kind });
+        };
+        if !self.eat_word("IS") {
+            return Err(self.unexpected("`IS`", &["IS"]));
+        }
+        let negated = self.eat_word("NOT");
+        let term_at = self.at();
+        let term = self.name("the name of a term")?;
+        let terms = draft.inputs[input].terms.as_deref().ok_or_else(|| FclError {
+            at,
+            kind: FclErrorKind::Incomplete {
+                what: "the input",
+                name: name.to_owned(),
+                lacks: "is used in a rule before it is fuzzified",
+            },
+        })?;
+        let term = term_index(terms, name, term, term_at)?;
+        Ok(if negated { Condition::IsNot { input, term } } else { Condition::Is { input, term } })
+    }
+
+    fn conclusion(&mut self, draft: &Draft) -> Result<Conclusion> {
+        let at = self.at();
+        let name = self.name("an output")?;
+        let Some(output) = draft.output(name) else {
+            let kind = unknown("output", name, draft.outputs.iter().map(|output| output.name.as_str()));
+            return Err(FclError { at, kind });
+        };
+        self.keyword("IS")?;
+        let term_at = self.at();
+        let term = self.name("the name of a term")?;
+        let term = term_index(&draft.outputs[output].terms, name, term, term_at)?;
+        Ok(Conclusion { output, term })
+    }
+}

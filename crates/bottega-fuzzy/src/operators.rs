@@ -1,0 +1,161 @@
+//! The operators that a rule block chooses from (IEC 61131-7, tables of AND, OR, ACT, ACCU and METHOD).
+
+/// How degrees are joined by AND: a triangular norm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum And {
+    /// min(a, b)
+    #[default]
+    Min,
+    /// a · b
+    Prod,
+    /// max(0, a + b − 1), the bounded difference
+    Bdif,
+}
+
+/// How degrees are joined by OR: a triangular conorm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Or {
+    /// max(a, b)
+    #[default]
+    Max,
+    /// a + b − a · b, the algebraic sum
+    Asum,
+    /// min(1, a + b), the bounded sum
+    Bsum,
+}
+
+/// How the degree of a rule acts on the term it concludes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Activation {
+    /// Cuts it off: min(w, μ)
+    #[default]
+    Min,
+    /// Scales it: w · μ
+    Prod,
+}
+
+/// How the conclusions of all rules on one output are joined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accumulation {
+    /// The greatest at each place.
+    #[default]
+    Max,
+    /// min(1, sum)
+    Bsum,
+    /// sum / max(1, greatest sum anywhere). Tools differ on it.
+    Nsum,
+}
+
+/// How one number is made of the joined conclusions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The center of gravity.
+    Cog,
+    /// The center of gravity of singletons.
+    Cogs,
+    /// The place that halves the area.
+    Coa,
+    /// The leftmost place of the maximum.
+    Lm,
+    /// The rightmost place of the maximum.
+    Rm,
+    /// The middle between those two.
+    Mm,
+}
+
+impl And {
+    /// Joins two degrees.
+    pub fn join(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Min => a.min(b),
+            Self::Prod => a * b,
+            Self::Bdif => (a + b - 1.0).max(0.0),
+        }
+    }
+
+    /// The conorm with which De Morgan's laws hold.
+    pub fn dual(self) -> Or {
+        match self {
+            Self::Min => Or::Max,
+            Self::Prod => Or::Asum,
+            Self::Bdif => Or::Bsum,
+        }
+    }
+}
+
+impl Or {
+    /// Joins two degrees.
+    pub fn join(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Max => a.max(b),
+            // The same as a + b − a·b, and never above 1 by rounding.
+            Self::Asum => 1.0 - (1.0 - a) * (1.0 - b),
+            Self::Bsum => (a + b).min(1.0),
+        }
+    }
+
+    /// The norm with which De Morgan's laws hold.
+    pub fn dual(self) -> And {
+        match self {
+            Self::Max => And::Min,
+            Self::Asum => And::Prod,
+            Self::Bsum => And::Bdif,
+        }
+    }
+}
+
+macro_rules! words {
+    ($type:ident { $($variant:ident = $word:literal),+ }) => {
+        impl $type {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$variant),+];
+
+            /// Its word in the language.
+            pub fn word(self) -> &'static str {
+                match self { $(Self::$variant => $word),+ }
+            }
+        }
+    };
+}
+
+words!(And { Min = "MIN", Prod = "PROD", Bdif = "BDIF" });
+words!(Or { Max = "MAX", Asum = "ASUM", Bsum = "BSUM" });
+words!(Activation { Min = "MIN", Prod = "PROD" });
+words!(Accumulation { Max = "MAX", Bsum = "BSUM", Nsum = "NSUM" });
+words!(Method { Cog = "COG", Cogs = "COGS", Coa = "COA", Lm = "LM", Rm = "RM", Mm = "MM" });
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_pairs_are_dual_by_de_morgan(a in 0.0..=1.0, b in 0.0..=1.0) {
+            for &and in And::ALL {
+                let or = and.dual();
+                prop_assert_eq!(or.dual(), and);
+                prop_assert!((1.0 - and.join(a, b) - or.join(1.0 - a, 1.0 - b)).abs() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn norms_commute_grow_and_keep_within_their_bounds(a in 0.0..=1.0, b in 0.0..=1.0, c in 0.0..=1.0) {
+            let (low, high) = if b < c { (b, c) } else { (c, b) };
+            for &and in And::ALL {
+                prop_assert_eq!(and.join(a, b), and.join(b, a));
+                prop_assert!(and.join(a, low) <= and.join(a, high));
+                prop_assert!(and.join(a, b) <= a.min(b) && and.join(a, b) >= 0.0);
+                prop_assert!((and.join(a, 1.0) - a).abs() < 1e-12);
+                prop_assert!((and.join(and.join(a, b), c) - and.join(a, and.join(b, c))).abs() < 1e-12);
+            }
+            for &or in Or::ALL {
+                prop_assert_eq!(or.join(a, b), or.join(b, a));
+                prop_assert!(or.join(a, low) <= or.join(a, high));
+                prop_assert!(or.join(a, b) >= a.max(b) - 1e-15 && or.join(a, b) <= 1.0);
+                prop_assert!((or.join(a, 0.0) - a).abs() < 1e-12);
+            }
+        }
+    }
+}
