@@ -1,0 +1,207 @@
+//! The Analyst: from a fast look at the scene to the rows of the Blackboard.
+
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
+
+use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
+use bottega_engines::Survey;
+use bottega_image::Rect;
+
+use crate::{
+    FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, ImportanceError, ImportanceFunction,
+    ImportanceMap, InputRanges, Partition, PartitionSettings, WorkId, WorkRow, WorkSettings, ZoneRow,
+    contents::message, protocol, work_key, zone_key,
+};
+
+/// Cells of the survey at most: a look, not a picture.
+const SURVEY_CELLS_MAX: u64 = 1 << 14;
+/// Side of a cell in pixels at least: finer than zones can follow is wasted.
+const SURVEY_CELL_SIDE_MIN: u32 = 4;
+/// How long the Analyst waits for an answer before it asks the store again.
+const RETRY_AFTER: Duration = Duration::from_secs(3);
+
+/// What the Analyst is told when it is made.
+#[derive(Clone, Debug)]
+pub struct AnalystConfig {
+    /// Its own name.
+    pub id: AgentId,
+    /// Whom it tells when it has finished.
+    pub master: AgentId,
+    /// Which picture.
+    pub work: WorkId,
+    /// What the user wants of it.
+    pub settings: WorkSettings,
+    /// What a place is worth.
+    pub importance: ImportanceFunction,
+    /// Which zones to aim at.
+    pub partition: PartitionSettings,
+}
+
+/// The size of the survey of a picture: its shape, about one cell to [`SURVEY_CELL_SIDE_MIN`]² pixels, bounded.
+pub fn survey_size(picture: &Rect) -> (u32, u32) {
+    let fit = (picture.area() as f64 / SURVEY_CELLS_MAX as f64).sqrt();
+    let cell = fit.max(f64::from(SURVEY_CELL_SIDE_MIN));
+    let cells = |side: u32| ((f64::from(side) / cell) as u32).clamp(1, side.max(1));
+    let (width, height) = (cells(picture.width()), cells(picture.height()));
+    // A picture of one row has as many cells as one of many.
+    let bounded = |a: u32, b: u32| a.min((SURVEY_CELLS_MAX / u64::from(b)).max(1) as u32);
+    (bounded(width, height), bounded(height, width))
+}
+
+/// The Analyst's work without any agent: the map, the zones and their rows.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// The importance map.
+    pub map: Arc<ImportanceMap>,
+    /// The zones.
+    pub partition: Arc<Partition>,
+    /// The row of the work.
+    pub work: WorkRow,
+    /// The rows of all zones, by id.
+    pub rows: Vec<ZoneRow>,
+}
+
+/// Analyzes a picture.
+///
+/// - `survey`: covers the whole picture.
+pub fn analyze(
+    work: WorkId,
+    settings: &WorkSettings,
+    survey: &Survey,
+    importance: ImportanceFunction,
+    partition: &PartitionSettings,
+) -> Result<Analysis, ImportanceError> {
+    let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
+    let partition = Partition::new(&map, settings.frame, partition);
+    let differences = partition.neighbor_differences(&map);
+    let rows: Vec<ZoneRow> = partition
+        .iter()
+        .zip(differences)
+        .map(|((zone, rect), difference)| ZoneRow::open(work, zone, rect, map.complexity(&rect), difference))
+        .collect();
+    let zone_count = rows.len() as u32;
+    let work = WorkRow { work, settings: *settings, zone_count, ranges: InputRanges::of(&rows) };
+    Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows })
+}
+
+/// The state machine of the Analyst. It lives until its rows are on the Blackboard.
+#[derive(Clone, Debug)]
+pub struct Analyst {
+    config: AnalystConfig,
+    /// Rows that the store has not confirmed, by ticket. The work's own row is written last, when all others are there.
+    unwritten: BTreeMap<Ticket, FarmValue>,
+    work: Option<WorkRow>,
+    retry: Option<Time>,
+}
+
+impl Analyst {
+    /// An Analyst that has just been born.
+    pub fn new(config: AnalystConfig) -> Self {
+        Self { config, unwritten: BTreeMap::new(), work: None, retry: None }
+    }
+
+    fn surveyed(&mut self, survey: Result<Arc<Survey>, String>, actions: &mut Vec<FarmAction>) {
+        let AnalystConfig { work, settings, importance, partition, .. } = &self.config;
+        let analysis = survey.and_then(|survey| {
+            analyze(*work, settings, &survey, *importance, partition).map_err(|error| error.to_string())
+        });
+        match analysis {
+            Err(reason) => {
+                actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
+                actions.push(FarmAction::Stop);
+            }
+            Ok(Analysis { map, partition, work, rows }) => {
+                actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition }));
+                self.work = Some(work);
+                let rows = rows.into_iter().map(FarmValue::Zone);
+                self.unwritten = rows.enumerate().map(|(i, row)| (Ticket(i as u64 + 1), row)).collect();
+                self.write(actions);
+            }
+        }
+    }
+
+    /// Asks the store for all that it has not confirmed. Rows that are there already were written by an earlier life,
+    /// and may have been worked on since.
+    fn write(&self, actions: &mut Vec<FarmAction>) {
+        for (&ticket, value) in &self.unwritten {
+            let key = match value {
+                FarmValue::Zone(row) => zone_key(row.work, row.zone),
+                FarmValue::Work(row) => work_key(row.work),
+                FarmValue::Agent(_) => continue,
+            };
+            let (expected_revision, value) = (Revision::ABSENT, value.clone());
+            let request = StoreRequest::CompareAndSet { key, expected_revision, value };
+            actions.push(FarmAction::Store { ticket, request });
+        }
+    }
+
+    fn written(&mut self, ticket: Ticket, actions: &mut Vec<FarmAction>) {
+        if self.unwritten.remove(&ticket).is_none() || !self.unwritten.is_empty() {
+            return;
+        }
+        if let Some(work) = self.work.take() {
+            self.unwritten.insert(Ticket(0), FarmValue::Work(work));
+            return self.write(actions);
+        }
+        // Workflow, step 3: the Master is notified. It watches the blackboard too, so this may be lost.
+        let AnalystConfig { id, master, work, .. } = &self.config;
+        let content = FarmContent::Analyzed(*work);
+        let inform = message(Performative::Inform, protocol::REQUEST, id, vec![master.clone()], content);
+        actions.push(FarmAction::Send(inform));
+        actions.push(FarmAction::Stop);
+    }
+}
+
+impl StateMachine for Analyst {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        match event {
+            FarmEvent::Start => {
+                let picture = self.config.settings.picture;
+                let (width, height) = survey_size(&picture);
+                actions.push(FarmAction::Effect(FarmEffect::Survey { picture, width, height }));
+            }
+            FarmEvent::Completed(FarmCompletion::Surveyed(survey)) => {
+                self.surveyed(survey, actions);
+                self.retry = Some(now + RETRY_AFTER);
+            }
+            FarmEvent::Store { ticket, reply: StoreReply::Written { .. } | StoreReply::Conflict { .. } } => {
+                self.written(ticket, actions);
+            }
+            FarmEvent::Message(received) => {
+                tracing::debug!(from = %received.sender, "the Analyst takes no messages");
+            }
+            FarmEvent::Completed(_)
+            | FarmEvent::Store { .. }
+            | FarmEvent::Presence { .. }
+            | FarmEvent::Deadline => {}
+        }
+        if self.retry.is_some_and(|at| at <= now) {
+            self.write(actions);
+            self.retry = Some(now + RETRY_AFTER);
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.retry
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_survey_is_small_and_keeps_the_shape() {
+        assert_eq!(survey_size(&Rect::of_size(1, 1)), (1, 1));
+        assert_eq!(survey_size(&Rect::of_size(64, 32)), (16, 8));
+        let (width, height) = survey_size(&Rect::of_size(3840, 2160));
+        assert!(u64::from(width) * u64::from(height) <= SURVEY_CELLS_MAX);
+        assert!((f64::from(width) / f64::from(height) - 16.0 / 9.0).abs() < 0.03);
+        let (width, height) = survey_size(&Rect::of_size(4_000_000_000, 1));
+        assert!(u64::from(width) * u64::from(height) <= SURVEY_CELLS_MAX && height == 1);
+    }
+}

@@ -1,0 +1,177 @@
+//! How neighbouring zones are blended: linear masks across interpolation bands.
+//!
+//! A zone is painted grown by its band. Where the grown zones of several neighbours lie over each other, each counts by
+//! how deep the pixel lies in it, divided by the sum of these depths. Across a straight edge between a zone of band *a*
+//! and one of band *b* that is the paper's linear mask over *a + b* pixels (MAGarRO, section 3.5); at corners and
+//! T-junctions it goes over from one edge to the other without a step.
+
+use bottega_image::Rect;
+
+use crate::{Partition, partition::ZoneIndex};
+
+/// A zone and what is painted for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BandedZone {
+    /// Its own pixels.
+    pub rect: Rect,
+    /// Pixels beyond them on every side, as far as the frame reaches.
+    pub grown: Rect,
+}
+
+impl BandedZone {
+    /// A zone with its band, in pixels.
+    pub fn new(rect: Rect, band: u32, frame: &Rect) -> Self {
+        Self { rect, grown: rect.grown(band, frame) }
+    }
+
+    /// How deep the center of the pixel lies within what is painted, in pixels; edges of the frame do not count, for
+    /// nothing lies beyond them. 0 outside.
+    fn depth(&self, x: u32, y: u32, frame: &Rect) -> f32 {
+        /// Deeper than any picture.
+        const INSIDE: f32 = 1e9;
+        if !self.grown.contains(x, y) {
+            return 0.0;
+        }
+        let low = |edge: u32, limit: u32, at: u32| if edge == limit { INSIDE } else { (at - edge) as f32 + 0.5 };
+        let high = |edge: u32, limit: u32, at: u32| if edge == limit { INSIDE } else { (edge - at) as f32 - 0.5 };
+        low(self.grown.x0, frame.x0, x)
+            .min(high(self.grown.x1, frame.x1, x))
+            .min(low(self.grown.y0, frame.y0, y))
+            .min(high(self.grown.y1, frame.y1, y))
+    }
+}
+
+/// The masks of all zones, by id.
+///
+/// - `bands`: the width of the band around each zone, by id.
+pub fn masks(partition: &Partition, bands: &[u32]) -> Vec<Mask> {
+    let (zones, frame) = (partition.zones(), partition.frame());
+    assert_eq!(zones.len(), bands.len(), "one band for each zone");
+    let band_max = bands.iter().copied().max().unwrap_or(0);
+    if band_max == 0 {
+        return zones.iter().map(|&rect| Mask::without_band(rect, frame)).collect();
+    }
+    let index = ZoneIndex::new(frame, zones);
+    let banded = |i: usize| BandedZone::new(zones[i], bands[i], &frame);
+    (0..zones.len())
+        .map(|i| {
+            let zone = banded(i);
+            let near = index.touching(&zone.grown.grown(band_max, &frame)).map(banded).collect();
+            Mask::new(frame, zone, near)
+        })
+        .collect()
+}
+
+/// With which weight each pixel of one zone's tile goes into the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    frame: Rect,
+    zone: BandedZone,
+    /// All zones that have a pixel in common with it, itself too, in the order of their ids: the sum is then the same
+    /// number for each of them. Empty: there is no other.
+    overlapping: Vec<BandedZone>,
+}
+
+impl Mask {
+    /// The mask of a zone that has no band, among others that have none.
+    pub fn without_band(rect: Rect, frame: Rect) -> Self {
+        Self { frame, zone: BandedZone::new(rect, 0, &frame), overlapping: Vec::new() }
+    }
+
+    /// The mask of `zone` among `others`: all that may overlap it, in the order of their ids; `zone` is among them.
+    pub fn new(frame: Rect, zone: BandedZone, mut others: Vec<BandedZone>) -> Self {
+        others.retain(|other| other.grown.intersection(&zone.grown).is_some());
+        if others.iter().all(|other| *other == zone) {
+            others.clear();
+        }
+        Self { frame, zone, overlapping: others }
+    }
+
+    /// The weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone reaches. The weights of
+    /// all zones at a pixel sum to 1.
+    pub fn weight(&self, x: u32, y: u32) -> f32 {
+        let own = self.zone.depth(x, y, &self.frame);
+        if own == 0.0 {
+            return 0.0;
+        }
+        if self.overlapping.is_empty() {
+            return 1.0;
+        }
+        let sum: f32 = self.overlapping.iter().map(|zone| zone.depth(x, y, &self.frame)).sum();
+        // With no other zone here `sum` is `own`, and the quotient of equal numbers is exactly 1.
+        own / sum
+    }
+
+    /// Pixels that are painted for this zone beyond its own: what the band costs.
+    pub fn extra_pixels(&self) -> u64 {
+        self.zone.grown.area() - self.zone.rect.area()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{ImportanceMap, Level, PartitionSettings};
+
+    #[test]
+    fn across_a_straight_edge_the_mask_is_linear_over_both_bands() {
+        let frame = Rect::of_size(40, 10);
+        let partition = Partition::of_zones(frame, vec![Rect::new(0, 0, 20, 10), Rect::new(20, 0, 40, 10)]);
+        let [left, right] = &masks(&partition, &[4, 2])[..] else { panic!("two zones") };
+        for x in 0..40 {
+            // The left one fades from 18 (2 pixels inside) to 24 (4 pixels outside).
+            let expected = ((24.0 - (x as f32 + 0.5)) / 6.0).clamp(0.0, 1.0);
+            assert!((left.weight(x, 5) - expected).abs() < 1e-6, "at {x}: {} {expected}", left.weight(x, 5));
+            assert!((left.weight(x, 5) + right.weight(x, 5) - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(left.weight(17, 5).to_bits(), 1.0f32.to_bits());
+        assert_eq!(left.extra_pixels(), 40);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn weights_sum_to_one_everywhere_and_are_one_outside_bands(
+            (width, height, count) in (1u32..60, 1u32..60, 1u32..12),
+            (bands, crop_x) in (prop::collection::vec(0u32..9, 64), 0u32..20),
+        ) {
+            let frame = Rect::new(crop_x, 3, crop_x + width, height + 3);
+            let map = ImportanceMap::uniform(frame);
+            let settings =
+                PartitionSettings { side_min: 3, zone_count: count, ..PartitionSettings::for_agents(Level::Balanced, 1, frame) };
+            let partition = Partition::new(&map, frame, &settings);
+            let bands = &bands[..partition.zones().len()];
+            let masks = masks(&partition, bands);
+            for (x, y) in frame.pixels() {
+                let sum: f32 = masks.iter().map(|mask| mask.weight(x, y)).sum();
+                prop_assert!((sum - 1.0).abs() < 1e-5, "{} at {}, {}", sum, x, y);
+                for ((_, zone), mask) in partition.iter().zip(&masks) {
+                    let reached = partition
+                        .iter()
+                        .filter(|&(_, other)| other != zone)
+                        .any(|(id, other)| other.grown(bands[id.index()], &frame).contains(x, y));
+                    if zone.contains(x, y) && !reached {
+                        prop_assert_eq!(mask.weight(x, y).to_bits(), 1.0f32.to_bits());
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn without_bands_every_pixel_has_weight_one_in_its_zone_alone(count in 1u32..20) {
+            let frame = Rect::of_size(33, 21);
+            let map = ImportanceMap::uniform(frame);
+            let settings =
+                PartitionSettings { side_min: 2, zone_count: count, ..PartitionSettings::for_agents(Level::Divided, 1, frame) };
+            let partition = Partition::new(&map, frame, &settings);
+            let bands = vec![0; partition.zones().len()];
+            for ((_, zone), mask) in partition.iter().zip(masks(&partition, &bands)) {
+                for (x, y) in frame.pixels() {
+                    prop_assert_eq!(mask.weight(x, y), if zone.contains(x, y) { 1.0 } else { 0.0 });
+                }
+            }
+        }
+    }
+}

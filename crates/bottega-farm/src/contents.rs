@@ -1,0 +1,190 @@
+//! What the agents of the farm say to each other: the ontology `bottega-farm`.
+
+use std::time::Duration;
+
+use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time};
+
+use crate::{Choice, RelativePower, ResultRef, WorkId, WorkRow, ZoneId, ZoneRow};
+
+/// The vocabulary of all messages of this crate.
+pub const ONTOLOGY: &str = "bottega-farm";
+/// Within one process nothing is encoded.
+pub const LANGUAGE: &str = "bottega-typed";
+
+/// The interaction protocols that the farm speaks.
+pub mod protocol {
+    /// Zones by auction.
+    pub const CONTRACT_NET: &str = "fipa-contract-net";
+    /// Profiling, life cycle.
+    pub const REQUEST: &str = "fipa-request";
+    /// Agents at a Master.
+    pub const SUBSCRIBE: &str = "fipa-subscribe";
+}
+
+/// A zone on offer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offer {
+    /// Which.
+    pub zone: ZoneId,
+    /// Predicted cost in average pixels.
+    pub complexity: f64,
+    /// T_est, reference-machine time.
+    pub time_estimated: Duration,
+}
+
+/// What an agent says of a zone on offer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bid {
+    /// Which.
+    pub zone: ZoneId,
+    /// How long after now it would be finished if it were the agent's next.
+    pub finish: Duration,
+}
+
+/// A zone in an agent's hand: a request to profile it, or an award.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// What the zone is part of.
+    pub work: WorkRow,
+    /// The zone as the blackboard has it.
+    pub row: ZoneRow,
+    /// The revision of that row: the fencing token that the result must carry.
+    pub fence: Revision,
+}
+
+/// What came of an order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Which zone.
+    pub zone: ZoneId,
+    /// The token of the order.
+    pub fence: Revision,
+    /// What was painted, or why nothing was.
+    pub outcome: Result<Painting, String>,
+}
+
+/// What was painted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Painting {
+    /// The settings chosen.
+    pub choice: Choice,
+    /// Where the samples are.
+    pub result: ResultRef,
+    /// T, in reference-machine time.
+    pub time_measured: Duration,
+    /// T_est for the samples that are still missing, in reference-machine time.
+    pub time_left: Duration,
+}
+
+/// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LifeCycle {
+    /// Takes no new zones. Those in hand are finished.
+    Suspend,
+    /// Takes zones again.
+    Resume,
+    /// Ends.
+    Terminate,
+}
+
+/// The content of a message.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FarmContent {
+    /// *subscribe*: an agent and what its benchmark said.
+    Subscription {
+        /// V_cp.
+        power: RelativePower,
+        /// Processors that work on its zones at once.
+        lanes: f64,
+    },
+    /// *agree*: the Master has the agent on its list.
+    Subscribed,
+    /// *cancel*: the agent leaves the Master.
+    Unsubscription,
+    /// *inform*: there is a scene to paint.
+    Scene(WorkRow),
+    /// *inform*: the Analyst has put the zones on the blackboard.
+    Analyzed(WorkId),
+    /// *request*: render the first samples of a zone.
+    Profile(Order),
+    /// *cfp*: these zones are to be had.
+    Offers(Vec<Offer>),
+    /// *propose*: the agent has room for so many zones, and would finish each at such a time.
+    Bids {
+        /// Zones that it has room for.
+        room: u32,
+        /// One for each zone that it wants.
+        bids: Vec<Bid>,
+    },
+    /// *accept-proposal*: paint this zone.
+    Award(Order),
+    /// *inform* when it was painted, *failure* when not.
+    Report(Report),
+    /// *confirm*: the report of this order is on the blackboard.
+    Received {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+    },
+    /// *disconfirm*: the report of this order is not wanted.
+    Refused {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+        /// Why not.
+        reason: String,
+    },
+    /// *inform*: the agent lives, has V_cp `power` and these orders in hand.
+    Alive {
+        /// V_cp.
+        power: RelativePower,
+        /// Its orders.
+        hands: Vec<(ZoneId, Revision)>,
+    },
+    /// *request*: suspend, resume, terminate.
+    LifeCycle(LifeCycle),
+    /// Nothing but the performative: *refuse*, *reject-proposal*, *not-understood*.
+    Nothing,
+}
+
+/// A message of the farm.
+pub type FarmMessage = AclMessage<FarmContent>;
+
+/// A message that begins a conversation.
+pub fn message(
+    performative: Performative,
+    protocol: &'static str,
+    sender: &AgentId,
+    receivers: Vec<AgentId>,
+    content: FarmContent,
+) -> FarmMessage {
+    AclMessage {
+        performative,
+        sender: sender.clone(),
+        receivers,
+        content,
+        language: LANGUAGE,
+        ontology: ONTOLOGY,
+        protocol,
+        conversation_id: 0,
+        reply_with: 0,
+        in_reply_to: 0,
+        reply_by: None,
+    }
+}
+
+/// The same message in a conversation whose answers count until `reply_by`.
+pub fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
+    AclMessage { conversation_id, reply_with: conversation_id, reply_by, ..message }
+}
+
+/// The answer to a message, in its conversation.
+pub fn answer(to: &FarmMessage, sender: &AgentId, performative: Performative, content: FarmContent) -> FarmMessage {
+    AclMessage {
+        conversation_id: to.conversation_id,
+        in_reply_to: to.reply_with,
+        ..message(performative, to.protocol, sender, vec![to.sender.clone()], content)
+    }
+}

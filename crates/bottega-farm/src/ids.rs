@@ -1,0 +1,35 @@
+//! The names of works and zones.
+
+use std::fmt;
+
+/// The paper's IdWork: one picture of one scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct WorkId(pub u64);
+
+/// The paper's IdZone: the index of a zone in the partition of its work.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ZoneId(pub u32);
+
+impl ZoneId {
+    /// As an index into the zones of a partition.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    /// The zone at this index.
+    pub fn of_index(index: usize) -> Self {
+        Self(u32::try_from(index).expect("a partition has fewer than 2³² zones"))
+    }
+}
+
+impl fmt::Display for WorkId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "work {}", self.0)
+    }
+}
+
+impl fmt::Display for ZoneId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "zone {}", self.0)
+    }
+}

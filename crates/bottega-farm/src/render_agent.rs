@@ -1,0 +1,331 @@
+//! The Render Agent: measures itself, bids for zones, asks its rules what a zone is worth, and has it painted.
+
+use std::{collections::BTreeMap, time::Duration};
+
+use bottega_agents::{AgentId, Performative, Revision, StateMachine, Time};
+
+use crate::{
+    Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
+    FarmMessage, LifeCycle, Offer, Order, PaintOrder, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
+    ZoneState,
+    adaptation::scaled,
+    contents::{answer, asking, message},
+    protocol,
+};
+
+/// What an agent is told when it is made.
+#[derive(Clone, Debug)]
+pub struct RenderAgentConfig {
+    /// Its own name.
+    pub id: AgentId,
+    /// For whom it works.
+    pub master: AgentId,
+    /// How it learns V_cp.
+    pub adaptation: AdaptationRule,
+    /// It bids while it has fewer zones than this in hand: with 2, the next zone is here before the present one has
+    /// drained, and no core waits.
+    pub prefetch: u32,
+    /// How often it says that it lives, and repeats what was not answered.
+    pub heartbeat: Duration,
+    /// What it knows of rendering.
+    pub expert: Expert,
+}
+
+/// A zone in hand.
+#[derive(Clone, Debug)]
+struct Hand {
+    order: Order,
+    choice: Choice,
+    begun: bool,
+}
+
+/// The state machine of one Render Agent.
+#[derive(Clone, Debug)]
+pub struct RenderAgent {
+    config: RenderAgentConfig,
+    /// `None` until the benchmark is done.
+    adaptation: Option<Adaptation>,
+    lanes: f64,
+    subscribed: bool,
+    suspended: bool,
+    work: Option<WorkRow>,
+    fetched: bool,
+    hands: BTreeMap<ZoneId, Hand>,
+    /// Reports that the Master has not answered.
+    unanswered: BTreeMap<ZoneId, Report>,
+    /// The newest token seen of each zone: an order that arrives late or twice is not taken again.
+    newest: BTreeMap<ZoneId, Revision>,
+    next_heartbeat: Option<Time>,
+}
+
+impl RenderAgent {
+    /// An agent that has just been born.
+    pub fn new(config: RenderAgentConfig) -> Self {
+        Self {
+            config,
+            adaptation: None,
+            lanes: 1.0,
+            subscribed: false,
+            suspended: false,
+            work: None,
+            fetched: false,
+            hands: BTreeMap::new(),
+            unanswered: BTreeMap::new(),
+            newest: BTreeMap::new(),
+            next_heartbeat: None,
+        }
+    }
+
+    /// V_cp as it is known now.
+    pub fn power(&self) -> RelativePower {
+        self.adaptation.as_ref().map_or(RelativePower::REFERENCE, Adaptation::power)
+    }
+
+    fn handle_message(&mut self, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+        match (message.performative, &message.content) {
+            (Performative::Agree, FarmContent::Subscribed) => self.subscribed = true,
+            // The Master does not know this agent (any more).
+            (Performative::Refuse, FarmContent::Nothing) => self.subscribed = false,
+            (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
+            (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(message, offers, actions),
+            (Performative::Request, FarmContent::Profile(order))
+            | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(message, order, actions),
+            (Performative::Confirm, FarmContent::Received { zone, fence })
+            | (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
+                if self.unanswered.get(zone).is_some_and(|report| report.fence == *fence) {
+                    self.unanswered.remove(zone);
+                }
+            }
+            (Performative::Request, FarmContent::LifeCycle(change)) => match change {
+                LifeCycle::Suspend => self.suspended = true,
+                LifeCycle::Resume => self.suspended = false,
+                LifeCycle::Terminate => actions.push(FarmAction::Stop),
+            },
+            (Performative::RejectProposal | Performative::NotUnderstood, _) => {}
+            _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
+        }
+    }
+
+    /// Workflow, step 5: each agent gets the 3D model from the repository.
+    fn get_scene(&mut self, work: &WorkRow, actions: &mut Vec<FarmAction>) {
+        if self.work.as_ref() != Some(work) {
+            self.work = Some(work.clone());
+            self.fetched = false;
+            self.hands.clear();
+            self.unanswered.clear();
+            self.newest.clear();
+            actions.push(FarmAction::Effect(FarmEffect::Fetch(work.work)));
+        }
+    }
+
+    fn room(&self) -> u32 {
+        if self.suspended || self.adaptation.is_none() || !self.fetched {
+            return 0;
+        }
+        self.config.prefetch.saturating_sub(self.hands.len() as u32)
+    }
+
+    fn propose(&self, message: &FarmMessage, offers: &[Offer], actions: &mut Vec<FarmAction>) {
+        let room = self.room();
+        if room == 0 || offers.is_empty() {
+            return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
+        }
+        let own = |reference: Duration| scaled(self.power().to_own(reference), 1.0 / self.lanes);
+        let load = self.hands.values().map(|hand| own(hand.order.row.time_estimated.unwrap_or_default())).sum();
+        let bid = |offer: &Offer| Bid { zone: offer.zone, finish: own(offer.time_estimated).saturating_add(load) };
+        let bids = offers.iter().map(bid).collect();
+        self.answer(message, Performative::Propose, FarmContent::Bids { room, bids }, actions);
+    }
+
+    fn take(&mut self, message: &FarmMessage, order: &Order, actions: &mut Vec<FarmAction>) {
+        let zone = order.row.zone;
+        if !order.is_sound() {
+            return self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
+        }
+        self.get_scene(&order.work, actions);
+        match self.newest.get(&zone) {
+            Some(newest) if *newest > order.fence => return,
+            Some(newest) if *newest == order.fence => {
+                // The report was lost, or this order was doubled on the way.
+                if let Some(report) = self.unanswered.get(&zone) {
+                    actions.push(FarmAction::Send(self.report_message(report.clone())));
+                }
+                return;
+            }
+            _ => {}
+        }
+        self.newest.insert(zone, order.fence);
+        self.unanswered.remove(&zone);
+        // A zone that was profiled keeps its settings, whoever paints it.
+        let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
+        let mut hand = Hand { order: order.clone(), choice, begun: false };
+        if self.fetched {
+            hand.begin(self.power(), actions);
+        }
+        self.hands.insert(zone, hand);
+    }
+
+    fn painted(
+        &mut self,
+        zone: ZoneId,
+        fence: Revision,
+        outcome: Result<PaintResult, String>,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        // The order may have been taken back and given again since.
+        if self.hands.get(&zone).is_none_or(|hand| hand.order.fence != fence) {
+            return;
+        }
+        let Some(hand) = self.hands.remove(&zone) else { return };
+        let outcome = outcome.map(|painted| {
+            let power = self.power();
+            let profiling = hand.order.row.state == ZoneState::Profiling;
+            let left = f64::from(hand.choice.samples.saturating_sub(painted.result.samples));
+            let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
+            if !profiling
+                && let (Some(adaptation), Some(estimated)) = (&mut self.adaptation, hand.order.row.time_estimated)
+            {
+                adaptation.learn(painted.busy, estimated);
+            }
+            Painting {
+                choice: hand.choice,
+                result: painted.result,
+                time_measured: power.to_reference(painted.busy),
+                time_left: power.to_reference(scaled(painted.busy, left / taken)),
+            }
+        });
+        let report = Report { zone, fence, outcome };
+        actions.push(FarmAction::Send(self.report_message(report.clone())));
+        self.unanswered.insert(zone, report);
+    }
+
+    fn report_message(&self, report: Report) -> FarmMessage {
+        let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
+        let conversation = report.fence.0;
+        let to = vec![self.config.master.clone()];
+        let report = FarmContent::Report(report);
+        asking(message(performative, protocol::CONTRACT_NET, &self.config.id, to, report), conversation, None)
+    }
+
+    fn subscribe(&self, actions: &mut Vec<FarmAction>) {
+        let content = FarmContent::Subscription { power: self.power(), lanes: self.lanes };
+        let to = vec![self.config.master.clone()];
+        let subscription = message(Performative::Subscribe, protocol::SUBSCRIBE, &self.config.id, to, content);
+        actions.push(FarmAction::Send(subscription));
+    }
+
+    fn beat(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        if self.adaptation.is_none() {
+            return;
+        }
+        self.next_heartbeat = Some(now + self.config.heartbeat);
+        if !self.subscribed {
+            return self.subscribe(actions);
+        }
+        let in_hand = self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence));
+        let reported = self.unanswered.iter().map(|(&zone, report)| (zone, report.fence));
+        let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
+        let to = vec![self.config.master.clone()];
+        let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
+        actions.push(FarmAction::Send(alive));
+        for report in self.unanswered.values() {
+            actions.push(FarmAction::Send(self.report_message(report.clone())));
+        }
+    }
+
+    fn answer(
+        &self,
+        to: &FarmMessage,
+        performative: Performative,
+        content: FarmContent,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        actions.push(FarmAction::Send(answer(to, &self.config.id, performative, content)));
+    }
+
+    fn assert_invariants(&self) {
+        for (zone, hand) in &self.hands {
+            assert_eq!(self.newest.get(zone), Some(&hand.order.fence), "the newest order of a zone is in hand");
+            assert!(!self.unanswered.contains_key(zone), "a zone in hand is not reported");
+            assert!(hand.begun || !self.fetched, "what can be painted is begun");
+        }
+    }
+}
+
+impl Hand {
+    fn begin(&mut self, power: RelativePower, actions: &mut Vec<FarmAction>) {
+        let row = &self.order.row;
+        let done = row.samples_done();
+        let samples = match row.state {
+            ZoneState::Profiling => 0..self.choice.profile_samples(),
+            _ => done..self.choice.samples,
+        };
+        let from = row.result.filter(|_| samples.start > 0);
+        actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
+            zone: row.zone,
+            fence: self.order.fence,
+            rect: row.rect.grown(self.choice.band, &self.order.work.settings.frame),
+            samples,
+            tunables: self.choice.tunables,
+            from,
+            time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
+        })));
+        self.begun = true;
+    }
+}
+
+impl Order {
+    /// Whether it can be carried out: what a peer sends is not believed.
+    fn is_sound(&self) -> bool {
+        let (row, settings) = (&self.row, &self.work.settings);
+        let in_work = row.work == self.work.work && row.zone.0 < self.work.zone_count;
+        let has_pixels = !row.rect.is_empty() && settings.frame.encloses(&row.rect);
+        let has_samples = match (row.state, row.choice) {
+            (ZoneState::Profiling, _) => row.result.is_none(),
+            (ZoneState::Awarded, Some(choice)) => row.samples_done() < choice.samples,
+            _ => false,
+        };
+        in_work && has_pixels && has_samples && settings.samples > 0
+    }
+}
+
+impl StateMachine for RenderAgent {
+    type Content = FarmContent;
+    type Value = crate::FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        match event {
+            FarmEvent::Start => actions.push(FarmAction::Effect(FarmEffect::Benchmark)),
+            FarmEvent::Message(message) => self.handle_message(&message, actions),
+            FarmEvent::Completed(FarmCompletion::Benchmarked { power, lanes }) => {
+                self.adaptation = Some(Adaptation::new(self.config.adaptation, power));
+                self.lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
+                self.next_heartbeat = Some(now);
+            }
+            FarmEvent::Completed(FarmCompletion::Fetched(work)) => {
+                if self.work.as_ref().is_some_and(|row| row.work == work) {
+                    self.fetched = true;
+                    let power = self.power();
+                    self.hands.values_mut().filter(|hand| !hand.begun).for_each(|hand| hand.begin(power, actions));
+                }
+            }
+            FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {
+                self.painted(zone, fence, outcome, actions);
+            }
+            FarmEvent::Completed(_)
+            | FarmEvent::Store { .. }
+            | FarmEvent::Presence { .. }
+            | FarmEvent::Deadline => {}
+        }
+        if self.next_heartbeat.is_some_and(|at| at <= now) {
+            self.beat(now, actions);
+        }
+        self.assert_invariants();
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.next_heartbeat
+    }
+}

@@ -1,0 +1,135 @@
+//! What the user wants of a picture, and what is decided for a zone.
+
+use std::{fmt, str::FromStr};
+
+use bottega_engines::Tunables;
+use bottega_image::Rect;
+
+/// Share of the final samples that profiling takes (MAGarRO, section 3.4: "around 5% of the final number of rays").
+const PROFILE_SHARE: f64 = 0.05;
+
+/// How aggressively the rules may spend less than the user's settings: the paper's Optimization Level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Optimization {
+    /// The user's settings exactly, everywhere: the picture is then the same, bit for bit, whoever painted it.
+    #[default]
+    Off,
+    /// VS.
+    VerySmall,
+    /// S.
+    Small,
+    /// N.
+    Normal,
+    /// B.
+    Big,
+    /// VB.
+    VeryBig,
+}
+
+impl Optimization {
+    /// All levels, weakest first.
+    pub const ALL: [Self; 6] =
+        [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
+
+    /// The level as the value of the rules' input `op`: 0 (very small) to 4 (very big). `None` when it is off.
+    pub fn rule_input(self) -> Option<f64> {
+        match self {
+            Self::Off => None,
+            Self::VerySmall => Some(0.0),
+            Self::Small => Some(1.0),
+            Self::Normal => Some(2.0),
+            Self::Big => Some(3.0),
+            Self::VeryBig => Some(4.0),
+        }
+    }
+}
+
+impl fmt::Display for Optimization {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::VerySmall => "vs",
+            Self::Small => "s",
+            Self::Normal => "n",
+            Self::Big => "b",
+            Self::VeryBig => "vb",
+        })
+    }
+}
+
+/// No such level of optimization.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown optimization level `{found}`: use off, vs, s, n, b or vb")]
+pub struct UnknownOptimization {
+    /// What was asked for.
+    pub found: String,
+}
+
+impl FromStr for Optimization {
+    type Err = UnknownOptimization;
+
+    fn from_str(text: &str) -> Result<Self, UnknownOptimization> {
+        let found = Self::ALL.into_iter().find(|level| level.to_string() == text.to_ascii_lowercase());
+        found.ok_or_else(|| UnknownOptimization { found: text.to_owned() })
+    }
+}
+
+/// What the user asked for: the same for all zones of a work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WorkSettings {
+    /// The whole picture, from (0, 0).
+    pub picture: Rect,
+    /// The pixels that are painted: the picture or its crop window.
+    pub frame: Rect,
+    /// Samples a pixel, at least 1.
+    pub samples: u32,
+    /// Everything else that the rules may lower.
+    pub tunables: Tunables,
+    /// How far they may.
+    pub optimization: Optimization,
+}
+
+/// What a zone is painted with. Decided once, by the agent that profiles the zone: its first samples are kept, and
+/// samples of two settings may not be mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// Settings of the engine.
+    pub tunables: Tunables,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Width of the interpolation band around the zone, in pixels; 0: none.
+    pub band: u32,
+}
+
+impl Choice {
+    /// The user's settings exactly.
+    pub fn unchanged(settings: &WorkSettings) -> Self {
+        Self { tunables: settings.tunables, samples: settings.samples, band: 0 }
+    }
+
+    /// How many of the samples profiling takes.
+    pub fn profile_samples(&self) -> u32 {
+        ((f64::from(self.samples) * PROFILE_SHARE).round() as u32).clamp(1, self.samples.max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_written_as_they_are_read() {
+        for level in Optimization::ALL {
+            assert_eq!(level.to_string().parse(), Ok(level));
+        }
+        assert!("loud".parse::<Optimization>().is_err());
+    }
+
+    #[test]
+    fn profiling_takes_a_twentieth_and_at_least_one_sample() {
+        let choice = |samples| Choice { tunables: Tunables { max_depth: 8, light_samples: 1 }, samples, band: 0 };
+        assert_eq!(choice(1).profile_samples(), 1);
+        assert_eq!(choice(16).profile_samples(), 1);
+        assert_eq!(choice(1000).profile_samples(), 50);
+    }
+}

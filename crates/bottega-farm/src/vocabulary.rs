@@ -1,0 +1,129 @@
+//! What the farm's agents can have done in the world, and what the world says of it.
+
+use std::{ops::Range, sync::Arc, time::Duration};
+
+use bottega_agents::{Action, Event, Revision};
+use bottega_engines::{Survey, Tunables};
+use bottega_image::Rect;
+
+use crate::{
+    FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId, WorkRow, ZoneId, ZoneRow,
+};
+
+/// A zone, or some of its samples, to paint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PaintOrder {
+    /// Which zone.
+    pub zone: ZoneId,
+    /// The token of the award.
+    pub fence: Revision,
+    /// The pixels, band and all.
+    pub rect: Rect,
+    /// Which samples of each pixel.
+    pub samples: Range<u32>,
+    /// With which settings.
+    pub tunables: Tunables,
+    /// The samples before: `samples` goes on from them. `None`: it starts at 0.
+    pub from: Option<ResultRef>,
+    /// Own time that it will take, as far as known: for those who show progress or cut long work into passes.
+    pub time_estimated: Option<Duration>,
+}
+
+/// Something to be done in the world.
+#[derive(Clone, Debug)]
+pub enum FarmEffect {
+    /// Take the fast look at the scene; ends with [`FarmCompletion::Surveyed`].
+    Survey {
+        /// The whole picture.
+        picture: Rect,
+        /// Columns of cells.
+        width: u32,
+        /// Rows of cells.
+        height: u32,
+    },
+    /// The Analyst's result, for those who watch.
+    Analyzed {
+        /// The importance map.
+        map: Arc<ImportanceMap>,
+        /// The zones.
+        partition: Arc<Partition>,
+    },
+    /// Measure this machine; ends with [`FarmCompletion::Benchmarked`].
+    Benchmark,
+    /// Get the scene from the Model Repository; ends with [`FarmCompletion::Fetched`].
+    Fetch(WorkId),
+    /// Paint; ends with [`FarmCompletion::Painted`].
+    Paint(PaintOrder),
+    /// Begin a new, empty film for this work: what was composed before is void.
+    BeginFilm(WorkRow),
+    /// A zone's row has changed: for those who watch, and for the journal.
+    ZoneChanged(ZoneRow),
+    /// Put a painted zone into the film; ends with [`FarmCompletion::Composed`].
+    Compose {
+        /// Which zone.
+        zone: ZoneId,
+        /// Its samples.
+        result: ResultRef,
+        /// With which weights.
+        mask: Mask,
+    },
+    /// All zones are composed or given up.
+    Finish {
+        /// The zones given up.
+        failed: Vec<ZoneId>,
+    },
+    /// The work cannot be done.
+    Abandon {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What the world says.
+#[derive(Clone, Debug)]
+pub enum FarmCompletion {
+    /// Of [`FarmEffect::Survey`].
+    Surveyed(Result<Arc<Survey>, String>),
+    /// Of [`FarmEffect::Benchmark`].
+    Benchmarked {
+        /// V_cp.
+        power: RelativePower,
+        /// Processors that will work on the agent's zones at once.
+        lanes: f64,
+    },
+    /// Of [`FarmEffect::Fetch`].
+    Fetched(WorkId),
+    /// Of [`FarmEffect::Paint`].
+    Painted {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the award.
+        fence: Revision,
+        /// What came of it.
+        outcome: Result<PaintResult, String>,
+    },
+    /// Of [`FarmEffect::Compose`].
+    Composed {
+        /// Which zone.
+        zone: ZoneId,
+        /// Why the samples could not be used.
+        outcome: Result<(), String>,
+    },
+    /// The user wants to stop: no more zones are given out.
+    Stop,
+}
+
+/// A finished paint order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaintResult {
+    /// Where the samples are.
+    pub result: ResultRef,
+    /// Processor time that they took.
+    pub busy: Duration,
+}
+
+/// An event of the farm.
+pub type FarmEvent = Event<FarmContent, FarmValue, FarmCompletion>;
+
+/// An action of the farm.
+pub type FarmAction = Action<FarmContent, FarmValue, FarmEffect>;
