@@ -38,7 +38,8 @@ pub fn false_color(value: f32) -> [u8; 3] {
 
 const KNOTS: usize = 33;
 
-// Every eighth color of the maps by S. van der Walt and N. Smith (2015, public domain), less than two steps of 255 from them.
+// Every eighth color of the maps by S. van der Walt and N. Smith (2015, public domain), less than two steps of 255 from
+// them.
 const INFERNO: [[u8; 3]; KNOTS] = [
     [0, 0, 4],
     [4, 3, 18],

@@ -45,6 +45,16 @@ pub enum ImageError {
         /// What is wrong, and where.
         detail: String,
     },
+    /// The file is sound as far as it was read, but uses a feature that is not supported.
+    #[error("`{}` uses a feature of {format} that is not read: {detail}; save it again with common settings", .path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// Which feature.
+        detail: String,
+    },
     /// The header announces more than the caller allows; nothing was allocated.
     #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", .path.display())]
     TooLarge {

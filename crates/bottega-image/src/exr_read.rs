@@ -6,12 +6,16 @@ use std::{
 };
 
 use exr::{
-    block::{UncompressedBlock, reader::ChunksReader},
+    block::{
+        UncompressedBlock,
+        chunk::{Chunk, CompressedBlock},
+        reader::ChunksReader,
+    },
     meta::{
         attribute::AttributeValue,
         header::{Header, standard_names},
     },
-    prelude::{Error, SampleType, Vec2, f16},
+    prelude::{Compression, Error, SampleType, Vec2, f16},
 };
 
 use crate::{
@@ -31,10 +35,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<I
     })?;
     for header in headers {
         source.check_size(header.layer_size.0 as u64, header.layer_size.1 as u64)?;
-        let block = header.max_block_pixel_size();
-        let block_pixels =
-            (block.0.min(header.layer_size.0) as u64).saturating_mul(block.1.min(header.layer_size.1) as u64);
-        if block_pixels.saturating_mul(header.channels.bytes_per_pixel as u64) > MAX_BLOCK_BYTES {
+        if block_bytes(header) > MAX_BLOCK_BYTES {
             return Err(source.malformed("EXR", "a block of pixels is larger than 1 GiB"));
         }
     }
@@ -48,6 +49,9 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<I
         let chunk = chunk.map_err(|error| failed(source, error))?;
         if chunk.layer_index != found.layer {
             continue;
+        }
+        if announces_too_much(&chunk, &header) {
+            return Err(source.malformed("EXR", "a block of pixels announces more than it can hold"));
         }
         let block = UncompressedBlock::decompress_chunk(chunk, chunks.meta_data(), false)
             .map_err(|error| failed(source, error))?;
@@ -75,8 +79,45 @@ fn failed(source: &Source<'_>, error: Error) -> ImageError {
         Error::Invalid(what) if what == "reference to missing bytes" => {
             source.malformed("EXR", "it ends too early; was it cut off?")
         }
+        Error::NotSupported(what) => {
+            ImageError::Unsupported { path: source.path.to_owned(), format: "EXR", detail: what.into_owned() }
+        }
         other => source.malformed("EXR", other.to_string()),
     }
+}
+
+/// Bytes of the largest block of a part, unfolded.
+fn block_bytes(header: &Header) -> u64 {
+    let (block, layer) = (header.max_block_pixel_size(), header.layer_size);
+    let pixels = (block.0.min(layer.0) as u64).saturating_mul(block.1.min(layer.1) as u64);
+    pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
+}
+
+/// A block of DWA compression announces in eleven numbers of 64 bits what it unfolds to, and the decoder allocates
+/// that: no part of it can be larger than twice the block, padded to squares of 8 pixels.
+fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
+    const UNFOLDED: [usize; 5] = [1, 6, 7, 8, 9];
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return false;
+    }
+    let pixels = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return false,
+    };
+    let place = header.get_block_data_indices(&chunk.compressed_block);
+    let Ok(bounds) = place.and_then(|place| header.get_absolute_block_pixel_coordinates(place)) else {
+        // Not there: the decoder says so.
+        return false;
+    };
+    let bytes = |width: usize, height: usize| (width * height) as u64 * header.channels.bytes_per_pixel as u64;
+    if pixels.len() as u64 == bytes(bounds.size.0, bounds.size.1) {
+        // Stored as it is.
+        return false;
+    }
+    let limit = 2 * bytes(bounds.size.0.next_multiple_of(8), bounds.size.1.next_multiple_of(8));
+    let numbers = pixels.as_chunks().0;
+    UNFOLDED.iter().filter_map(|&i| numbers.get(i)).any(|number| u64::from_le_bytes(*number) > limit)
 }
 
 /// Which channels of which part of the file are the color.
@@ -86,8 +127,8 @@ struct Color {
     channels: [usize; 3],
 }
 
-/// The first of: R, G, B without a layer; R, G, B of a layer called by a usual name of the whole picture; those of any other
-/// layer that is no AOV; those of any layer; Y. Parts in the order of the file.
+/// The first of: R, G, B without a layer; R, G, B of a layer called by a usual name of the whole picture; those of any
+/// other layer that is no AOV; those of any layer; Y. Parts in the order of the file.
 fn find_color(headers: &[Header]) -> Option<Color> {
     let rank = |prefix: &str| match prefix.to_ascii_lowercase().as_str() {
         "" => 0,

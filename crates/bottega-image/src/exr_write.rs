@@ -1,9 +1,9 @@
 //! Films as OpenEXR files.
 //!
 //! The `exr` crate describes and compresses; the file itself is laid out here, for two reasons: its own writer emits
-//! attributes in the order of a hash map, so that equal pictures would give unequal files, and it knows no channels whose
-//! number is found at run time and whose values are fetched block by block, so that a second copy of the film would
-//! be needed.
+//! attributes in the order of a hash map, so that equal pictures would give unequal files, and it knows no channels
+//! whose number is found at run time and whose values are fetched block by block, so that a second copy of the film
+//! would be needed.
 
 use std::{
     collections::BTreeMap,
@@ -24,7 +24,11 @@ use exr::{
     },
 };
 
-use crate::{Aov, Film, ImageError, Layout, Metadata, Picture, Rect, output::AtomicFile};
+use crate::{
+    Aov, Film, ImageError, Layout, Metadata, Picture, Rect,
+    output::AtomicFile,
+    parallel::{map_in_order, thread_count},
+};
 
 /// Width of a float in an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,9 +67,9 @@ pub struct ExrOptions {
 
 /// Writes a film, with all its AOVs, to `path`, whole or not at all.
 ///
-/// The channels are `R G B A` and, of the AOVs kept, `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`. The data
-/// window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes text attributes.
-/// Equal films and metadata give equal bytes.
+/// The channels are `R G B A` and, of the AOVs kept, `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`.
+/// The data window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes text
+/// attributes. Equal films and metadata give equal bytes.
 pub fn write_exr(
     path: impl AsRef<Path>,
     film: &Film,
@@ -251,37 +255,17 @@ fn write_file<W: Write + Seek>(
     let mut offsets = vec![0u64; header.chunk_count];
     out.write_all(&le_bytes(&offsets))?;
     let indices: Vec<(usize, BlockIndex)> = enumerate_ordered_header_block_indices(headers).collect();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    for batch in indices.chunks(4 * threads) {
-        for (&(index, _), chunk) in batch.iter().zip(compress(batch, threads, headers, &fetch)) {
+    for batch in indices.chunks(4 * thread_count()) {
+        let compressed = map_in_order(batch, |&(_, index)| fetch(index).compress_to_chunk(headers));
+        for (&(index, _), chunk) in batch.iter().zip(compressed) {
             offsets[index] = out.stream_position()?;
-            write_chunk(out, &chunk?)?;
+            write_chunk(out, &chunk?.compressed_block)?;
         }
     }
     out.seek(SeekFrom::Start(table_position))?;
     out.write_all(&le_bytes(&offsets))?;
     out.flush()?;
     Ok(())
-}
-
-/// Fetches and compresses blocks on all processors; the results in the order of `batch`.
-fn compress(
-    batch: &[(usize, BlockIndex)],
-    threads: usize,
-    headers: &[Header],
-    fetch: &(impl Fn(BlockIndex) -> UncompressedBlock + Sync),
-) -> Vec<Result<CompressedBlock, Error>> {
-    let one =
-        |&(_, index): &(usize, BlockIndex)| fetch(index).compress_to_chunk(headers).map(|chunk| chunk.compressed_block);
-    if threads == 1 || batch.len() == 1 {
-        return batch.iter().map(one).collect();
-    }
-    std::thread::scope(|scope| {
-        let share = batch.len().div_ceil(threads);
-        let workers: Vec<_> =
-            batch.chunks(share).map(|part| scope.spawn(move || part.iter().map(one).collect::<Vec<_>>())).collect();
-        workers.into_iter().flat_map(|worker| worker.join().expect("compression does not panic")).collect()
-    })
 }
 
 /// Writes one block with its place, as OpenEXR's "Technical Introduction", *Scan lines* and *Tiles*, lays it out.

@@ -90,8 +90,8 @@ impl Film {
         [pixel[0], pixel[1], pixel[2], pixel[Layout::ALPHA]]
     }
 
-    /// Mean of an AOV at the pixel (x, y); 0 where nothing was painted, where it is not kept, and in the components that
-    /// it does not have. Of [`Aov::SampleCount`] it is the weighted mean over the tiles.
+    /// Mean of an AOV at the pixel (x, y); 0 where nothing was painted, where it is not kept, and in the components
+    /// that it does not have. Of [`Aov::SampleCount`] it is the weighted mean over the tiles.
     pub fn aov(&self, aov: Aov, x: u32, y: u32) -> [f32; 3] {
         let mut value = [0.0; 3];
         if let Some(offset) = self.layout.offset(aov) {
@@ -139,19 +139,23 @@ fn blend(pixel: &mut [f32], sums: &[f32], weight: f32) {
     let count = sums[Layout::SAMPLE_COUNT];
     let before = *total;
     let after = before + weight;
+    *total = after;
+    if before == 0.0 {
+        means.iter_mut().zip(sums).for_each(|(mean, &sum)| *mean = sum / count);
+        means[Layout::LUMINANCE_SQUARED] = standard_error(sums);
+        means[Layout::SAMPLE_COUNT] = count;
+        return;
+    }
     for (offset, (mean, &sum)) in means.iter_mut().zip(sums).enumerate() {
         let new = match offset {
             Layout::SAMPLE_COUNT => count,
             Layout::LUMINANCE_SQUARED => standard_error(sums),
             _ => sum / count,
         };
-        if before == 0.0 {
-            *mean = new;
-        } else if mean.to_bits() != new.to_bits() {
+        if mean.to_bits() != new.to_bits() {
             *mean = (*mean * before + new * weight) / after;
         }
     }
-    *total = after;
 }
 
 /// Standard error of the mean luminance; infinite for fewer than two samples.

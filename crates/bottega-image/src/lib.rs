@@ -1,12 +1,12 @@
 //! Pictures: rectangles of pixels, running sums, the film, image files, tone mapping and error metrics.
 //!
-//! This crate knows nothing of rendering: numbers come in, pictures go out. The decision that shaped it: a pixel is
-//! a *left fold over its samples in the order of their indices*, kept as running sums in a [`Tile`]. However the
-//! samples of a pixel are cut into passes, and whoever computes them, the sums have the same bits.
+//! This crate knows nothing of rendering: numbers come in, pictures go out. The decision that shaped it: a pixel is a
+//! *left fold over its samples in the order of their indices*, kept as running sums in a [`Tile`]. However the samples
+//! of a pixel are cut into passes, and whoever computes them, the sums have the same bits.
 //!
-//! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from
-//! any file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and, of noisy ones,
-//! [`rejected_share`]; a [`Canvas`] is what a person looks at.
+//! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from any
+//! file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and,
+//! of noisy ones, [`rejected_share`]; a [`Canvas`] is what a person looks at.
 
 mod canvas;
 mod color_map;
@@ -18,6 +18,7 @@ mod layout;
 mod metadata;
 mod metrics;
 mod output;
+mod parallel;
 mod picture;
 mod png_read;
 mod png_write;

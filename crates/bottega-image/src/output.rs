@@ -67,7 +67,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// A file that takes its name only when it is complete. Dropped before [`commit`](Self::commit) it leaves nothing behind.
+/// A file that takes its name only when it is complete. Dropped before [`commit`](Self::commit) it leaves nothing
+/// behind.
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
     path: PathBuf,

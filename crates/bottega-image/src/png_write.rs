@@ -5,6 +5,7 @@ use std::{io::Write, path::Path};
 use crate::{
     Encoding, Film, ImageError, Layout, Metadata, ToneMap,
     output::AtomicFile,
+    parallel::{map_in_order, thread_count},
     tone::{exposure_factor, quantize},
 };
 
@@ -33,7 +34,8 @@ pub enum PngBits {
     Sixteen,
 }
 
-/// Writes a film to `path`, whole or not at all: exposure, tone mapping, encoding, row by row. Metadata becomes text chunks.
+/// Writes a film to `path`, whole or not at all: exposure, tone mapping, encoding, row by row. Metadata becomes text
+/// chunks.
 pub fn write_png(
     path: impl AsRef<Path>,
     film: &Film,
@@ -42,7 +44,7 @@ pub fn write_png(
 ) -> Result<(), ImageError> {
     let rect = film.rect();
     let color_type = if options.alpha { png::ColorType::Rgba } else { png::ColorType::Rgb };
-    let mut frame = Frame {
+    let frame = Frame {
         size: (rect.width(), rect.height()),
         color_type,
         bits: options.bits,
@@ -61,7 +63,7 @@ pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8
     let row_bytes = 3 * width as usize;
     assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");
     let metadata = Metadata::new();
-    let mut frame = Frame {
+    let frame = Frame {
         size: (width, height),
         color_type: png::ColorType::Rgb,
         bits: PngBits::Eight,
@@ -91,6 +93,9 @@ fn encode_pixel(pixel: &[f32], (x, y): (u32, u32), options: &PngOptions, out: &m
     }
 }
 
+/// Rows that one thread encodes before they are written: bounds the memory beside the film.
+const ROWS_AT_ONCE: usize = 16;
+
 struct Frame<'a> {
     size: (u32, u32),
     color_type: png::ColorType,
@@ -101,7 +106,7 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     /// Writes the file; `row(y, out)` appends the bytes of a row to `out`.
-    fn write(&mut self, path: &Path, row: impl FnMut(u32, &mut Vec<u8>)) -> Result<(), ImageError> {
+    fn write(&self, path: &Path, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<(), ImageError> {
         let (width, height) = self.size;
         if width == 0 || height == 0 {
             return Err(ImageError::Empty { path: path.to_owned() });
@@ -114,14 +119,12 @@ impl Frame<'_> {
         file.commit()
     }
 
-    fn write_to(
-        &mut self,
-        out: &mut impl Write,
-        mut row: impl FnMut(u32, &mut Vec<u8>),
-    ) -> Result<(), png::EncodingError> {
+    fn write_to(&self, out: &mut impl Write, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<(), png::EncodingError> {
         let (width, height) = self.size;
         let mut encoder = png::Encoder::new(&mut *out, width, height);
         encoder.set_color(self.color_type);
+        // Ten times as fast as the default, for files a tenth larger.
+        encoder.set_compression(png::Compression::Fast);
         encoder.set_depth(match self.bits {
             PngBits::Eight => png::BitDepth::Eight,
             PngBits::Sixteen => png::BitDepth::Sixteen,
@@ -141,11 +144,16 @@ impl Frame<'_> {
         }
         let mut writer = encoder.write_header()?;
         let mut stream = writer.stream_writer()?;
-        let mut bytes = Vec::new();
-        for y in 0..height {
-            bytes.clear();
-            row(y, &mut bytes);
-            stream.write_all(&bytes)?;
+        let rows: Vec<u32> = (0..height).collect();
+        for batch in rows.chunks(ROWS_AT_ONCE * thread_count()) {
+            let encoded = map_in_order(batch, |&y| {
+                let mut bytes = Vec::new();
+                row(y, &mut bytes);
+                bytes
+            });
+            for bytes in encoded {
+                stream.write_all(&bytes)?;
+            }
         }
         stream.finish()?;
         writer.finish()

@@ -36,11 +36,11 @@ impl Default for ReadLimits {
     }
 }
 
-/// Reads a picture: OpenEXR, PNG or Radiance HDR, told apart by their first bytes. 8- and 16-bit values are decoded by the
-/// sRGB curve, or the gamma that the file names; alpha is left out.
+/// Reads a picture: OpenEXR, PNG or Radiance HDR, told apart by their first bytes. 8- and 16-bit values are decoded by
+/// the sRGB curve, or the gamma that the file names; alpha is left out.
 ///
-/// Of an EXR file it is the color that a viewer shows first: the channels R, G, B of no layer, else those of a layer, else
-/// the gray of Y. Accepts what [`ReadLimits::default`] allows.
+/// Of an EXR file it is the color that a viewer shows first: the channels R, G, B of no layer, else those of a layer,
+/// else the gray of Y. Accepts what [`ReadLimits::default`] allows.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture, ImageError> {
     read_image(path, ReadLimits::default()).map(|file| file.picture)
 }

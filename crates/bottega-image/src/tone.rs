@@ -69,8 +69,8 @@ fn multiply(m: &Matrix, v: [f32; 3]) -> [f32; 3] {
 
 /// AgX: inset of the primaries, a logarithm from 10 stops below to 6.5 above middle gray, a sigmoid, the outset.
 ///
-/// The primaries are those of T. Sobotka's configuration for Rec. 709; the sigmoid is [`sigmoid`], with the slope of its later
-/// "punchless" form, which keeps middle gray.
+/// The primaries are those of T. Sobotka's configuration for Rec. 709; the sigmoid is [`sigmoid`], with the slope of
+/// its later "punchless" form, which keeps middle gray.
 fn agx(color: [f32; 3]) -> [f32; 3] {
     const INSET: Matrix = [
         [0.842_479_06, 0.078_433_6, 0.079_223_745],
@@ -94,21 +94,25 @@ const STOPS_BELOW: f32 = 10.0;
 const STOPS_ABOVE: f32 = 6.5;
 const DISPLAY_GAMMA: f32 = 2.4;
 
-/// The curve from (0, 0) to (1, 1) that passes through middle gray with slope 2.4 and bends towards both ends as
-/// x / (1 + x^p)^(1/p), with p = 3 below and 3.25 above.
+/// The curve from (0, 0) to (1, 1) that passes through middle gray with slope 2.4 and bends towards both ends as h(t) =
+/// t / (1 + t^p)^(1/p), with p = 3 below and 3.25 above.
+///
+/// From the pivot it goes d in x and s·h(2.4·d/s) in y. That it ends in the corner, which lies r_x and r_y from the
+/// pivot, gives s = (((2.4·r_x/r_y)^p − 1) / (2.4·r_x)^p)^(−1/p).
 fn sigmoid(x: f32) -> f32 {
     const SLOPE: f32 = 2.4;
     const PIVOT_X: f32 = STOPS_BELOW / (STOPS_BELOW + STOPS_ABOVE);
     // 0.18^(1/2.4): what the display turns back to middle gray.
     const PIVOT_Y: f32 = 0.489_437_1;
-    // `reach` is how far the end lies from the pivot in x and y, `scale` the height that makes the bend end there:
-    // from y(d) = s·h(m·d/s), h(t) = t/(1+t^p)^(1/p) and y(reach_x) = reach_y follows s = ((m·rx)^-p·((m·rx/ry)^p − 1))^(-1/p).
-    let (reach_x, reach_y, power, sign) =
-        if x < PIVOT_X { (PIVOT_X, PIVOT_Y, 3.0, -1.0) } else { (1.0 - PIVOT_X, 1.0 - PIVOT_Y, 3.25, 1.0) };
-    let rise = SLOPE * reach_x;
-    let scale = (((rise / reach_y).powf(power) - 1.0) * rise.powf(-power)).powf(-1.0 / power);
-    let t = SLOPE * (x - PIVOT_X).abs() / scale;
-    PIVOT_Y + sign * scale * t / (1.0 + t.powf(power)).powf(1.0 / power)
+    const SCALE_BELOW: f32 = 0.495_815_4;
+    const SCALE_ABOVE: f32 = 0.533_861_6;
+    if x < PIVOT_X {
+        let t = SLOPE * (PIVOT_X - x) / SCALE_BELOW;
+        PIVOT_Y - SCALE_BELOW * t / (1.0 + t * t * t).cbrt()
+    } else {
+        let t = SLOPE * (x - PIVOT_X) / SCALE_ABOVE;
+        PIVOT_Y + SCALE_ABOVE * t / (1.0 + t * t * t * t.sqrt().sqrt()).powf(1.0 / 3.25)
+    }
 }
 
 /// The fit by S. Hill (2016) of ACES' reference rendering transform and its output transform for sRGB displays.
@@ -129,8 +133,8 @@ fn dither_threshold(x: u32, y: u32) -> f64 {
     fraction(52.982_918_9 * fraction(0.067_110_56 * f64::from(x) + 0.005_837_15 * f64::from(y)))
 }
 
-/// An encoded value in [0, 1] as an integer from 0 to `max`. With dithering it is one of the two nearest, such that the mean
-/// over neighbors is right; a value that is an integer already stays it.
+/// An encoded value in [0, 1] as an integer from 0 to `max`. With dithering it is one of the two nearest, such that the
+/// mean over neighbors is right; a value that is an integer already stays it.
 pub(crate) fn quantize(encoded: f32, max: f64, dither: Option<(u32, u32)>) -> u32 {
     let scaled = f64::from(encoded) * max;
     let threshold = dither.map_or(0.5, |(x, y)| dither_threshold(x, y));
@@ -160,6 +164,16 @@ mod tests {
         assert!(gray.iter().all(|v| (v - 0.18).abs() < 2e-3), "{gray:?}");
         assert!(ToneMap::Agx.apply([0.0; 3]).iter().all(|&v| v < 1e-4));
         assert!(ToneMap::Agx.apply([1e4; 3]).iter().all(|&v| v > 0.99));
+    }
+
+    #[test]
+    fn the_curve_joins_the_corners_through_its_pivot() {
+        let points = [(0.0, 0.0), (10.0 / 16.5, 0.18f32.powf(1.0 / 2.4)), (1.0, 1.0)];
+        for (x, y) in points {
+            assert!((sigmoid(x) - y).abs() < 2e-6, "{x}: {}", sigmoid(x));
+        }
+        let slope = |x: f32| (sigmoid(x + 1e-3) - sigmoid(x - 1e-3)) / 2e-3;
+        assert!((slope(10.0 / 16.5) - 2.4).abs() < 0.01);
     }
 
     #[test]

@@ -328,3 +328,22 @@ fn the_references_of_other_programs_are_read() {
     }
     assert!(found > 20, "{found} pictures");
 }
+
+#[test]
+fn a_block_that_announces_more_than_it_can_hold_is_refused() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let wave = |x: usize, y: usize| ((x * x + 3 * y) % 17) as f32 / 17.0;
+    let channels = SpecificChannels::rgb(|Vec2(x, y)| (wave(x, y), wave(y, x), f16::from_f32(0.5)));
+    let encoding = Encoding { compression: Compression::DWAA(None), ..Encoding::SMALL_LOSSLESS };
+    let layer = Layer::new((64, 32), LayerAttributes::default(), encoding, channels);
+    Image::from_layer(layer).write().to_file(&path).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    assert!(read_image_bytes("a.exr", &bytes, ReadLimits::default()).is_ok());
+    // A block begins with its version, 2, as 64 bits; what its first section unfolds to follows.
+    let version = bytes.windows(8).rposition(|window| window == 2u64.to_le_bytes()).unwrap();
+    bytes[version + 8..version + 16].copy_from_slice(&(1u64 << 40).to_le_bytes());
+    let error = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap_err();
+    assert!(error.to_string().contains("announces more"), "{error}");
+}

@@ -12,7 +12,8 @@ impl Plane {
         Self { width, values }
     }
 
-    /// Convolves with the product of two kernels of odd length, centered; outside, the nearest pixel of the edge counts.
+    /// Convolves with the product of two kernels of odd length, centered; outside, the nearest pixel of the edge
+    /// counts.
     pub(super) fn convolved(&self, along_x: &[f32], along_y: &[f32]) -> Self {
         self.convolved_x(along_x).convolved_y(along_y)
     }

@@ -1,9 +1,9 @@
 //! FLIP: how different two pictures look when one flips between them.
 //!
-//! Sources: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild 2020, *FLIP: A Difference Evaluator for Alternating
-//! Images*; Andersson, Nilsson, Shirley, Akenine-Möller 2021, *Visualizing Errors in Rendered High Dynamic Range Images*. Built
-//! here because the only binding is to a C++ library. The filters are applied as products of a row and a column, which they are;
-//! the results are those of the authors' program to five digits (see the tests).
+//! Sources: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild 2020, *FLIP: A Difference Evaluator for
+//! Alternating Images*; Andersson, Nilsson, Shirley, Akenine-Möller 2021, *Visualizing Errors in Rendered High Dynamic
+//! Range Images*. Built here because the only binding is to a C++ library. The filters are applied as products of a row
+//! and a column, which they are; the results are those of the authors' program to five digits (see the tests).
 
 use std::f64::consts::PI;
 
@@ -13,8 +13,8 @@ use crate::{ImageError, Picture, ToneMap, luminance, tone::displayed};
 /// How the pictures are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum FlipView {
-    /// HDR-FLIP: at every exposure from that which shows the brightest light to that which shows the darker half, and of each
-    /// pixel the largest difference. Depends on no choice of exposure or tone map.
+    /// HDR-FLIP: at every exposure from that which shows the brightest light to that which shows the darker half, and
+    /// of each pixel the largest difference. Depends on no choice of exposure or tone map.
     #[default]
     AllExposures,
     /// LDR-FLIP of what a display shows.
@@ -78,8 +78,8 @@ pub fn flip(reference: &Picture, test: &Picture, options: &FlipOptions) -> Resul
     Ok(FlipError { mean, map })
 }
 
-/// Numerator and denominator, highest power first, of the curve by which HDR-FLIP shows an exposure: K. Narkowicz' fit of ACES,
-/// made darker by 0.6, as in the paper.
+/// Numerator and denominator, highest power first, of the curve by which HDR-FLIP shows an exposure: K. Narkowicz' fit
+/// of ACES, made darker by 0.6, as in the paper.
 const FILM_CURVE: ([f32; 3], [f32; 3]) = ([0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0], [0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14]);
 
 fn film_curve(color: [f32; 3]) -> [f32; 3] {
@@ -91,7 +91,8 @@ fn film_curve(color: [f32; 3]) -> [f32; 3] {
     })
 }
 
-/// Exposures, in stops: from where the brightest pixel reaches 0.85 of the display's white to where the median does (2021, §3.3).
+/// Exposures, in stops: from where the brightest pixel reaches 0.85 of the display's white to where the median does
+/// (2021, §3.3).
 fn exposures(reference: &Picture) -> Vec<f32> {
     const BRIGHT: f32 = 0.85;
     let [a, b, c] = std::array::from_fn(|i| FILM_CURVE.0[i] - BRIGHT * FILM_CURVE.1[i]);

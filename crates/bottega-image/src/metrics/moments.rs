@@ -14,8 +14,8 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Moments of the luminance of every pixel of a film, row by row. A pixel of fewer than two samples has infinite variance:
-    /// it differs from nothing.
+    /// Moments of the luminance of every pixel of a film, row by row. A pixel of fewer than two samples has infinite
+    /// variance: it differs from nothing.
     pub fn of_film(film: &Film) -> Vec<Self> {
         film.rect()
             .pixels()
@@ -38,11 +38,11 @@ impl Moments {
     }
 }
 
-/// Share of values that differ by more than chance explains: a two-sided z-test on each, with the Šidák correction
-/// for n tests, α₁ = 1 − (1 − α)^(1/n). A share of 0.0025 at α = 0.01 is what Mitsuba's tests accept.
+/// Share of values that differ by more than chance explains: a two-sided z-test on each, with the Šidák correction for
+/// n tests, α₁ = 1 − (1 − α)^(1/n). A share of 0.0025 at α = 0.01 is what Mitsuba's tests accept.
 ///
-/// The standard error is taken to be at least 10⁻⁶, so that values without noise may differ by rounding. Panics when the
-/// lengths differ.
+/// The standard error is taken to be at least 10⁻⁶, so that values without noise may differ by rounding. Panics when
+/// the lengths differ.
 pub fn rejected_share(a: &[Moments], b: &[Moments], significance: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     if a.is_empty() {
@@ -64,8 +64,8 @@ pub fn rejected_share_of_films(a: &Film, b: &Film, significance: f64) -> f64 {
     rejected_share(&Moments::of_film(a), &Moments::of_film(b), significance)
 }
 
-/// By how many standard errors the means of two whole pictures differ: sees the one percent of energy lost everywhere that no
-/// test of single pixels can see. Values of unknown variance are left out. Panics when the lengths differ.
+/// By how many standard errors the means of two whole pictures differ: sees the one percent of energy lost everywhere
+/// that no test of single pixels can see. Values of unknown variance are left out. Panics when the lengths differ.
 pub fn mean_z_score(a: &[Moments], b: &[Moments]) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     let (mut difference, mut variance) = (0.0, 0.0);
