@@ -195,7 +195,7 @@ fn references_may_not_leave_the_folder_of_the_scene() {
 #[test]
 fn the_digest_covers_every_file_that_was_read() {
     let folder = tempfile::tempdir().unwrap();
-    let file = File::textured(json!({"emissiveTexture": {"index": 0}}));
+    let file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     let mut json = file.json.clone();
     json["buffers"] = json!([{"byteLength": file.bin.len(), "uri": "data.bin"}]);
     json["images"] = json!([{"uri": "picture.png"}]);
@@ -236,16 +236,16 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[test]
 fn pictures_beyond_the_limit_are_refused_before_they_are_decoded() {
-    let mut file = File::textured(json!({"emissiveTexture": {"index": 0}}));
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     file.texture(&bomb(100_000, 100_000));
     let error = file.error();
     assert!(error.contains("images[0]") && error.contains("100000 × 100000") && error.contains("scale"), "{error}");
     // Within the limit, but more than so few bytes can hold: damaged, and replaced.
-    let mut file = File::textured(json!({"emissiveTexture": {"index": 0}}));
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     file.texture(&bomb(10_000, 10_000));
     assert!(warns(&file.load(), &["images[0]", "10000 × 10000"]));
     let folder = tempfile::tempdir().unwrap();
-    let mut file = File::textured(json!({"emissiveTexture": {"index": 0}}));
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     file.texture(&png(64, 64, &[[9; 4]; 4096]));
     let path = write(folder.path(), "scene.glb", &file.glb());
     let options = LoadOptions { max_image_pixels: 4095, ..LoadOptions::default() };

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use bottega_scene::{LoadOptions, load};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::sample_scenes::scenes;
 use crate::support::{F32, File, U8, png, write};
@@ -89,14 +89,62 @@ fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
     file
 }
 
+/// Changes a value of the document: its structure stays valid JSON, so that the change reaches further.
+fn mutate_document(json: &Value, random: &mut Random) -> Value {
+    let mut json = json.clone();
+    for _ in 0..=random.below(3) {
+        let mut value = &mut json;
+        // Down to a random depth, along random members.
+        loop {
+            let count = match value {
+                Value::Object(map) => map.len(),
+                Value::Array(list) => list.len(),
+                _ => 0,
+            };
+            if count == 0 || random.below(8) == 0 {
+                break;
+            }
+            let index = random.below(count);
+            value = match value {
+                Value::Object(map) => map.values_mut().nth(index).unwrap(),
+                Value::Array(list) => &mut list[index],
+                _ => unreachable!("only objects and lists have members"),
+            };
+        }
+        match value {
+            Value::Number(number) => {
+                *value = match random.below(4) {
+                    0 => json!(number.as_i64().unwrap_or(0).wrapping_add(1)),
+                    1 => json!(number.as_i64().unwrap_or(0).wrapping_sub(1)),
+                    2 => json!(random.below(8)),
+                    _ => serde_json::from_str(NUMBERS[random.below(NUMBERS.len() - 2)]).unwrap(),
+                }
+            }
+            Value::Array(list) if !list.is_empty() && random.below(2) == 0 => {
+                let copy = list[random.below(list.len())].clone();
+                list.push(copy);
+            }
+            Value::Array(list) if !list.is_empty() => {
+                list.remove(random.below(list.len()));
+            }
+            Value::Object(map) if !map.is_empty() => {
+                let name = map.keys().nth(random.below(map.len())).unwrap().clone();
+                map.remove(&name);
+            }
+            Value::String(text) => text.push('_'),
+            _ => *value = json!({}),
+        }
+    }
+    json
+}
+
 /// Loads mutations of a file, in the folder of the files that it refers to.
-fn check(folder: &Path, name: &str, file: &[u8], count: usize) {
-    let factor = std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1);
+fn check(folder: &Path, name: &str, count: usize, mutated: impl Fn(&mut Random) -> Vec<u8>) {
     let options = LoadOptions { max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
     let mut good = 0;
-    for index in 0..count * factor {
+    for index in 0..count * factor() {
         let mut random = Random(index as u64);
-        let mutated = mutate(file, &mut random);
+        let mutated = mutated(&mut random);
         let path = write(folder, name, &mutated);
         match catch_unwind(AssertUnwindSafe(|| load(&path, &options))) {
             Ok(result) => good += usize::from(result.is_ok()),
@@ -107,13 +155,17 @@ fn check(folder: &Path, name: &str, file: &[u8], count: usize) {
             }
         }
     }
-    eprintln!("{name}: {good} of {} mutations were still scenes", count * factor);
+    eprintln!("{name}: {good} of {} mutations were still scenes", count * factor());
+}
+
+fn factor() -> usize {
+    std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1)
 }
 
 /// A file that uses most of what the importer knows.
 fn rich_file() -> File {
     let texture = |index: usize| json!({"index": index, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
-    let mut file = File::textured(json!({
+    let mut file = File::textured(&json!({
         "pbrMetallicRoughness": {"baseColorTexture": texture(0), "metallicRoughnessTexture": texture(0)},
         "normalTexture": {"index": 0}, "alphaMode": "MASK", "emissiveFactor": [1, 1, 1],
         "extensions": {"KHR_materials_volume": {"thicknessFactor": 1}, "KHR_materials_clearcoat": {"clearcoatFactor": 1}},
@@ -151,11 +203,21 @@ fn mutated_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let file = rich_file();
     assert!(file.try_load().is_ok(), "{:?}", file.try_load().err());
-    check(folder.path(), "rich.glb", &file.glb(), 3000);
-    let mut text = file.json.clone();
-    text["buffers"] = json!([{"byteLength": file.bin.len(), "uri": "rich.bin"}]);
+    let glb = file.glb();
+    check(folder.path(), "rich.glb", 800, |random| mutate(&glb, random));
+    check(folder.path(), "tree.glb", 1500, |random| {
+        let mut bin = file.bin.clone();
+        if random.below(4) == 0 {
+            let at = random.below(bin.len());
+            bin[at] = random.next() as u8;
+        }
+        File { json: mutate_document(&file.json, random), bin }.glb()
+    });
+    let mut document = file.json.clone();
+    document["buffers"] = json!([{"byteLength": file.bin.len(), "uri": "rich.bin"}]);
     write(folder.path(), "rich.bin", &file.bin);
-    check(folder.path(), "rich.gltf", text.to_string().as_bytes(), 3000);
+    let text = document.to_string().into_bytes();
+    check(folder.path(), "rich.gltf", 400, |random| mutate(&text, random));
 }
 
 #[test]
@@ -164,7 +226,7 @@ fn mutated_sample_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["CornellBox/CornellBox.glb", "playcanvas/Lights.glb"] {
         let file = std::fs::read(scenes.join("gltf").join(name)).unwrap();
-        check(folder.path(), name.rsplit('/').next().unwrap(), &file, 500);
+        check(folder.path(), name.rsplit('/').next().unwrap(), 200, |random| mutate(&file, random));
     }
     let transform = scenes.join("gltf/blender-io/09_texture_transform");
     for entry in std::fs::read_dir(&transform).unwrap() {
@@ -172,7 +234,7 @@ fn mutated_sample_files_never_panic() {
         std::fs::write(folder.path().join(entry.file_name()), std::fs::read(entry.path()).unwrap()).unwrap();
     }
     let file = std::fs::read(transform.join("09_texture_transform.gltf")).unwrap();
-    check(folder.path(), "09_texture_transform.gltf", &file, 500);
+    check(folder.path(), "09_texture_transform.gltf", 200, |random| mutate(&file, random));
 }
 
 #[test]
@@ -181,11 +243,9 @@ fn mutated_pictures_never_panic() {
     let scene = write(folder.path(), "scene.glb", &File::triangle().glb());
     let mut pictures = vec![("a.png", png(3, 2, &[[1, 2, 3, 4]; 6]))];
     let texels = image::Rgb32FImage::from_fn(16, 9, |x, y| image::Rgb([x as f32, y as f32, 0.5]));
-    for (name, format) in [("b.hdr", image::ImageFormat::Hdr)] {
-        let mut file = std::io::Cursor::new(Vec::new());
-        texels.write_to(&mut file, format).unwrap();
-        pictures.push((name, file.into_inner()));
-    }
+    let mut hdr = std::io::Cursor::new(Vec::new());
+    texels.write_to(&mut hdr, image::ImageFormat::Hdr).unwrap();
+    pictures.push(("b.hdr", hdr.into_inner()));
     let mut jpeg = std::io::Cursor::new(Vec::new());
     image::RgbImage::from_fn(16, 9, |x, y| image::Rgb([x as u8 * 9, y as u8, 5]))
         .write_to(&mut jpeg, image::ImageFormat::Jpeg)
@@ -199,7 +259,7 @@ fn mutated_pictures_never_panic() {
         let path = write(folder.path(), name, &file);
         let options = LoadOptions { environment: Some(path.clone()), ..options.clone() };
         assert!(load(&scene, &options).is_ok(), "{name}: {:?}", load(&scene, &options).err());
-        for index in 0..1500 {
+        for index in 0..200 * factor() as u64 {
             let mutated = mutate(&file, &mut Random(index));
             std::fs::write(&path, &mutated).unwrap();
             assert!(

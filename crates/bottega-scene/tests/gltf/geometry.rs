@@ -78,7 +78,7 @@ fn indices_of_every_width_mean_the_same() {
 
 #[test]
 fn vertices_that_no_triangle_uses_are_left_out_of_every_attribute() {
-    let mut file = File::textured(json!({
+    let mut file = File::textured(&json!({
         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "normalTexture": {"index": 0},
     }));
     file.texture(&crate::support::png(1, 1, &[[128; 4]]));
@@ -135,7 +135,7 @@ fn nodes_multiply_their_transformations() {
 
 #[test]
 fn mirrored_instances_keep_their_front_and_their_bitangents() {
-    let mut file = File::textured(json!({"normalTexture": {"index": 0}}));
+    let mut file = File::textured(&json!({"normalTexture": {"index": 0}}));
     file.texture(&crate::support::png(1, 1, &[[128; 4]]));
     let normals = file.floats("VEC3", &[0., 0., 1., 0., 0., 1., 0., 0., 1.]);
     let tangents = file.floats("VEC4", &[1., 0., 0., 1., 1., 0., 0., 1., 1., 0., 0., 1.]);
@@ -305,9 +305,9 @@ fn instances_that_cannot_be_placed_are_left_out() {
 
 #[test]
 fn texture_coordinates_are_kept_only_where_a_texture_wants_them() {
-    let plain = File::textured(json!({})).load().scene;
+    let plain = File::textured(&json!({})).load().scene;
     assert!(plain.meshes[0].uvs.iter().all(Vec::is_empty));
-    let mut file = File::textured(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}));
+    let mut file = File::textured(&json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}));
     file.texture(&crate::support::png(1, 1, &[[9; 4]]));
     let scene = file.load().scene;
     assert_eq!((scene.meshes[0].uvs[0].len(), scene.meshes[0].uvs[1].len()), (0, 3));

@@ -5,5 +5,6 @@ mod fuzz;
 mod geometry;
 mod materials;
 mod sample_scenes;
+mod size;
 mod support;
 mod view;

@@ -6,17 +6,17 @@ use serde_json::{Value, json};
 
 use crate::support::{File, png, warns};
 
-fn material(description: Value) -> Material {
+fn material(description: &Value) -> Material {
     File::textured(description).load().scene.materials.remove(0)
 }
 
-fn with_extension(name: &str, extension: Value) -> Material {
-    material(json!({"extensions": {name: extension}}))
+fn with_extension(name: &str, extension: &Value) -> Material {
+    material(&json!({"extensions": {name: extension}}))
 }
 
 #[test]
 fn the_default_material_is_that_of_the_specification() {
-    for material in [material(json!({})), File::triangle().load().scene.materials.remove(0)] {
+    for material in [material(&json!({})), File::triangle().load().scene.materials.remove(0)] {
         assert_eq!((material.base_color.factor, material.alpha), (Vec3::ONE, 1.0));
         assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 1.0));
         assert_eq!((material.ior, material.specular.factor, material.transmission.factor), (1.5, 1.0, 0.0));
@@ -27,7 +27,7 @@ fn the_default_material_is_that_of_the_specification() {
 
 #[test]
 fn factors_and_channels_are_those_of_the_specification() {
-    let mut file = File::textured(json!({
+    let mut file = File::textured(&json!({
         "name": "everything",
         "pbrMetallicRoughness": {
             "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "baseColorTexture": {"index": 0},
@@ -97,7 +97,7 @@ fn a_volume_is_solid_when_it_is_thick() {
     let transmission = json!({"transmissionFactor": 1});
     let volume = |volume: Value| {
         let extensions = json!({"KHR_materials_transmission": transmission, "KHR_materials_volume": volume});
-        material(json!({"extensions": extensions}))
+        material(&json!({"extensions": extensions}))
     };
     let color = json!([0.5, 0.6, 0.7]);
     let solid = volume(json!({"thicknessFactor": 0.1, "attenuationDistance": 3, "attenuationColor": color}));
@@ -106,29 +106,29 @@ fn a_volume_is_solid_when_it_is_thick() {
     let sheet = volume(json!({"attenuationDistance": 3}));
     assert_eq!((sheet.thin, sheet.attenuation_distance), (true, f32::INFINITY));
     assert_eq!(volume(json!({"thicknessFactor": 1})).attenuation_distance, f32::INFINITY);
-    assert!(with_extension("KHR_materials_transmission", transmission.clone()).thin);
+    assert!(with_extension("KHR_materials_transmission", &transmission).thin);
 }
 
 #[test]
 fn an_ior_of_zero_reflects_everything_and_others_below_one_do_not_exist() {
-    assert_eq!(with_extension("KHR_materials_ior", json!({"ior": 0})).ior, 0.0);
-    assert_eq!(with_extension("KHR_materials_ior", json!({})).ior, 1.5);
-    let loaded = File::textured(json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}})).load();
+    assert_eq!(with_extension("KHR_materials_ior", &json!({"ior": 0})).ior, 0.0);
+    assert_eq!(with_extension("KHR_materials_ior", &json!({})).ior, 1.5);
+    let loaded = File::textured(&json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}})).load();
     assert_eq!(loaded.scene.materials[0].ior, 1.0);
     assert!(warns(&loaded, &["materials[0].KHR_materials_ior.ior", "0.5"]));
 }
 
 #[test]
 fn unlit_and_blend_are_read() {
-    let unlit = with_extension("KHR_materials_unlit", json!({}));
+    let unlit = with_extension("KHR_materials_unlit", &json!({}));
     assert!(unlit.unlit && unlit.is_emissive());
-    assert_eq!(material(json!({"alphaMode": "BLEND"})).alpha_mode, AlphaMode::Blend);
-    assert_eq!(material(json!({"alphaMode": "MASK"})).alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
+    assert_eq!(material(&json!({"alphaMode": "BLEND"})).alpha_mode, AlphaMode::Blend);
+    assert_eq!(material(&json!({"alphaMode": "MASK"})).alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
 }
 
 #[test]
 fn factors_out_of_range_are_brought_back_with_a_warning() {
-    let loaded = File::textured(json!({"pbrMetallicRoughness": {"metallicFactor": 7, "roughnessFactor": -1}})).load();
+    let loaded = File::textured(&json!({"pbrMetallicRoughness": {"metallicFactor": 7, "roughnessFactor": -1}})).load();
     let material = &loaded.scene.materials[0];
     assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 0.0));
     assert!(warns(&loaded, &["materials[0].metallicFactor", "7"]));
@@ -137,7 +137,7 @@ fn factors_out_of_range_are_brought_back_with_a_warning() {
 
 #[test]
 fn specular_glossiness_becomes_a_dielectric_with_that_reflectance() {
-    let mut file = File::textured(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+    let mut file = File::textured(&json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
         "diffuseFactor": [0.1, 0.2, 0.3, 0.5], "specularFactor": [0.4, 0.5, 0.6], "glossinessFactor": 0.8,
         "specularGlossinessTexture": {"index": 0},
     }}}));
@@ -153,7 +153,7 @@ fn specular_glossiness_becomes_a_dielectric_with_that_reflectance() {
 
 #[test]
 fn samplers_and_texture_transforms_are_read() {
-    let mut file = File::textured(json!({"emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
         "offset": [0.5, 0.25], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2, 4], "texCoord": 1,
     }}}}));
     file.texture(&png(1, 1, &[[1, 2, 3, 255]]));
@@ -171,7 +171,7 @@ fn samplers_and_texture_transforms_are_read() {
 
 #[test]
 fn pictures_are_shared_between_materials_and_loaded_only_when_used() {
-    let mut file = File::textured(json!({"emissiveTexture": {"index": 0}}));
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     let texture = json!({"index": 0});
     file.json["materials"] = json!([
         {"emissiveTexture": texture}, {"normalTexture": {"index": 2}}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}},
@@ -192,7 +192,7 @@ fn pictures_are_shared_between_materials_and_loaded_only_when_used() {
 
 #[test]
 fn pictures_that_cannot_be_read_are_replaced() {
-    let mut file = File::textured(json!({
+    let mut file = File::textured(&json!({
         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}},
         "normalTexture": {"index": 0},
     }));

@@ -41,7 +41,7 @@ impl File {
     }
 
     /// The same triangle with texture coordinates and one material.
-    pub(crate) fn textured(material: Value) -> Self {
+    pub(crate) fn textured(material: &Value) -> Self {
         let mut file = Self::triangle();
         let uvs = file.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
         let primitive = &mut file.json["meshes"][0]["primitives"][0];
