@@ -4,6 +4,7 @@
 //! time go in, actions come out) and does no I/O; *drivers* carry its actions out, over channels in one process, over
 //! a network, or in a simulator with virtual time.
 
+pub mod acc;
 mod acl;
 pub mod bus;
 pub mod driver;
@@ -13,6 +14,7 @@ pub mod platform;
 pub mod protocol;
 pub mod store;
 mod time;
+pub mod wire;
 
 pub use acl::{AclMessage, Performative};
 pub use bus::{Blob, BlobId, Bus};
