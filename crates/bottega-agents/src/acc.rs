@@ -82,7 +82,7 @@ impl Acc {
     ///
     /// # Errors
     /// Nobody gets it.
-    pub fn receive(&self, date: DateTime, envelope: &Envelope, payload: &str) -> Result<Vec<Routed>, AccError> {
+    pub fn receive(&self, date: &DateTime, envelope: &Envelope, payload: &str) -> Result<Vec<Routed>, AccError> {
         if envelope.received.iter().any(|stamp| stamp.by == self.mark()) {
             return Err(AccError::Loop);
         }
@@ -104,9 +104,9 @@ impl Acc {
             let elsewhere: Vec<String> =
                 receiver.addresses.iter().filter(|address| !self.addresses.contains(address)).cloned().collect();
             if elsewhere.is_empty() || self.is_ours(receiver) {
-                routed.extend(self.failure(date.clone(), envelope, &message, receiver));
+                routed.extend(self.failure(date, envelope, &message, receiver));
             } else {
-                let envelope = self.stamped(date.clone(), envelope, receiver);
+                let envelope = self.stamped(date, envelope, receiver);
                 routed.push(Routed::Forward { addresses: elsewhere, envelope, payload: payload.to_owned() });
             }
         }
@@ -118,10 +118,16 @@ impl Acc {
         agent.name.rsplit_once('@').is_some_and(|(_, platform)| platform.eq_ignore_ascii_case(&self.platform))
     }
 
-    fn stamped(&self, date: DateTime, envelope: &Envelope, receiver: &AgentId) -> Envelope {
+    fn stamped(&self, date: &DateTime, envelope: &Envelope, receiver: &AgentId) -> Envelope {
         let mut copy = envelope.clone();
         copy.intended_receivers = vec![receiver.clone()];
-        copy.received.push(Received { by: self.mark().to_owned(), date, from: None, id: None, via: None });
+        copy.received.push(Received {
+            by: self.mark().to_owned(),
+            date: date.clone(),
+            from: None,
+            id: None,
+            via: None,
+        });
         copy
     }
 
@@ -129,7 +135,7 @@ impl Acc {
     /// not-understood: such talk would not end.
     fn failure(
         &self,
-        date: DateTime,
+        date: &DateTime,
         envelope: &Envelope,
         message: &WireMessage,
         receiver: &AgentId,
@@ -159,7 +165,7 @@ impl Acc {
             acl_representation: envelope.acl_representation.clone(),
             payload_length: Some(payload.len() as u64),
             payload_encoding: (!payload.is_ascii()).then(|| "UTF-8".to_owned()),
-            date: Some(date),
+            date: Some(date.clone()),
             intended_receivers: vec![sender.clone()],
             ..Envelope::default()
         };

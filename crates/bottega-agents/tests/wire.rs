@@ -246,7 +246,7 @@ fn now() -> DateTime {
 #[test]
 fn a_message_reaches_the_mailboxes_that_its_envelope_names() {
     let (envelope, payload) = recorded(1);
-    let routed = channel().receive(now(), &envelope, &payload).unwrap();
+    let routed = channel().receive(&now(), &envelope, &payload).unwrap();
     match &routed[..] {
         [Routed::Deliver { to, message }] => {
             assert_eq!(*to, AgentId::new("ams@bottega"));
@@ -257,14 +257,14 @@ fn a_message_reaches_the_mailboxes_that_its_envelope_names() {
     // Intended receivers stand for all of `to`.
     let mut twice = envelope.clone();
     twice.to.push(AgentId::new("ams@bottega"));
-    assert_eq!(channel().receive(now(), &twice, &payload).unwrap().len(), 1);
+    assert_eq!(channel().receive(&now(), &twice, &payload).unwrap().len(), 1);
 }
 
 #[test]
 fn the_sender_is_told_of_an_agent_that_is_not_there_and_never_of_a_failure_of_a_failure() {
     let (mut envelope, payload) = recorded(5);
     envelope.intended_receivers = vec![AgentId::new("nobody@bottega")];
-    let routed = channel().receive(now(), &envelope, &payload).unwrap();
+    let routed = channel().receive(&now(), &envelope, &payload).unwrap();
     let [Routed::Forward { addresses, envelope: back, payload: answer }] = &routed[..] else { panic!("{routed:?}") };
     assert_eq!(*addresses, ["http://127.0.0.1:7778/acc"]);
     assert_eq!((back.acl_representation.as_str(), back.received.len()), (XML_FORM, 0));
@@ -275,7 +275,7 @@ fn the_sender_is_told_of_an_agent_that_is_not_there_and_never_of_a_failure_of_a_
     let content = failure.content.unwrap();
     assert!(content.contains("(MTS-error (agent-identifier :name nobody@bottega) (internal-error"), "{content}");
     let failed = payload.replace("act=\"request\"", "act=\"failure\"");
-    assert_eq!(channel().receive(now(), &envelope, &failed).unwrap(), []);
+    assert_eq!(channel().receive(&now(), &envelope, &failed).unwrap(), []);
 }
 
 #[test]
@@ -283,7 +283,7 @@ fn what_is_for_another_platform_goes_on_with_a_stamp_and_does_not_come_round_aga
     let (mut envelope, payload) = recorded(1);
     let there = AgentId { name: "a@there".into(), addresses: vec!["http://there/acc".to_owned()].into() };
     envelope.intended_receivers.push(there.clone());
-    let routed = channel().receive(now(), &envelope, &payload).unwrap();
+    let routed = channel().receive(&now(), &envelope, &payload).unwrap();
     let forward = routed.iter().find_map(|one| match one {
         Routed::Forward { addresses, envelope, .. } => Some((addresses, envelope)),
         Routed::Deliver { .. } => None,
@@ -291,9 +291,9 @@ fn what_is_for_another_platform_goes_on_with_a_stamp_and_does_not_come_round_aga
     let (addresses, onward) = forward.unwrap();
     assert_eq!((routed.len(), addresses.as_slice()), (2, &["http://there/acc".to_owned()][..]));
     assert_eq!(onward.intended_receivers, [there]);
-    assert_eq!(channel().receive(now(), onward, &payload), Err(AccError::Loop));
+    assert_eq!(channel().receive(&now(), onward, &payload), Err(AccError::Loop));
     let unknown = Envelope { acl_representation: "fipa.acl.rep.bitefficient.std".into(), ..envelope };
-    assert!(matches!(channel().receive(now(), &unknown, &payload), Err(AccError::UnknownForm(_))));
+    assert!(matches!(channel().receive(&now(), &unknown, &payload), Err(AccError::UnknownForm(_))));
 }
 
 #[test]
