@@ -517,8 +517,10 @@ fn rest<M: StateMachine>(shared: &Shared<M>, agent: usize, machine: M, performer
     slot.machine = Some((machine, performer));
     slot.scheduled = false;
     let again = !slot.mailbox.is_empty() && state.schedule(agent);
+    // Who sleeps until a later deadline must look again; this thread may be busy by then.
+    let earliest = deadline.is_some() && state.timers.first().is_some_and(|(_, first)| *first == agent);
     drop(state);
-    if again || deadline.is_some() {
+    if again || earliest {
         shared.work.notify_one();
     }
 }

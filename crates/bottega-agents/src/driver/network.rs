@@ -198,8 +198,8 @@ impl<M: StateMachine> Network<M> {
     }
 
     /// An agent is dead: what was meant for it is lost.
-    pub(super) fn bury(&mut self, id: &AgentId) {
-        self.note(|| format!("{id} crashes"));
+    pub(super) fn bury(&mut self, id: &AgentId, how: &str) {
+        self.note(|| format!("{id} {how}"));
         self.lives.insert(id.clone(), None);
         self.store.forget(id);
         self.queues.forget(id);

@@ -121,12 +121,16 @@ where
 
     /// Kills an agent with all it knows. It stays dead until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
+        self.end(id, "crashes");
+    }
+
+    fn end(&mut self, id: &AgentId, how: &str) {
         let Some(node) = self.nodes.get_mut(id) else { return };
         if node.machine.take().is_none() {
             return;
         }
         node.timer = None;
-        self.network.bury(id);
+        self.network.bury(id, how);
     }
 
     /// Gives a dead agent a new life, without memory.
@@ -320,7 +324,7 @@ where
             }
         }
         if stopped {
-            self.crash(id);
+            self.end(id, "stops");
             return;
         }
         let deadline = machine.next_deadline();

@@ -39,7 +39,7 @@ pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
             "reply-with" => set_once(&mut message.reply_with, reader.text("an expression")?, &lower)?,
             "in-reply-to" => set_once(&mut message.in_reply_to, reader.text("an expression")?, &lower)?,
             "reply-by" => set_once(&mut message.reply_by, DateTime::parse(&reader.text("a date-time")?)?, &lower)?,
-            _ if lower.starts_with("x-") => reader.user_parameter(name, &mut message.user)?,
+            _ if is_user_name(name) => reader.user_parameter(name, &mut message.user)?,
             _ => reader.skip()?,
         }
     }
@@ -272,7 +272,7 @@ pub fn print_string(message: &WireMessage) -> Result<String, WireError> {
         _ = write!(out, " :reply-by {by}");
     }
     for (name, value) in &message.user {
-        if !(name.len() > 2 && name[..2].eq_ignore_ascii_case("x-") && is_word(name)) {
+        if !is_user_name(name) {
             return Err(WireError::Unprintable("the name of a user-defined parameter"));
         }
         _ = write!(out, " :{name} ");
@@ -333,4 +333,10 @@ fn is_word(text: &str) -> bool {
     let Some(first) = text.bytes().next() else { return false };
     !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b':' | b'+')
         && text.bytes().all(|byte| byte.is_ascii_graphic() && !ends_word(byte) && byte != b'\\')
+}
+
+/// Whether a user-defined parameter may have this name. What is named otherwise is passed over.
+fn is_user_name(name: &str) -> bool {
+    let prefix = name.get(..2).is_some_and(|prefix| prefix.eq_ignore_ascii_case("x-"));
+    prefix && name.len() > 2 && is_word(name)
 }

@@ -35,9 +35,11 @@ impl Parser<'_> {
                 let chosen = self.choice(Accumulation::ALL, Accumulation::word)?;
                 once(accumulation.replace(chosen).is_none(), "ACCU", &name, at)?;
             } else if self.eat_word("RULE") {
-                let before = draft.rule_blocks.iter().map(|block| block.rules.len()).sum::<usize>();
-                self.check_count(before + rules.len(), Limits::RULES_MAX, "rules")?;
+                let before = || draft.rule_blocks.iter().flat_map(|block| &block.rules).chain(&rules);
+                self.check_count(before().count(), Limits::RULES_MAX, "rules")?;
                 let rule = self.rule(draft)?;
+                let conclusions = before().chain([&rule]).map(|rule| rule.conclusions.len()).sum::<usize>();
+                self.check_count(conclusions, Limits::CONCLUSIONS_MAX + 1, "conclusions")?;
                 if rules.iter().any(|other| other.label.eq_ignore_ascii_case(&rule.label)) {
                     let message = format!("the label `{}` is used twice in `{name}`", rule.label);
                     self.warnings.push(Warning { at, message });
