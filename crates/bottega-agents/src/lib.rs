@@ -2,8 +2,65 @@
 //!
 //! No rendering words here. The decision that shaped it: every agent is a state machine (an event and the present
 //! time go in, actions come out) and does no I/O; *drivers* carry its actions out, over channels in one process, over
-//! a network, or in a simulator with virtual time.
+//! a network, or in a simulator with virtual time. So one and the same value serves users and is put through a
+//! thousand bad days by a test.
+//!
+//! | where | what |
+//! |---|---|
+//! | [`StateMachine`], [`Event`], [`Action`] | the shape of every agent |
+//! | [`store`] | shared entries with revisions: compare-and-set, watches, fencing tokens |
+//! | [`bus`], [`driver`] | what carries actions out: [`LocalPlatform`] on threads, [`Simulator`] in virtual time with faults |
+//! | [`protocol`] | contract net, request, subscribe as parts that agents are built of |
+//! | [`platform`] | Start Service, AMS, DF; [`platform::StandardAgent`] makes any machine obey the life cycle |
+//! | [`wire`], [`acc`] | messages and envelopes as text, and the channel that takes them in |
+//!
+//! An agent that repeats what it hears, and one that asks it:
+//!
+//! ```
+//! use bottega_agents::*;
+//!
+//! struct Echo(AgentId);
+//!
+//! impl StateMachine for Echo {
+//!     type Content = String;
+//!     type Value = ();
+//!     type Effect = String; // "show this to the user"
+//!     type Completion = ();
+//!
+//!     fn handle(&mut self, _: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+//!         match event {
+//!             Event::Message(message) if message.performative == Performative::QueryRef => {
+//!                 let text = message.content.clone();
+//!                 actions.push(Action::Send(message.reply(Performative::Inform, self.0.clone(), text)));
+//!                 actions.push(Action::Stop);
+//!             }
+//!             Event::Message(message) => {
+//!                 actions.push(Action::Effect(message.content));
+//!                 actions.push(Action::Stop);
+//!             }
+//!             _ => {}
+//!         }
+//!     }
+//!
+//!     fn next_deadline(&self) -> Option<Time> {
+//!         None
+//!     }
+//! }
+//!
+//! let (shown, show) = std::sync::mpsc::channel();
+//! let platform = LocalPlatform::new(2)?;
+//! for name in ["asker@here", "echo@here"] {
+//!     let (id, shown) = (AgentId::new(name), shown.clone());
+//!     platform.add(&id, Echo(id.clone()), Box::new(move |text, _| shown.send(text).unwrap()))?;
+//! }
+//! let (asker, echo) = (AgentId::new("asker@here"), AgentId::new("echo@here"));
+//! platform.bus().publish(AclMessage::new(Performative::QueryRef, asker, echo, "ciao".to_owned()));
+//! platform.wait();
+//! assert_eq!(show.recv()?, "ciao");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+pub mod acc;
 mod acl;
 pub mod bus;
 pub mod driver;
@@ -13,6 +70,7 @@ pub mod platform;
 pub mod protocol;
 pub mod store;
 mod time;
+pub mod wire;
 
 pub use acl::{AclMessage, Performative};
 pub use bus::{Blob, BlobId, Bus};

@@ -133,3 +133,86 @@ fn compare_and_set_counts_right_whatever_goes_wrong() {
         assert_eq!((entry.value, entry.revision), (100, Revision(100)), "seed {seed}");
     }
 }
+
+#[test]
+fn ten_thousand_agents_are_no_burden() {
+    let world: World = |_, _, takes, _, reports| reports.push((takes, ()));
+    let mut simulator = Simulator::new(1, Faults { until: Time::ZERO, ..everything_wrong() }, world);
+    for number in 0..10_000 {
+        let id = AgentId::new(format!("a{number}"));
+        let friend = AgentId::new(format!("a{}", (number + 1) % 10_000));
+        simulator.add(&id.clone(), false, move || Counter {
+            id: id.clone(),
+            friend: friend.clone(),
+            goal: 3,
+            heard: 0,
+            retry: None,
+            ticket: 0,
+        });
+    }
+    simulator.run_until(Time::since_start(Duration::from_secs(60)));
+    assert_eq!(simulator.store().get(&"count".into()).unwrap().value, 3);
+}
+
+/// Writes down who is here, takes its turn at a queue, and asks others to count in it.
+struct Watcher {
+    id: AgentId,
+    seen: Vec<(String, bool)>,
+    jobs: u32,
+}
+
+impl StateMachine for Watcher {
+    type Content = u32;
+    type Value = u32;
+    type Effect = ();
+    type Completion = ();
+
+    fn handle(&mut self, _: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+        match event {
+            Event::Start => {
+                actions.extend([Action::WatchPresence, Action::JoinQueue("jobs".into())]);
+                let message = AclMessage::new(Performative::Request, self.id.clone(), self.id.clone(), 1);
+                actions.extend([0; 4].map(|_| Action::Enqueue { queue: "jobs".into(), message: message.clone() }));
+            }
+            Event::Presence { agent, present } => self.seen.push((agent.to_string(), present)),
+            Event::Message(message) => self.jobs += message.content,
+            _ => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        None
+    }
+}
+
+#[test]
+fn who_crashes_or_is_cut_off_is_missed_after_a_while_and_welcomed_back() {
+    type Silence = fn(Time, &AgentId, (), &mut bottega_agents::Random, &mut Vec<(Duration, ())>);
+    let mut simulator: Simulator<Watcher, Silence> = Simulator::new(1, Faults::NONE, |_, _, (), _, _| {});
+    let ids = ["a", "b"].map(AgentId::new);
+    for id in ids.clone() {
+        simulator.add(&id.clone(), false, move || Watcher { id: id.clone(), seen: Vec::new(), jobs: 0 });
+    }
+    let [a, b] = ids;
+    let at = |seconds| Time::since_start(Duration::from_secs(seconds));
+    simulator.run_until(at(1));
+    // Four from a while it was alone, and four of b's for both in turn.
+    assert_eq!([&a, &b].map(|id| simulator.machine(id).unwrap().jobs), [6, 2]);
+    simulator.crash(&b);
+    simulator.run_until(at(3));
+    let seen = |simulator: &Simulator<Watcher, Silence>| {
+        let seen = &simulator.machine(&a).unwrap().seen;
+        seen.iter().map(|(who, present)| format!("{who}{}", if *present { '+' } else { '-' })).collect::<String>()
+    };
+    assert_eq!(seen(&simulator), "b+");
+    simulator.run_until(at(5));
+    assert_eq!(seen(&simulator), "b+b-");
+    simulator.start(&b);
+    simulator.run_until(at(6));
+    assert_eq!(seen(&simulator), "b+b-b+");
+    simulator.cut_off([b.clone()]);
+    simulator.run_until(at(20));
+    simulator.heal();
+    simulator.run_until(at(21));
+    assert_eq!(seen(&simulator), "b+b-b+b-b+");
+}

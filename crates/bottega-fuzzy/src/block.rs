@@ -18,9 +18,11 @@ impl Limits {
     /// Terms of a variable.
     pub const TERMS_MAX: usize = 64;
     /// Points of a term.
-    pub const POINTS_MAX: usize = 64;
-    /// Rules of a block.
-    pub const RULES_MAX: usize = 4096;
+    pub const POINTS_MAX: usize = 32;
+    /// Rules of a block. With the number of points it bounds what an evaluation costs at worst.
+    pub const RULES_MAX: usize = 1024;
+    /// Conclusions of all rules of a block.
+    pub const CONCLUSIONS_MAX: usize = 1024;
     /// Brackets within brackets of a condition.
     pub const DEPTH_MAX: usize = 64;
 }
@@ -123,7 +125,8 @@ pub struct RuleBlock {
 
 /// A function block: variables, their terms, and rules.
 ///
-/// Made by [`FunctionBlock::parse`], written by its `Display`, which parses to an equal block.
+/// Made by [`FunctionBlock::parse`], written by its `Display`, which parses to an equal block; but intervals found at
+/// run time are no part of the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FunctionBlock {
     pub(crate) name: String,

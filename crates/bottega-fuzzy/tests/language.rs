@@ -161,6 +161,20 @@ fn brackets_nest_up_to_a_bound_and_no_further() {
     assert!(FunctionBlock::parse(&nots).is_err());
 }
 
+#[test]
+fn rules_and_conclusions_have_bounds_and_the_worst_block_is_evaluated_soon() {
+    let with = |rule: &str, count: usize| {
+        let text = LAMP.replace("END_RULEBLOCK", &format!("{}\nEND_RULEBLOCK", rule.repeat(count)));
+        FunctionBlock::parse(&text.replace("ACCU : MAX", "ACCU : BSUM"))
+    };
+    let rule = "RULE x : IF c IS S THEN ls IS few;\n";
+    let worst = with(rule, Limits::RULES_MAX - 2).unwrap();
+    assert!(worst.evaluate(&[("c", 0.3), ("op", 4.0)]).unwrap().get("ls").is_some());
+    assert!(with(rule, Limits::RULES_MAX).unwrap_err().to_string().contains("too many rules"));
+    let rule = "RULE x : IF c IS S THEN ls IS few, ls IS few, ls IS many, ls IS many;\n";
+    assert!(with(rule, Limits::RULES_MAX / 2).unwrap_err().to_string().contains("too many conclusions"));
+}
+
 fn condition_text() -> impl Strategy<Value = String> {
     let leaf = prop::sample::select(vec!["c IS S", "c IS NOT B", "op IS VB", "NOT op IS N"]).prop_map(str::to_owned);
     leaf.prop_recursive(5, 24, 4, |inner| {

@@ -1,6 +1,7 @@
 //! What turns state machines into running agents.
 
 pub mod local;
+mod network;
 mod queues;
 pub mod random;
 pub mod simulator;

@@ -61,3 +61,23 @@ impl<C> Queues<C> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Performative;
+
+    #[test]
+    fn a_queue_gives_each_message_to_one_agent_in_turn() {
+        let mut queues = Queues::default();
+        let (name, a, b) = (Key::from("jobs"), AgentId::new("a"), AgentId::new("b"));
+        let message = |number| AclMessage::new(Performative::Request, AgentId::new("c"), AgentId::new("c"), number);
+        assert!(queues.enqueue(&name, message(1)).is_none());
+        assert_eq!(queues.join(&name, &a).len(), 1);
+        assert!(queues.join(&name, &b).is_empty());
+        let takers: Vec<_> = (0..4).map(|n| queues.enqueue(&name, message(n)).unwrap().receivers[0].clone()).collect();
+        assert_eq!(takers, [a.clone(), b.clone(), a.clone(), b.clone()]);
+        queues.forget(&a);
+        assert_eq!(queues.enqueue(&name, message(9)).unwrap().receivers, [b]);
+    }
+}

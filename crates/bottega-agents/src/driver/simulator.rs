@@ -3,66 +3,18 @@
 //! All chance comes from one seed: the same seed gives the same run, event for event. The store is the one thing that
 //! does not fail, as it is meant to be in the world; but requests and answers on the way to it may be lost.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque},
-    fmt::Debug,
-    time::Duration,
-};
+use std::{collections::BTreeMap, fmt::Debug, time::Duration};
 
-use super::{queues::Queues, random::Random};
+pub use super::network::{Faults, PLANNED_MAX, PRESENCE_TIMEOUT, STORE_TIMEOUT};
+use super::{
+    network::{Happening, Life, Network, RETRY_AFTER},
+    random::Random,
+};
 use crate::{
-    AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreReply, StoreRequest, Ticket, Time,
-    bus::{Beyond, Blob, BlobId, Bus, carry_out},
-    store::{Addressed, MemoryStore},
+    AclMessage, AgentId, Event, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time,
+    bus::{Beyond, Bus, carry_out},
+    store::MemoryStore,
 };
-
-/// After so long without an answer of the store it counts as unavailable.
-pub const STORE_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// After so long without a sign of life an agent counts as gone.
-pub const PRESENCE_TIMEOUT: Duration = Duration::from_secs(3);
-
-/// How long a cut holds back what must arrive in order, before it is tried again.
-const RETRY_AFTER: Duration = Duration::from_millis(50);
-
-/// What goes wrong, and how often. [`Faults::NONE`] is a fast and faithful network.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Faults {
-    /// The shortest time a message takes.
-    pub latency_min: Duration,
-    /// What is added to it on the average; a few take five times as long, so that messages overtake each other.
-    pub latency_extra_mean: Duration,
-    /// Share of messages that are lost, 0..1.
-    pub loss: f64,
-    /// Share of messages that arrive twice, 0..1.
-    pub duplication: f64,
-    /// Mean time between two crashes of an agent, over all agents that may crash.
-    pub crash_every: Option<Duration>,
-    /// The longest time an agent stays dead.
-    pub down_max: Duration,
-    /// Mean time between two cuts that part some agents from the others and from the store.
-    pub partition_every: Option<Duration>,
-    /// The longest time a cut lasts.
-    pub partition_max: Duration,
-    /// From here on nothing more goes wrong, so that a run can end. Latency stays.
-    pub until: Time,
-}
-
-impl Faults {
-    /// Nothing goes wrong; a message takes a millisecond.
-    pub const NONE: Self = Self {
-        latency_min: Duration::from_millis(1),
-        latency_extra_mean: Duration::ZERO,
-        loss: 0.0,
-        duplication: 0.0,
-        crash_every: None,
-        down_max: Duration::ZERO,
-        partition_every: None,
-        partition_max: Duration::ZERO,
-        until: Time::ZERO,
-    };
-}
 
 /// What answers the effects of agents in a simulation.
 pub trait World<M: StateMachine> {
@@ -94,266 +46,6 @@ where
         self(now, agent, effect, random, reports);
     }
 }
-
-/// Which life of which agent: what was meant for an earlier life is lost.
-#[derive(Clone, Debug, PartialEq)]
-struct Life {
-    agent: AgentId,
-    number: u64,
-}
-
-enum Happening<M: StateMachine> {
-    /// A message arrives; the sender decides whether a cut lies between.
-    Message {
-        to: AgentId,
-        message: AclMessage<M::Content>,
-    },
-    /// An answer of the store arrives.
-    FromStore {
-        to: Life,
-        ticket: Ticket,
-        reply: StoreReply<M::Value>,
-    },
-    /// The next report of the agent's watches is due.
-    Report {
-        to: Life,
-    },
-    ToStore {
-        from: Life,
-        ticket: Ticket,
-        request: StoreRequest<M::Value>,
-    },
-    Event {
-        to: Life,
-        event: EventOf<M>,
-    },
-    Timer {
-        of: Life,
-        at: Time,
-    },
-    /// Some agent that may crash does.
-    CrashSome,
-    Restart(AgentId),
-    PartitionSome,
-    Heal,
-    /// Whether an agent that was silent still is.
-    Silent(AgentId),
-}
-
-struct Scheduled<M: StateMachine> {
-    at: Time,
-    /// Of two things at one time the one that was planned first happens first.
-    sequence: u64,
-    what: Happening<M>,
-}
-
-impl<M: StateMachine> PartialEq for Scheduled<M> {
-    fn eq(&self, other: &Self) -> bool {
-        self.sequence == other.sequence
-    }
-}
-impl<M: StateMachine> Eq for Scheduled<M> {}
-impl<M: StateMachine> PartialOrd for Scheduled<M> {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl<M: StateMachine> Ord for Scheduled<M> {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.at, self.sequence).cmp(&(other.at, other.sequence))
-    }
-}
-
-/// An open request to the store and when its asker gives up on it.
-type OpenRequest = (AgentId, u64, Ticket);
-
-/// Reports of an agent's watches.
-type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
-
-/// All but the machines: what the bus of a simulation is made of.
-struct Network<M: StateMachine> {
-    now: Time,
-    sequence: u64,
-    plan: BinaryHeap<Reverse<Scheduled<M>>>,
-    random: Random,
-    faults: Faults,
-    store: MemoryStore<M::Value, AgentId>,
-    queues: Queues<M::Content>,
-    blobs: BTreeMap<BlobId, Blob>,
-    /// The life of each agent; `None` while it is dead.
-    lives: BTreeMap<AgentId, Option<u64>>,
-    /// Agents on the far side of the cut; the store is on the near one.
-    cut_off: BTreeSet<AgentId>,
-    /// Reports of watches on their way to each agent: a cut holds them back, none is lost, none overtakes another.
-    reports: BTreeMap<AgentId, Reports<M>>,
-    open: BTreeSet<OpenRequest>,
-    presence_watchers: BTreeSet<AgentId>,
-    seen_present: BTreeSet<AgentId>,
-    trace: Option<Vec<String>>,
-}
-
-impl<M: StateMachine> Network<M> {
-    fn plan(&mut self, after: Duration, what: Happening<M>) {
-        self.plan_at(self.now + after, what);
-    }
-
-    fn plan_at(&mut self, at: Time, what: Happening<M>) {
-        self.sequence += 1;
-        self.plan.push(Reverse(Scheduled { at, sequence: self.sequence, what }));
-    }
-
-    fn faulty(&self) -> bool {
-        self.now < self.faults.until
-    }
-
-    fn chance(&mut self, share: f64) -> bool {
-        self.faulty() && self.random.unit() < share
-    }
-
-    fn latency(&mut self) -> Duration {
-        // u⁴ has the mean 1/5: most messages are quick, some are late.
-        let u = self.random.unit();
-        self.faults.latency_min + self.faults.latency_extra_mean.mul_f64(5.0 * u * u * u * u)
-    }
-
-    /// A random time with the given mean.
-    fn around(&mut self, mean: Duration) -> Duration {
-        mean.mul_f64(2.0 * self.random.unit())
-    }
-
-    fn cut_between(&self, a: &AgentId, b: &AgentId) -> bool {
-        self.cut_off.contains(a) != self.cut_off.contains(b)
-    }
-
-    fn life(&self, agent: &AgentId) -> Option<Life> {
-        let number = (*self.lives.get(agent)?)?;
-        Some(Life { agent: agent.clone(), number })
-    }
-
-    fn is_alive(&self, life: &Life) -> bool {
-        self.lives.get(&life.agent) == Some(&Some(life.number))
-    }
-
-    fn note(&mut self, line: impl FnOnce() -> String) {
-        if let Some(trace) = &mut self.trace {
-            let micros = self.now.elapsed().as_micros();
-            trace.push(format!("[{:>6}.{:03}] {}", micros / 1000, micros % 1000, line()));
-        }
-    }
-
-    fn tell_presence(&mut self, agent: &AgentId, present: bool) {
-        let changed = if present { self.seen_present.insert(agent.clone()) } else { self.seen_present.remove(agent) };
-        if !changed {
-            return;
-        }
-        for watcher in self.presence_watchers.clone() {
-            if watcher != *agent
-                && let Some(to) = self.life(&watcher)
-            {
-                let after = self.latency();
-                self.plan(after, Happening::Event { to, event: Event::Presence { agent: agent.clone(), present } });
-            }
-        }
-    }
-
-    fn reply_from_store(&mut self, to: &AgentId, ticket: Ticket, reply: StoreReply<M::Value>) {
-        let Some(to) = self.life(to) else { return };
-        let after = self.latency();
-        if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {
-            self.reports.entry(to.agent.clone()).or_default().push_back((ticket, reply));
-            self.plan(after, Happening::Report { to });
-        } else {
-            self.plan(after, Happening::FromStore { to, ticket, reply });
-        }
-    }
-
-    fn serve_store(&mut self, from: &Life, ticket: Ticket, request: StoreRequest<M::Value>)
-    where
-        M::Value: Clone,
-    {
-        let mut replies = Vec::new();
-        self.store.handle(from.agent.clone(), ticket, request, &mut replies);
-        for Addressed { to, ticket, reply } in replies {
-            // An answer may be lost, a report of a watch is sent again by the store until it arrives.
-            let report = matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp);
-            let loss = self.faults.loss;
-            if report || !self.chance(loss) {
-                self.reply_from_store(&to, ticket, reply);
-            }
-        }
-    }
-}
-
-impl<M: StateMachine> Bus for Network<M>
-where
-    M::Content: Clone,
-    M::Value: Clone,
-{
-    type Content = M::Content;
-    type Value = M::Value;
-
-    fn publish(&mut self, message: AclMessage<M::Content>) {
-        for to in message.receivers.clone() {
-            let (loss, duplication) = (self.faults.loss, self.faults.duplication);
-            if self.chance(loss) {
-                self.note(|| format!("{} -> {to}  {} lost", message.sender, message.performative));
-                continue;
-            }
-            let copies = if self.chance(duplication) { 2 } else { 1 };
-            for _ in 0..copies {
-                let after = self.latency();
-                self.plan(after, Happening::Message { to: to.clone(), message: message.clone() });
-            }
-        }
-    }
-
-    fn enqueue(&mut self, queue: &Key, message: AclMessage<M::Content>) {
-        if let Some(message) = self.queues.enqueue(queue, message) {
-            self.publish(message);
-        }
-    }
-
-    fn join(&mut self, queue: &Key, agent: &AgentId) {
-        for message in self.queues.join(queue, agent) {
-            self.publish(message);
-        }
-    }
-
-    fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
-        let Some(from) = self.life(from) else { return };
-        if !matches!(request, StoreRequest::Watch { .. }) {
-            self.open.insert((from.agent.clone(), from.number, ticket));
-            self.plan(STORE_TIMEOUT, Happening::FromStore { to: from.clone(), ticket, reply: StoreReply::Unavailable });
-        }
-        let loss = self.faults.loss;
-        if matches!(request, StoreRequest::Watch { .. }) || !self.chance(loss) {
-            let after = self.latency();
-            self.plan(after, Happening::ToStore { from, ticket, request });
-        }
-    }
-
-    fn watch_presence(&mut self, from: &AgentId) {
-        self.presence_watchers.insert(from.clone());
-        let Some(to) = self.life(from) else { return };
-        for agent in self.seen_present.clone() {
-            if agent != *from {
-                let after = self.latency();
-                let event = Event::Presence { agent, present: true };
-                self.plan(after, Happening::Event { to: to.clone(), event });
-            }
-        }
-    }
-
-    fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool {
-        self.blobs.insert(id, blob);
-        true
-    }
-
-    fn blob(&self, id: BlobId) -> Option<Blob> {
-        self.blobs.get(&id).cloned()
-    }
-}
-
 struct Node<M> {
     /// Absent while the agent is dead.
     machine: Option<M>,
@@ -380,31 +72,7 @@ where
 {
     /// An empty platform in a world that answers effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
-        let mut network = Network {
-            now: Time::ZERO,
-            sequence: 0,
-            plan: BinaryHeap::new(),
-            random: Random::new(seed),
-            store: MemoryStore::default(),
-            queues: Queues::default(),
-            blobs: BTreeMap::new(),
-            lives: BTreeMap::new(),
-            cut_off: BTreeSet::new(),
-            reports: BTreeMap::new(),
-            open: BTreeSet::new(),
-            presence_watchers: BTreeSet::new(),
-            seen_present: BTreeSet::new(),
-            trace: None,
-            faults,
-        };
-        if let Some(mean) = network.faults.crash_every {
-            let after = network.around(mean);
-            network.plan(after, Happening::CrashSome);
-        }
-        if let Some(mean) = network.faults.partition_every {
-            let after = network.around(mean);
-            network.plan(after, Happening::PartitionSome);
-        }
+        let network = Network::new(seed, faults);
         Self { nodes: BTreeMap::new(), network, world, births: 0, actions: Vec::new() }
     }
 
@@ -453,20 +121,16 @@ where
 
     /// Kills an agent with all it knows. It stays dead until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
+        self.end(id, "crashes");
+    }
+
+    fn end(&mut self, id: &AgentId, how: &str) {
         let Some(node) = self.nodes.get_mut(id) else { return };
         if node.machine.take().is_none() {
             return;
         }
         node.timer = None;
-        let network = &mut self.network;
-        network.note(|| format!("{id} crashes"));
-        network.lives.insert(id.clone(), None);
-        network.store.forget(id);
-        network.queues.forget(id);
-        network.presence_watchers.remove(id);
-        network.open.retain(|(agent, _, _)| agent != id);
-        network.reports.remove(id);
-        network.plan(PRESENCE_TIMEOUT, Happening::Silent(id.clone()));
+        self.network.bury(id, how);
     }
 
     /// Gives a dead agent a new life, without memory.
@@ -506,13 +170,8 @@ where
     /// whether `going_on` said to stop.
     pub fn run_while(&mut self, end: Time, mut going_on: impl FnMut(&Self) -> bool) -> bool {
         while going_on(self) {
-            match self.network.plan.peek() {
-                Some(Reverse(next)) if next.at <= end => {}
-                _ => return false,
-            }
-            let Some(Reverse(next)) = self.network.plan.pop() else { return false };
-            self.network.now = next.at;
-            self.happen(next.what);
+            let Some(what) = self.network.next(end) else { return false };
+            self.happen(what);
         }
         true
     }
@@ -597,7 +256,7 @@ where
             self.network.plan(RETRY_AFTER, Happening::Report { to });
             return;
         }
-        let next = self.network.reports.get_mut(&to.agent).and_then(VecDeque::pop_front);
+        let next = self.network.reports.get_mut(&to.agent).and_then(std::collections::VecDeque::pop_front);
         let (ticket, reply) = next.expect("a report is planned for each that is on its way");
         self.feed(&to.agent, Event::Store { ticket, reply });
     }
@@ -665,7 +324,7 @@ where
             }
         }
         if stopped {
-            self.crash(id);
+            self.end(id, "stops");
             return;
         }
         let deadline = machine.next_deadline();

@@ -4,6 +4,7 @@ mod error;
 mod lexer;
 mod parser;
 mod print;
+mod rules;
 
 pub use error::{FclError, FclErrorKind, Position, Warning};
 pub(crate) use parser::parse_one;

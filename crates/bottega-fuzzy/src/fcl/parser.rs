@@ -5,9 +5,9 @@ use super::{
     lexer::{Token, tokens},
 };
 use crate::{
-    block::{Conclusion, Condition, FunctionBlock, InputVariable, Limits, OutputVariable, Rule, RuleBlock, Term},
+    block::{FunctionBlock, InputVariable, Limits, OutputVariable, RuleBlock, Term},
     membership::Membership,
-    operators::{Accumulation, Activation, And, Method, Or},
+    operators::{Accumulation, Method},
 };
 
 /// What a text holds.
@@ -80,49 +80,49 @@ const RESERVED: &[&str] = &[
     "WITH",
 ];
 
-type Result<T> = std::result::Result<T, FclError>;
+pub(super) type Result<T> = std::result::Result<T, FclError>;
 
-struct Parser<'a> {
+pub(super) struct Parser<'a> {
     tokens: &'a [(Token<'a>, Position)],
     next: usize,
-    warnings: Vec<Warning>,
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// An input as far as it is known.
-struct InputDraft {
-    name: String,
-    at: Position,
-    terms: Option<Vec<Term>>,
-    range: Option<(f64, f64)>,
+pub(super) struct InputDraft {
+    pub(super) name: String,
+    pub(super) at: Position,
+    pub(super) terms: Option<Vec<Term>>,
+    pub(super) range: Option<(f64, f64)>,
 }
 
 /// An output as far as it is known.
-struct OutputDraft {
-    name: String,
-    at: Position,
-    defuzzified: bool,
-    terms: Vec<Term>,
-    range: Option<(f64, f64)>,
-    method: Option<(Method, Position)>,
-    accumulation: Option<Accumulation>,
+pub(super) struct OutputDraft {
+    pub(super) name: String,
+    pub(super) at: Position,
+    pub(super) defuzzified: bool,
+    pub(super) terms: Vec<Term>,
+    pub(super) range: Option<(f64, f64)>,
+    pub(super) method: Option<(Method, Position)>,
+    pub(super) accumulation: Option<Accumulation>,
     /// `Some(None)`: NC.
-    default: Option<Option<f64>>,
+    pub(super) default: Option<Option<f64>>,
 }
 
 #[derive(Default)]
-struct Draft {
-    inputs: Vec<InputDraft>,
-    outputs: Vec<OutputDraft>,
-    locals: Vec<String>,
-    rule_blocks: Vec<RuleBlock>,
+pub(super) struct Draft {
+    pub(super) inputs: Vec<InputDraft>,
+    pub(super) outputs: Vec<OutputDraft>,
+    pub(super) locals: Vec<String>,
+    pub(super) rule_blocks: Vec<RuleBlock>,
 }
 
 impl Draft {
-    fn input(&self, name: &str) -> Option<usize> {
+    pub(super) fn input(&self, name: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
     }
 
-    fn output(&self, name: &str) -> Option<usize> {
+    pub(super) fn output(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
     }
 
@@ -133,25 +133,21 @@ impl Draft {
     }
 }
 
-fn unknown<'n>(what: impl Into<String>, name: &str, declared: impl IntoIterator<Item = &'n str>) -> FclErrorKind {
+pub(super) fn unknown<'n>(
+    what: impl Into<String>,
+    name: &str,
+    declared: impl IntoIterator<Item = &'n str>,
+) -> FclErrorKind {
     FclErrorKind::Unknown { what: what.into(), name: name.to_owned(), suggestion: nearest(name, declared) }
-}
-
-fn term_index(terms: &[Term], variable: &str, name: &str, at: Position) -> Result<usize> {
-    let found = terms.iter().position(|term| term.name.eq_ignore_ascii_case(name));
-    found.ok_or_else(|| {
-        let names = terms.iter().map(|term| term.name.as_str());
-        FclError { at, kind: unknown(format!("term of `{variable}` called"), name, names) }
-    })
 }
 
 // Tokens.
 impl<'a> Parser<'a> {
-    fn peek(&self) -> &Token<'a> {
+    pub(super) fn peek(&self) -> &Token<'a> {
         &self.tokens[self.next].0
     }
 
-    fn at(&self) -> Position {
+    pub(super) fn at(&self) -> Position {
         self.tokens[self.next].1
     }
 
@@ -159,7 +155,7 @@ impl<'a> Parser<'a> {
         *self.peek() == Token::End
     }
 
-    fn advance(&mut self) {
+    pub(super) fn advance(&mut self) {
         // The last token is the end: it is never passed.
         self.next = (self.next + 1).min(self.tokens.len() - 1);
     }
@@ -168,7 +164,7 @@ impl<'a> Parser<'a> {
         matches!(self.peek(), Token::Word(found) if found.eq_ignore_ascii_case(word))
     }
 
-    fn eat_word(&mut self, word: &str) -> bool {
+    pub(super) fn eat_word(&mut self, word: &str) -> bool {
         let found = self.is_word(word);
         if found {
             self.advance();
@@ -176,7 +172,7 @@ impl<'a> Parser<'a> {
         found
     }
 
-    fn eat_mark(&mut self, mark: char) -> bool {
+    pub(super) fn eat_mark(&mut self, mark: char) -> bool {
         let found = *self.peek() == Token::Mark(mark);
         if found {
             self.advance();
@@ -184,7 +180,7 @@ impl<'a> Parser<'a> {
         found
     }
 
-    fn unexpected(&self, expected: &str, words: &[&str]) -> FclError {
+    pub(super) fn unexpected(&self, expected: &str, words: &[&str]) -> FclError {
         let suggestion = match self.peek() {
             Token::Word(found) => nearest(found, words.iter().copied()),
             _ => None,
@@ -194,11 +190,11 @@ impl<'a> Parser<'a> {
         FclError { at: self.at(), kind }
     }
 
-    fn keyword(&mut self, word: &str) -> Result<()> {
+    pub(super) fn keyword(&mut self, word: &str) -> Result<()> {
         if self.eat_word(word) { Ok(()) } else { Err(self.unexpected(&format!("`{word}`"), &[word])) }
     }
 
-    fn mark(&mut self, mark: char) -> Result<()> {
+    pub(super) fn mark(&mut self, mark: char) -> Result<()> {
         if self.eat_mark(mark) { Ok(()) } else { Err(self.unexpected(&format!("`{mark}`"), &[])) }
     }
 
@@ -210,7 +206,7 @@ impl<'a> Parser<'a> {
         Err(self.unexpected("`:=`", &[]))
     }
 
-    fn name(&mut self, what: &str) -> Result<&'a str> {
+    pub(super) fn name(&mut self, what: &str) -> Result<&'a str> {
         match *self.peek() {
             Token::Word(word) if !RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(word)) => {
                 self.advance();
@@ -232,7 +228,7 @@ impl<'a> Parser<'a> {
         Ok(if negative { -number } else { number })
     }
 
-    fn unit(&mut self, what: &'static str) -> Result<f64> {
+    pub(super) fn unit(&mut self, what: &'static str) -> Result<f64> {
         let at = self.at();
         let value = self.number()?;
         if (0.0..=1.0).contains(&value) {
@@ -242,7 +238,7 @@ impl<'a> Parser<'a> {
     }
 
     /// `: WORD ;`, one of a closed set.
-    fn choice<T: Copy>(&mut self, all: &[T], word: impl Fn(T) -> &'static str) -> Result<T> {
+    pub(super) fn choice<T: Copy>(&mut self, all: &[T], word: impl Fn(T) -> &'static str) -> Result<T> {
         self.mark(':')?;
         let words: Vec<&str> = all.iter().map(|one| word(*one)).collect();
         let Some(found) = all.iter().find(|one| self.is_word(word(**one))) else {
@@ -253,7 +249,7 @@ impl<'a> Parser<'a> {
         Ok(*found)
     }
 
-    fn check_count(&self, count: usize, max: usize, what: &'static str) -> Result<()> {
+    pub(super) fn check_count(&self, count: usize, max: usize, what: &'static str) -> Result<()> {
         if count < max {
             return Ok(());
         }
@@ -476,7 +472,7 @@ enum Kind {
     Local,
 }
 
-fn once(first: bool, what: &'static str, name: &str, at: Position) -> Result<()> {
+pub(super) fn once(first: bool, what: &'static str, name: &str, at: Position) -> Result<()> {
     if first { Ok(()) } else { Err(FclError { at, kind: FclErrorKind::Twice { what, name: name.to_owned() } }) }
 }
 
@@ -527,140 +523,4 @@ fn finish(name: String, draft: Draft) -> Result<FunctionBlock> {
         outputs.push(OutputVariable { name, terms, range, method, accumulation, default: default.flatten() });
     }
     Ok(FunctionBlock { name, inputs, outputs, locals: draft.locals, rule_blocks: draft.rule_blocks })
-}
-
-// Rules.
-impl Parser<'_> {
-    fn rule_block(&mut self, draft: &mut Draft, at: Position) -> Result<()> {
-        let name = self.name("the name of the rule block")?.to_owned();
-        let (mut and, mut or, mut activation, mut accumulation) = (None, None, None, None);
-        let mut rules: Vec<Rule> = Vec::new();
-        while !self.eat_word("END_RULEBLOCK") {
-            let at = self.at();
-            if self.eat_word("AND") {
-                once(and.replace(self.choice(And::ALL, And::word)?).is_none(), "AND", &name, at)?;
-            } else if self.eat_word("OR") {
-                once(or.replace(self.choice(Or::ALL, Or::word)?).is_none(), "OR", &name, at)?;
-            } else if self.eat_word("ACT") {
-                once(activation.replace(self.choice(Activation::ALL, Activation::word)?).is_none(), "ACT", &name, at)?;
-            } else if self.eat_word("ACCU") {
-                let chosen = self.choice(Accumulation::ALL, Accumulation::word)?;
-                once(accumulation.replace(chosen).is_none(), "ACCU", &name, at)?;
-            } else if self.eat_word("RULE") {
-                let before = draft.rule_blocks.iter().map(|block| block.rules.len()).sum::<usize>();
-                self.check_count(before + rules.len(), Limits::RULES_MAX, "rules")?;
-                let rule = self.rule(draft)?;
-                if rules.iter().any(|other| other.label.eq_ignore_ascii_case(&rule.label)) {
-                    let message = format!("the label `{}` is used twice in `{name}`", rule.label);
-                    self.warnings.push(Warning { at, message });
-                }
-                rules.push(rule);
-            } else {
-                let words = &["AND", "OR", "ACT", "ACCU", "RULE", "END_RULEBLOCK"];
-                return Err(self.unexpected("`AND`, `OR`, `ACT`, `ACCU`, `RULE` or `END_RULEBLOCK`", words));
-            }
-        }
-        let (and, or) = match (and, or) {
-            (None, None) => (And::default(), Or::default()),
-            (Some(and), None) => (and, and.dual()),
-            (None, Some(or)) => (or.dual(), or),
-            (Some(and), Some(or)) if and.dual() == or => (and, or),
-            (Some(and), Some(or)) => {
-                let kind = FclErrorKind::NotDual { and: and.word(), or: or.word(), dual: and.dual().word() };
-                return Err(FclError { at, kind });
-            }
-        };
-        let (activation, accumulation) = (activation.unwrap_or_default(), accumulation.unwrap_or_default());
-        draft.rule_blocks.push(RuleBlock { name, and, or, activation, accumulation, rules });
-        Ok(())
-    }
-
-    /// A rule, after its first keyword.
-    fn rule(&mut self, draft: &Draft) -> Result<Rule> {
-        let label = match *self.peek() {
-            Token::Number(_, written) => {
-                self.advance();
-                written.to_owned()
-            }
-            _ => self.name("the number or name of the rule")?.to_owned(),
-        };
-        self.mark(':')?;
-        self.keyword("IF")?;
-        let condition = self.condition(draft, 0)?;
-        self.keyword("THEN")?;
-        let mut conclusions = vec![self.conclusion(draft)?];
-        while self.eat_mark(',') || self.eat_word("AND") {
-            self.check_count(conclusions.len(), Limits::VARIABLES_MAX, "conclusions")?;
-            conclusions.push(self.conclusion(draft)?);
-        }
-        let weight = if self.eat_word("WITH") { self.unit("the weight")? } else { 1.0 };
-        if !self.eat_mark(';') {
-            return Err(self.unexpected("`;`, `,` or `WITH`", &["WITH", "AND"]));
-        }
-        Ok(Rule { label, condition, conclusions, weight })
-    }
-
-    fn condition(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
-        let mut parts = vec![self.conjunction(draft, depth)?];
-        while self.eat_word("OR") {
-            parts.push(self.conjunction(draft, depth)?);
-        }
-        Ok(if parts.len() == 1 { parts.remove(0) } else { Condition::Or(parts) })
-    }
-
-    fn conjunction(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
-        let mut parts = vec![self.single(draft, depth)?];
-        while self.eat_word("AND") {
-            parts.push(self.single(draft, depth)?);
-        }
-        Ok(if parts.len() == 1 { parts.remove(0) } else { Condition::And(parts) })
-    }
-
-    fn single(&mut self, draft: &Draft, depth: usize) -> Result<Condition> {
-        self.check_count(depth, Limits::DEPTH_MAX, "brackets within brackets")?;
-        if self.eat_word("NOT") {
-            return Ok(Condition::Not(Box::new(self.single(draft, depth + 1)?)));
-        }
-        if self.eat_mark('(') {
-            let inner = self.condition(draft, depth + 1)?;
-            self.mark(')')?;
-            return Ok(inner);
-        }
-        let at = self.at();
-        let name = self.name("an input, `NOT` or `(`")?;
-        let Some(input) = draft.input(name) else {
-            let kind = unknown("input", name, draft.inputs.iter().map(|input| input.name.as_str()));
-            return Err(FclError { at, kind });
-        };
-        if !self.eat_word("IS") {
-            return Err(self.unexpected("`IS`", &["IS"]));
-        }
-        let negated = self.eat_word("NOT");
-        let term_at = self.at();
-        let term = self.name("the name of a term")?;
-        let terms = draft.inputs[input].terms.as_deref().ok_or_else(|| FclError {
-            at,
-            kind: FclErrorKind::Incomplete {
-                what: "the input",
-                name: name.to_owned(),
-                lacks: "is used in a rule before it is fuzzified",
-            },
-        })?;
-        let term = term_index(terms, name, term, term_at)?;
-        Ok(if negated { Condition::IsNot { input, term } } else { Condition::Is { input, term } })
-    }
-
-    fn conclusion(&mut self, draft: &Draft) -> Result<Conclusion> {
-        let at = self.at();
-        let name = self.name("an output")?;
-        let Some(output) = draft.output(name) else {
-            let kind = unknown("output", name, draft.outputs.iter().map(|output| output.name.as_str()));
-            return Err(FclError { at, kind });
-        };
-        self.keyword("IS")?;
-        let term_at = self.at();
-        let term = self.name("the name of a term")?;
-        let term = term_index(&draft.outputs[output].terms, name, term, term_at)?;
-        Ok(Conclusion { output, term })
-    }
 }

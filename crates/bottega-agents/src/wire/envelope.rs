@@ -1,0 +1,221 @@
+//! Envelopes in XML (FIPA00067, FIPA00085).
+
+use std::{collections::BTreeMap, fmt::Write};
+
+use super::{
+    ADDRESSES_MAX, AGENTS_MAX, DateTime, USER_PARAMETERS_MAX, WireError, bad_value, bounded, identifier,
+    xml::{self, Element, escape},
+};
+use crate::AgentId;
+
+/// The most stamps on an envelope.
+const STAMPS_MAX: usize = 64;
+
+/// What is written around a message: for whom it is, and which way it came.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Envelope {
+    /// To whom; the receivers of the message.
+    pub to: Vec<AgentId>,
+    /// From whom.
+    pub from: Option<AgentId>,
+    /// Anything.
+    pub comments: Option<String>,
+    /// The form of the message: [`STRING_FORM`](super::STRING_FORM) or [`XML_FORM`](super::XML_FORM).
+    pub acl_representation: String,
+    /// Bytes of the message.
+    pub payload_length: Option<u64>,
+    /// Character set of the message; absent: ASCII.
+    pub payload_encoding: Option<String>,
+    /// When it was sent.
+    pub date: Option<DateTime>,
+    /// Who gets this copy. Empty: all of `to`.
+    pub intended_receivers: Vec<AgentId>,
+    /// The channels that it passed, in order.
+    pub received: Vec<Received>,
+    /// User-defined parameters.
+    pub user: BTreeMap<String, String>,
+}
+
+/// The stamp of a channel that passed the message on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// The channel.
+    pub by: String,
+    /// When.
+    pub date: DateTime,
+    /// From which channel.
+    pub from: Option<String>,
+    /// As which message.
+    pub id: Option<String>,
+    /// By which means.
+    pub via: Option<String>,
+}
+
+/// Reads an envelope: of each parameter the value with the greatest index, of the stamps all, in order of index.
+///
+/// # Errors
+/// No well-formed XML, a document type or entity, not an envelope, or more than the bounds allow.
+pub fn parse_envelope(text: &str) -> Result<Envelope, WireError> {
+    let root = xml::parse(text)?;
+    if root.name != "envelope" {
+        return Err(WireError::Missing { object: "document", part: "envelope" });
+    }
+    let mut params = Vec::new();
+    for element in root.children("params") {
+        let index = element.attribute("index").unwrap_or("1");
+        params.push((index.trim().parse::<u32>().map_err(|_| bad_value("index", index))?, element));
+    }
+    params.sort_by_key(|(index, _)| *index);
+    let mut envelope = Envelope::default();
+    for (_, params) in params {
+        read_params(&mut envelope, params)?;
+    }
+    let missing = |part| WireError::Missing { object: "envelope", part };
+    if envelope.to.is_empty() {
+        return Err(missing("to"));
+    }
+    if envelope.acl_representation.is_empty() {
+        return Err(missing("acl-representation"));
+    }
+    Ok(envelope)
+}
+
+/// Takes over what one `params` says.
+fn read_params(envelope: &mut Envelope, params: &Element) -> Result<(), WireError> {
+    let trimmed = |element: &Element| element.text.trim().to_owned();
+    let (mut to, mut intended) = (Vec::new(), Vec::new());
+    for element in &params.children {
+        match element.name.as_str() {
+            "to" => push_agents(&mut to, element)?,
+            "intended-receiver" => push_agents(&mut intended, element)?,
+            "from" => envelope.from = element.child("agent-identifier").map(parse_agent).transpose()?,
+            "comments" => envelope.comments = Some(element.text.clone()),
+            "acl-representation" => envelope.acl_representation = trimmed(element),
+            "payload-length" => {
+                let text = trimmed(element);
+                envelope.payload_length = Some(text.parse().map_err(|_| bad_value("payload-length", &text))?);
+            }
+            "payload-encoding" => envelope.payload_encoding = Some(trimmed(element)),
+            "date" => envelope.date = Some(DateTime::parse(element.text.trim())?),
+            "received" => {
+                bounded(envelope.received.len(), STAMPS_MAX, "stamps")?;
+                envelope.received.push(parse_stamp(element)?);
+            }
+            "user-defined" => {
+                bounded(envelope.user.len(), USER_PARAMETERS_MAX, "user-defined parameters")?;
+                let key = element.attribute("href").unwrap_or_default();
+                envelope.user.insert(key.to_owned(), element.text.clone());
+            }
+            _ => {}
+        }
+    }
+    if !to.is_empty() {
+        envelope.to = to;
+    }
+    if !intended.is_empty() {
+        envelope.intended_receivers = intended;
+    }
+    Ok(())
+}
+
+fn push_agents(agents: &mut Vec<AgentId>, element: &Element) -> Result<(), WireError> {
+    for agent in element.children("agent-identifier") {
+        bounded(agents.len(), AGENTS_MAX, "agents")?;
+        agents.push(parse_agent(agent)?);
+    }
+    Ok(())
+}
+
+/// Unlike in a message, a name here is text.
+fn parse_agent(element: &Element) -> Result<AgentId, WireError> {
+    let name = element.child("name").map(|name| name.text.trim().to_owned()).filter(|name| !name.is_empty());
+    let name = name.ok_or(WireError::Missing { object: "agent-identifier", part: "name" })?;
+    let mut addresses = Vec::new();
+    for url in element.children("addresses").flat_map(|addresses| addresses.children("url")) {
+        bounded(addresses.len(), ADDRESSES_MAX, "addresses")?;
+        addresses.push(url.text.trim().to_owned());
+    }
+    Ok(identifier(name, addresses))
+}
+
+fn parse_stamp(element: &Element) -> Result<Received, WireError> {
+    // The standard's example has the values in attributes, its document type has url elements.
+    let value = |name: &str| {
+        let part = element.child(name)?;
+        let url = || part.child("url").map_or(part.text.as_str(), |url| url.text.as_str());
+        Some(part.attribute("value").unwrap_or_else(url).trim().to_owned())
+    };
+    let missing = |part| WireError::Missing { object: "received", part };
+    Ok(Received {
+        by: value("received-by").ok_or(missing("received-by"))?,
+        date: DateTime::parse(&value("received-date").ok_or(missing("received-date"))?)?,
+        from: value("received-from"),
+        id: value("received-id"),
+        via: value("received-via"),
+    })
+}
+
+/// Writes an envelope: one `params` of the sender, one for each stamp. It reads back as the same where names,
+/// addresses and stamps have no blanks at their ends.
+///
+/// # Errors
+/// Text with characters that XML cannot hold.
+pub fn print_envelope(envelope: &Envelope) -> Result<String, WireError> {
+    let mut out = "<?xml version=\"1.0\"?>\n<envelope><params index=\"1\">".to_owned();
+    // One `to` for each agent: the least that every reader takes.
+    for agent in &envelope.to {
+        push_agent(&mut out, "to", agent)?;
+    }
+    if let Some(from) = &envelope.from {
+        push_agent(&mut out, "from", from)?;
+    }
+    let length = envelope.payload_length.map(|length| length.to_string());
+    for (name, value) in [
+        ("comments", envelope.comments.as_deref()),
+        ("acl-representation", Some(envelope.acl_representation.as_str())),
+        ("payload-length", length.as_deref()),
+        ("payload-encoding", envelope.payload_encoding.as_deref()),
+        ("date", envelope.date.as_ref().map(DateTime::as_str)),
+    ] {
+        if let Some(value) = value {
+            _ = write!(out, "<{name}>{}</{name}>", escape(value)?);
+        }
+    }
+    for agent in &envelope.intended_receivers {
+        push_agent(&mut out, "intended-receiver", agent)?;
+    }
+    for (name, value) in &envelope.user {
+        _ = write!(out, "<user-defined href=\"{}\">{}</user-defined>", escape(name)?, escape(value)?);
+    }
+    out.push_str("</params>");
+    for (stamp, index) in envelope.received.iter().zip(2..) {
+        _ = write!(out, "<params index=\"{index}\"><received>");
+        for (name, value) in [
+            ("received-by", Some(stamp.by.as_str())),
+            ("received-date", Some(stamp.date.as_str())),
+            ("received-from", stamp.from.as_deref()),
+            ("received-id", stamp.id.as_deref()),
+            ("received-via", stamp.via.as_deref()),
+        ] {
+            if let Some(value) = value {
+                _ = write!(out, "<{name} value=\"{}\"/>", escape(value)?);
+            }
+        }
+        out.push_str("</received></params>");
+    }
+    out.push_str("</envelope>");
+    Ok(out)
+}
+
+fn push_agent(out: &mut String, name: &str, agent: &AgentId) -> Result<(), WireError> {
+    _ = write!(out, "<{name}><agent-identifier><name>{}</name>", escape(&agent.name)?);
+    if !agent.addresses.is_empty() {
+        out.push_str("<addresses>");
+        for address in agent.addresses.iter() {
+            _ = write!(out, "<url>{}</url>", escape(address)?);
+        }
+        out.push_str("</addresses>");
+    }
+    _ = write!(out, "</agent-identifier></{name}>");
+    Ok(())
+}
