@@ -75,13 +75,13 @@ impl Interface {
         self.metal <= 0.0 && self.dielectric * self.fresnel.specular <= 0.0 && self.tint == Spectrum::ZERO
     }
 
-    /// What is reflected and goes through, where nothing or a thin sheet is below; `single`, `schlick`, `rise`: shares of
-    /// the light that facets reflect once with F = 1, Schlick's weight, and s.
-    pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32) -> Spectrum {
+    /// What is reflected and goes through, from outside; `single`, `schlick`, `rise`: shares of the light that facets
+    /// reflect once with F = 1, Schlick's weight, and s; `all`: share that the dielectric reflects or lets through.
+    pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32, all: f32) -> Spectrum {
         let metal = self.metal_f0 * (single - schlick) + schlick;
         let f0 = self.fresnel.f0;
         let dielectric = self.fresnel.specular * (f0 * (single - rise) + rise).max(Spectrum::ZERO);
-        let through = (single - dielectric.max_element()).max(0.0);
+        let through = (all - dielectric.max_element()).max(0.0);
         self.metal * metal + self.dielectric * dielectric + self.tint * through
     }
 

@@ -103,7 +103,7 @@ impl Bsdf {
             boundary: black,
             boundary_through: black,
             coat: Coat::new(p.coat, p.coat_roughness),
-            sheen: Sheen::new(p.sheen_color, p.sheen_roughness),
+            sheen: Sheen::new(tables, p.sheen_color, p.sheen_roughness),
         };
         bsdf.balance(p.base_color, opaque.max(0.0), transmitting);
         bsdf
@@ -231,7 +231,8 @@ impl Bsdf {
         if !is_above(wo) {
             return Spectrum::ZERO;
         }
-        LOBES.iter().fold(Spectrum::ZERO, |sum, &lobe| sum + self.lobe_albedo(lobe, wo.z, &self.near(wo.z)))
+        let profile = self.near(wo.z);
+        LOBES.iter().fold(Spectrum::ZERO, |sum, &lobe| sum + self.lobe_albedo(lobe, wo.z, &profile))
     }
 
     /// Whether nothing is scattered at all.
@@ -339,18 +340,7 @@ impl Bsdf {
         let coat = self.coat.filter(|_| !self.inside);
         let sheen = self.sheen.filter(|_| !self.inside);
         match lobe {
-            Lobe::Interface if self.interface.through == Through::Solid => {
-                below
-                    * self.interface.smooth_albedo(cos)
-                    * tables.boundary(Some(mu), self.rough, self.index, self.inside)
-            }
-            Lobe::Interface => {
-                let single = tables.single(Some(mu), self.rough);
-                let schlick = tables.schlick(Some(mu), self.rough);
-                let total = self.interface.fresnel.is_total();
-                let rise = if total { schlick } else { tables.rise(Some(mu), self.rough, self.index) };
-                below * self.interface.albedo(single, schlick, rise)
-            }
+            Lobe::Interface => below * self.interface_albedo(cos),
             Lobe::Cosine => {
                 below
                     * (self.diffuse.color * profile.diffuse
@@ -364,6 +354,20 @@ impl Bsdf {
             Lobe::Coat => coat.map_or(Spectrum::ZERO, |coat| Spectrum::splat(profile.sheen * coat.albedo(tables, mu))),
             Lobe::Sheen => sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(tables, mu)),
         }
+    }
+
+    fn interface_albedo(&self, cos: f32) -> Spectrum {
+        let (tables, mu) = (self.tables, Some(Mu::new(cos)));
+        let solid = || tables.boundary(mu, self.rough, self.index, self.inside);
+        if self.inside {
+            return self.interface.smooth_albedo(cos) * solid();
+        }
+        let single = tables.single(mu, self.rough);
+        let schlick = tables.schlick(mu, self.rough);
+        let total = self.interface.fresnel.is_total();
+        let rise = if total { schlick } else { tables.rise(mu, self.rough, self.index) };
+        let all = if self.interface.through == Through::Solid { solid() } else { single };
+        self.interface.albedo(single, schlick, rise, all)
     }
 
     /// With which probability each lobe is chosen for light at cosine `cos`; `None` where nothing is scattered.
