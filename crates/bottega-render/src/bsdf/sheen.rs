@@ -43,14 +43,14 @@ impl Sheen {
         self.color * charlie(self.alpha, &self.fit, wo.z, wi.z, h)
     }
 
-    /// Share of the light at a cosine that is reflected.
-    pub(super) fn albedo(&self, tables: &Tables, mu: Mu) -> Spectrum {
-        self.color * tables.sheen(mu, self.rough)
-    }
-
     /// Share of the light at a cosine that reaches what lies below (KHR_materials_sheen, albedo scaling).
     pub(super) fn passed(&self, tables: &Tables, mu: Mu) -> f32 {
         1.0 - self.color.max_element() * tables.sheen(mu, self.rough)
+    }
+
+    /// Share that is reflected, from what [`Self::passed`] says.
+    pub(super) fn albedo(&self, passed: f32) -> Spectrum {
+        self.color * ((1.0 - passed) / self.color.max_element())
     }
 }
 
