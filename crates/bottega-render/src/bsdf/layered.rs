@@ -50,7 +50,7 @@ impl Bsdf {
         Self {
             mode: TransportMode::Radiance,
             base,
-            coat: Coat::new(p.coat, p.coat_roughness),
+            coat: Coat::new(p.coat, p.coat_roughness, p.coat_normal),
             sheen: Sheen::new(base.tables, p.sheen_color, p.sheen_roughness),
         }
     }
@@ -75,7 +75,7 @@ impl Bsdf {
         if !is_above(wo) || wi.z == 0.0 {
             return (Spectrum::ZERO, 0.0);
         }
-        let (profile, albedo) = self.outgoing(wo.z);
+        let (profile, albedo) = self.outgoing(wo);
         chances(&albedo).map_or((Spectrum::ZERO, 0.0), |chances| self.mixture(wo, wi, &profile, &chances))
     }
 
@@ -84,7 +84,7 @@ impl Bsdf {
         if !is_above(wo) {
             return None;
         }
-        let (profile, albedo) = self.outgoing(wo.z);
+        let (profile, albedo) = self.outgoing(wo);
         let chances = chances(&albedo)?;
         let (lobe, chance, u_rest) = choose(&chances, u_lobe)?;
         let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
@@ -107,9 +107,10 @@ impl Bsdf {
         let (value, pdf) = match delta {
             None => self.mixture(wo, wi, &profile, &chances),
             Some((reflectance, probability)) => {
+                let other = self.on_side_of(wi);
                 let passed = match lobe {
-                    Lobe::Coat => profile.sheen,
-                    _ => passed(&profile, &self.on_side_of(wi)),
+                    Lobe::Coat => profile.sheen.min(other.sheen),
+                    _ => passed(&profile, &other),
                 };
                 (reflectance * (passed / wi.z.abs()), chance * probability)
             }
@@ -117,13 +118,13 @@ impl Bsdf {
         (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
     }
 
-    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within a percent or so
-    /// for reflection, an estimate for what goes through.
+    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within a few percent for
+    /// reflection, an estimate for what goes through, and too much under a coat with a normal of its own.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
         if !is_above(wo) {
             return Spectrum::ZERO;
         }
-        self.outgoing(wo.z).1.iter().copied().sum()
+        self.outgoing(wo).1.iter().copied().sum()
     }
 
     /// Whether nothing is scattered at all.
@@ -190,22 +191,22 @@ impl Bsdf {
         let crosses = wi.z < 0.0 && self.base.interface.through == Through::Solid;
         let inside = self.base.inside != crosses;
         let mu = Mu::new(wi.z.abs());
-        self.profile(mu, self.base.rest(mu, inside), inside)
+        self.profile(wi, self.base.rest(mu, inside), inside)
     }
 
-    fn profile(&self, mu: Mu, base: Rest, inside: bool) -> Profile {
+    fn profile(&self, w: Vec3, base: Rest, inside: bool) -> Profile {
         let tables = self.base.tables;
         Profile {
             base,
-            coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, mu)),
-            sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, mu)),
+            coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, w)),
+            sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, Mu::new(w.z.abs()))),
         }
     }
 
-    /// The profile of wo at cosine `cos`, and the share of the light from there that each of [`LOBES`] scatters.
-    fn outgoing(&self, cos: f32) -> (Profile, [Spectrum; 5]) {
-        let (rest, albedo) = self.base.rest_and_albedo(cos);
-        let profile = self.profile(Mu::new(cos), rest, self.base.inside);
+    /// The profile of wo, and the share of the light from there that each of [`LOBES`] scatters.
+    fn outgoing(&self, wo: Vec3) -> (Profile, [Spectrum; 5]) {
+        let (rest, albedo) = self.base.rest_and_albedo(wo.z);
+        let profile = self.profile(wo, rest, self.base.inside);
         let below = profile.coat * profile.sheen;
         let coat = Spectrum::splat(profile.sheen * (1.0 - profile.coat));
         let sheen = self.sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
