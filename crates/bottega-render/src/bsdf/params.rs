@@ -2,7 +2,7 @@
 
 use bottega_kernels::math;
 use bottega_scene::{ColorParam, Material, ScalarParam, Scene, Spectrum};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 /// The layered material with its textures looked up: what [`Bsdf`](super::Bsdf) is made of. Meanings as in [`Material`]. Values
 /// outside their ranges, and NaN, are clamped by `Bsdf::new`.
@@ -28,6 +28,9 @@ pub struct SurfaceParams {
     pub coat: f32,
     /// Perceptual, in [0, 1].
     pub coat_roughness: f32,
+    /// Normal of the coat in the local frame, above the surface; +z: that of the base. (In glTF a normal map of the base
+    /// is not one of the coat, which then has the interpolated normal.)
+    pub coat_normal: Vec3,
     /// In [0, 1].
     pub sheen_color: Spectrum,
     /// Perceptual, in [0, 1].
@@ -51,6 +54,7 @@ impl Default for SurfaceParams {
             thin: false,
             coat: 0.0,
             coat_roughness: 0.0,
+            coat_normal: Vec3::Z,
             sheen_color: Spectrum::ZERO,
             sheen_roughness: 0.0,
             front: true,
@@ -71,12 +75,14 @@ impl SurfaceParams {
         thin: false,
         coat: 0.0,
         coat_roughness: 0.0,
+        coat_normal: Vec3::Z,
         sheen_color: Spectrum::ZERO,
         sheen_roughness: 0.0,
         front: true,
     };
 
-    /// Looks up the textures of `material`.
+    /// Looks up the textures of `material`, but for normal maps, which take a frame: see [`frame`](super::frame), and
+    /// [`Self::coat_normal`].
     ///
     /// - `uvs`: both sets of texture coordinates. `vertex_color`: multiplies the base colour; white where a mesh has none.
     /// - `footprint`: width of the lookups in texture coordinates, 0 for sharp ones.
@@ -105,6 +111,7 @@ impl SurfaceParams {
             thin: material.thin,
             coat: scalar(&material.coat),
             coat_roughness: scalar(&material.coat_roughness),
+            coat_normal: Vec3::Z,
             sheen_color: color(&material.sheen_color),
             sheen_roughness: scalar(&material.sheen_roughness),
             front,
@@ -134,6 +141,7 @@ impl SurfaceParams {
             transmission: unit(self.transmission),
             coat: unit(self.coat),
             coat_roughness: unit(self.coat_roughness),
+            coat_normal: self.coat_normal.try_normalize().filter(|n| n.z > 0.0).unwrap_or(Vec3::Z),
             sheen_color: unit_color(self.sheen_color),
             sheen_roughness: unit(self.sheen_roughness),
             ..self
@@ -152,4 +160,67 @@ pub fn absorption(material: &Material) -> Spectrum {
     let coefficient = |color: f32| if color < 1e-30 { 80.0 } else { -math::ln(color.min(1.0)) } / distance;
     let color = material.attenuation_color;
     Spectrum::new(coefficient(color.x), coefficient(color.y), coefficient(color.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_scene::{Channel, Image, ImageId, TextureMap, Wrap};
+    use glam::Affine2;
+
+    use super::*;
+
+    fn picture(uv_set: u8) -> TextureMap {
+        TextureMap {
+            image: ImageId(0),
+            uv_set,
+            picture_from_uv: Affine2::IDENTITY,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            smooth: false,
+        }
+    }
+
+    #[test]
+    fn textures_and_vertex_colours_multiply_the_factors() {
+        let texels = vec![[1.0, 0.5, 0.25], [0.0, 0.5, 1.0]];
+        let scene = Scene { images: vec![Image::from_linear_rgb("two", 2, 1, texels)], ..Scene::default() };
+        let material = Material {
+            base_color: ColorParam { factor: Spectrum::new(0.5, 1.0, 1.0), texture: Some(picture(0)) },
+            roughness: ScalarParam { factor: 0.5, texture: Some((picture(1), Channel::G)) },
+            metallic: 1.0.into(),
+            thin: true,
+            ..Material::default()
+        };
+        let uvs = [Vec2::new(0.25, 0.5), Vec2::new(0.75, 0.5)];
+        let params = SurfaceParams::of(&scene, &material, uvs, Vec4::new(1.0, 1.0, 0.5, 0.3), 0.0, false);
+        assert!((params.base_color - Spectrum::new(0.5, 0.5, 0.125)).length() < 1e-3, "{}", params.base_color);
+        assert!((params.roughness - 0.25).abs() < 1e-3, "{}", params.roughness);
+        assert!(params.metallic == 1.0 && params.thin && !params.front);
+    }
+
+    #[test]
+    fn an_unlit_material_scatters_nothing() {
+        let material = Material { unlit: true, ..Material::default() };
+        let params = SurfaceParams::of(&Scene::default(), &material, [Vec2::ZERO; 2], Vec4::ONE, 0.0, true);
+        assert_eq!(params, SurfaceParams::BLACK);
+    }
+
+    #[test]
+    fn light_has_the_attenuation_colour_after_the_attenuation_distance() {
+        let color = Spectrum::new(0.9, 0.5, 0.0);
+        let solid = Material { attenuation_distance: 2.0, attenuation_color: color, ..Material::default() };
+        let left = absorption(&solid) * -2.0;
+        assert!((math::exp(left.x) - 0.9).abs() < 1e-6 && (math::exp(left.y) - 0.5).abs() < 1e-6);
+        assert!(math::exp(left.z) < 1e-30);
+        assert_eq!(absorption(&Material { thin: true, ..solid }), Spectrum::ZERO);
+        assert_eq!(absorption(&Material::default()), Spectrum::ZERO);
+    }
+
+    #[test]
+    fn numbers_out_of_range_become_the_nearest_that_make_sense() {
+        let params =
+            SurfaceParams { roughness: f32::NAN, metallic: 2.0, ior: 0.5, ..SurfaceParams::default() }.clamped();
+        assert_eq!((params.roughness, params.metallic, params.ior), (0.0, 1.0, 1.0));
+        assert_eq!(SurfaceParams { ior: 0.0, ..SurfaceParams::default() }.clamped().ior, 0.0);
+    }
 }
