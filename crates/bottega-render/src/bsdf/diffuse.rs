@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use bottega_scene::Spectrum;
 
-use super::tables::{Index, Mu, Rough, Tables};
+use super::fresnel::DielectricFresnel;
 
 /// One term color · g(μo) g(μi) / (π (1 − E̅)), g = 1 − E: with colour 1 it reflects exactly what E leaves over.
 #[derive(Clone, Copy, Debug)]
@@ -16,11 +16,13 @@ pub(super) struct Coupled {
 }
 
 impl Coupled {
+    pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0 };
+
     /// `mean`: E̅, the mean of E over the cosine-weighted hemisphere where the light leaves.
     pub(super) fn new(color: Spectrum, mean: f32) -> Self {
         let rest = 1.0 - mean;
         // A layer that loses next to nothing has nothing to give back.
-        if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest) } } else { Self { color: Spectrum::ZERO, scale: 0.0 } }
+        if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest) } } else { Self::BLACK }
     }
 
     pub(super) fn is_black(&self) -> bool {
@@ -32,23 +34,28 @@ impl Coupled {
     }
 }
 
-/// The E of a dielectric over a diffuse base, as a sum of tables: `single` · E₁ + `rise` · Eₛ + `constant`.
+/// The E of a dielectric over a diffuse base, of light that it reflects once or more often, in terms of what facets reflect
+/// once with F = 1 (`single`) and with F = s (`rise`).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cover {
-    pub(super) single: f32,
-    pub(super) rise: f32,
-    pub(super) constant: f32,
-    /// Whether s is Schlick's weight instead of the exact one (total reflection).
-    pub(super) schlick: bool,
+    single: f32,
+    rise: f32,
+    constant: f32,
 }
 
 impl Cover {
-    pub(super) fn at(&self, tables: &Tables, mu: Option<Mu>, rough: Rough, index: Index) -> f32 {
-        if self.single == 0.0 && self.rise == 0.0 {
-            return self.constant;
-        }
-        let single = self.single * tables.single(mu, rough);
-        let rise = if self.schlick { tables.schlick(mu, rough) } else { tables.rise(mu, rough, index) };
-        (single + self.rise * rise + self.constant).clamp(0.0, 1.0)
+    /// `multiple`: share that is reflected later of what the facets do not reflect once.
+    pub(super) fn new(fresnel: &DielectricFresnel, multiple: f32) -> Self {
+        // The strongest channel counts for all, lest the base take on the complementary colour.
+        let f0 = fresnel.specular * fresnel.f0.max_element();
+        Self { single: f0 - multiple, rise: fresnel.specular - f0, constant: multiple }
+    }
+
+    pub(super) fn is_constant(&self) -> bool {
+        self.single == 0.0 && self.rise == 0.0
+    }
+
+    pub(super) fn at(&self, single: f32, rise: f32) -> f32 {
+        (self.single * single + self.rise * rise + self.constant).clamp(0.0, 1.0)
     }
 }

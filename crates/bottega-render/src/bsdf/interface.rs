@@ -75,13 +75,13 @@ impl Interface {
         self.metal <= 0.0 && self.dielectric * self.fresnel.specular <= 0.0 && self.tint == Spectrum::ZERO
     }
 
-    /// What is reflected and goes through, where nothing or a thin sheet is below; `single`, `schlick`, `rise`: shares of
-    /// the light that facets reflect once with F = 1, Schlick's weight, and s.
-    pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32) -> Spectrum {
+    /// What is reflected and goes through, from outside; `single`, `schlick`, `rise`: shares of the light that facets
+    /// reflect once with F = 1, Schlick's weight, and s; `all`: share that the dielectric reflects or lets through.
+    pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32, all: f32) -> Spectrum {
         let metal = self.metal_f0 * (single - schlick) + schlick;
         let f0 = self.fresnel.f0;
         let dielectric = self.fresnel.specular * (f0 * (single - rise) + rise).max(Spectrum::ZERO);
-        let through = (single - dielectric.max_element()).max(0.0);
+        let through = (all - dielectric.max_element()).max(0.0);
         self.metal * metal + self.dielectric * dielectric + self.tint * through
     }
 
@@ -93,7 +93,7 @@ impl Interface {
 
     /// f and density of a rough boundary; nothing of a smooth one.
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
-        if self.ggx.is_smooth() {
+        if self.ggx.is_smooth() || self.is_black() {
             return (Spectrum::ZERO, 0.0);
         }
         match (wi.z > 0.0, self.through) {
@@ -129,11 +129,8 @@ impl Interface {
         let jacobian = eta * eta * -cos_i / length2;
         let pdf = (1.0 - split.reflection) * self.ggx.visible_normal_pdf(wo, h) * jacobian;
         let facets = self.ggx.density(h) * self.ggx.masking(wo.z) * self.ggx.masking(-wi.z);
-        let mut value = split.transmitted * (facets * cos_o * jacobian / (wo.z * -wi.z));
-        if mode == TransportMode::Radiance {
-            value /= eta * eta;
-        }
-        (value, pdf)
+        let value = split.transmitted * (facets * cos_o * jacobian / (wo.z * -wi.z));
+        (value * mode.radiance_scale(eta), pdf)
     }
 
     /// Draws a facet, then one of its two ways. `None`: the light goes on between the facets.
@@ -157,12 +154,11 @@ impl Interface {
             Through::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
             Through::Solid => fresnel::refract(wo, h, eta)?,
         };
-        let scale = if mode == TransportMode::Radiance { 1.0 / (eta * eta) } else { 1.0 };
         (wi.z < 0.0).then(|| Drawn {
             wi,
             flags: LobeFlags::TRANSMISSION.union(sharp),
             eta,
-            delta: smooth.then_some((split.transmitted * scale, 1.0 - split.reflection)),
+            delta: smooth.then_some((split.transmitted * mode.radiance_scale(eta), 1.0 - split.reflection)),
         })
     }
 }

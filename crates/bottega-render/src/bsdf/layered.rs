@@ -3,34 +3,20 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
+use super::base::{Base, Rest};
 use super::coat::Coat;
-use super::diffuse::{Coupled, Cover};
-use super::fresnel::{DielectricFresnel, IOR_STEP_MIN, mean};
-use super::ggx::Ggx;
-use super::interface::{Drawn, Interface, Through};
+use super::fresnel::mean;
+use super::interface::{Drawn, Through};
 use super::sheen::Sheen;
-use super::tables::{Index, Mu, Rough, Tables};
+use super::tables::Mu;
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The scattering at one point. See the [module](super) for the frame and for how the layers balance.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
-    tables: &'static Tables,
     mode: TransportMode,
-    /// Whether wo is within a solid: coat and sheen are then on the far side.
-    inside: bool,
-    rough: Rough,
-    index: Index,
-    interface: Interface,
-    /// What lies over the diffuse base.
-    cover: Cover,
-    diffuse: Coupled,
-    /// Scattered more than once between facets that only reflect (or of a thin sheet).
-    multiple: Coupled,
-    multiple_through: Coupled,
-    /// Scattered more than once between the facets of a solid's boundary.
-    boundary: Coupled,
-    boundary_through: Coupled,
+    base: Base,
+    /// Outside: on the far side when wo is within a solid.
     coat: Option<Coat>,
     sheen: Option<Sheen>,
 }
@@ -38,10 +24,7 @@ pub struct Bsdf {
 /// All that depends on one direction alone.
 #[derive(Clone, Copy)]
 struct Profile {
-    /// 1 − E of the facets, of the cover over the diffuse base, and of the solid's boundary.
-    multiple: f32,
-    diffuse: f32,
-    boundary: f32,
+    base: Rest,
     /// What coat and sheen let pass.
     coat: f32,
     sheen: f32,
@@ -63,109 +46,18 @@ impl Bsdf {
     /// The scattering of paths from the camera.
     pub fn new(params: &SurfaceParams) -> Self {
         let p = params.clamped();
-        let tables = Tables::get();
-        let refracting = p.ior != 0.0 && (1.0 - p.metallic) * p.transmission > 0.0;
-        let through = match (refracting, p.thin) {
-            (false, _) => Through::Nothing,
-            (true, true) => Through::Thin,
-            (true, false) => Through::Solid,
-        };
-        let inside = through == Through::Solid && !p.front;
-        let ggx = Ggx::from_roughness(p.roughness);
-        let narrow = through == Through::Solid && !ggx.is_smooth();
-        let ior = if narrow { p.ior.max(1.0 + IOR_STEP_MIN) } else { p.ior };
-        let fresnel = DielectricFresnel::new(ior, p.specular, p.specular_color, inside);
-        // Shares of the surface: metal, and a dielectric that is opaque or lets light through.
-        let transmitting = if refracting { (1.0 - p.metallic) * p.transmission } else { 0.0 };
-        let opaque = 1.0 - p.metallic - transmitting;
-        let interface = Interface {
-            ggx,
-            metal: p.metallic,
-            metal_f0: p.base_color,
-            // From within, the opaque share is bare: its dielectric is on the other side.
-            dielectric: if inside { transmitting } else { 1.0 - p.metallic },
-            fresnel,
-            through,
-            tint: p.base_color * transmitting,
-        };
-        let black = Coupled::new(Spectrum::ZERO, 0.0);
-        let mut bsdf = Self {
-            tables,
+        let base = Base::new(&p);
+        Self {
             mode: TransportMode::Radiance,
-            inside,
-            rough: Rough::new(p.roughness),
-            index: Index::new(ior.max(1.0)),
-            interface,
-            cover: Cover::default(),
-            diffuse: black,
-            multiple: black,
-            multiple_through: black,
-            boundary: black,
-            boundary_through: black,
+            base,
             coat: Coat::new(p.coat, p.coat_roughness),
-            sheen: Sheen::new(p.sheen_color, p.sheen_roughness),
-        };
-        bsdf.balance(p.base_color, opaque.max(0.0), transmitting);
-        bsdf
+            sheen: Sheen::new(base.tables, p.sheen_color, p.sheen_roughness),
+        }
     }
 
     /// The same for `mode`.
     pub fn with_mode(self, mode: TransportMode) -> Self {
         Self { mode, ..self }
-    }
-
-    /// Fills in the cosine lobes: what the facets lose, and the diffuse base.
-    fn balance(&mut self, base_color: Spectrum, opaque: f32, transmitting: f32) {
-        let (tables, fresnel) = (self.tables, self.interface.fresnel);
-        let single_mean = tables.single(None, self.rough);
-        // Mean of the dielectric's Fresnel term from outside; at zero roughness the table of s is s itself.
-        let smooth = Rough::new(0.0);
-        let rise_mean =
-            if fresnel.is_total() { tables.schlick(None, smooth) } else { tables.rise(None, smooth, self.index) };
-        let fresnel_mean = fresnel.of_rise(rise_mean);
-
-        let metal = multiply_scattered(self.interface.metal_f0 * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
-        let dielectric = multiply_scattered(fresnel_mean, single_mean);
-        let mut multiple = self.interface.metal * metal;
-        if !self.inside {
-            multiple += opaque * dielectric;
-            let f0 = fresnel.specular * fresnel.f0.max_element();
-            let constant = dielectric.max_element();
-            self.cover =
-                Cover { single: f0 - constant, rise: fresnel.specular - f0, constant, schlick: fresnel.is_total() };
-        }
-        let cover_mean = self.cover.at(tables, None, self.rough, self.index);
-        self.diffuse = Coupled::new(base_color * opaque, cover_mean);
-        match self.interface.through {
-            Through::Nothing => {}
-            Through::Thin => {
-                multiple += transmitting * fresnel_mean;
-                let through = transmitting * (1.0 - fresnel_mean.max_element()) * base_color;
-                self.multiple_through = Coupled::new(through, single_mean);
-            }
-            Through::Solid => self.balance_boundary(base_color * transmitting, transmitting, rise_mean),
-        }
-        self.multiple = Coupled::new(multiple, single_mean);
-    }
-
-    /// What the facets of a solid's boundary lose, given back on both sides. The shares are such that
-    /// f(wo, wi) / η_i² is symmetric.
-    fn balance_boundary(&mut self, tint: Spectrum, weight: f32, rise_mean: f32) {
-        let (tables, fresnel) = (self.tables, self.interface.fresnel);
-        let near = tables.boundary(None, self.rough, self.index, self.inside);
-        let far = tables.boundary(None, self.rough, self.index, !self.inside);
-        let outside = fresnel.f0_exact + (1.0 - fresnel.f0_exact) * rise_mean;
-        // (1 − F̅) n² is the same on both sides.
-        let passed = (1.0 - outside) * if self.inside { fresnel.eta * fresnel.eta } else { 1.0 };
-        let rest_max = (1.0 - near).max(1.0 - far);
-        // The tables hold for full strength and a white tint; elsewhere less is given back.
-        let weight_white = fresnel.specular * (fresnel.f0 / fresnel.f0_exact.max(1e-9)).min_element().min(1.0);
-        if rest_max <= 1e-4 {
-            return;
-        }
-        let crossed = passed * (1.0 - far) / rest_max;
-        self.boundary = Coupled::new(Spectrum::splat(weight * weight_white * (1.0 - crossed)), near);
-        self.boundary_through = Coupled::new(tint * (weight_white * crossed), far);
     }
 
     /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones; see [`Self::eval_pdf`].
@@ -183,8 +75,8 @@ impl Bsdf {
         if !is_above(wo) || wi.z == 0.0 {
             return (Spectrum::ZERO, 0.0);
         }
-        let profile = self.near(wo.z);
-        self.chances(wo.z, &profile).map_or((Spectrum::ZERO, 0.0), |chances| self.mixture(wo, wi, &profile, &chances))
+        let (profile, albedo) = self.outgoing(wo.z);
+        chances(&albedo).map_or((Spectrum::ZERO, 0.0), |chances| self.mixture(wo, wi, &profile, &chances))
     }
 
     /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
@@ -192,19 +84,19 @@ impl Bsdf {
         if !is_above(wo) {
             return None;
         }
-        let profile = self.near(wo.z);
-        let chances = self.chances(wo.z, &profile)?;
+        let (profile, albedo) = self.outgoing(wo.z);
+        let chances = chances(&albedo)?;
         let (lobe, chance, u_rest) = choose(&chances, u_lobe)?;
         let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
         let drawn = match lobe {
-            Lobe::Interface => self.interface.sample(wo, u_rest, u, self.mode)?,
+            Lobe::Interface => self.base.interface.sample(wo, u_rest, u, self.mode)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Sheen => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Coat => self.coat?.sample(wo, u)?,
             Lobe::CosineThrough => Drawn {
                 wi: -warp::cosine_hemisphere(u),
                 flags: LobeFlags::TRANSMISSION.union(LobeFlags::DIFFUSE),
-                eta: self.interface.eta(),
+                eta: self.base.interface.eta(),
                 delta: None,
             },
         };
@@ -217,7 +109,7 @@ impl Bsdf {
             Some((reflectance, probability)) => {
                 let passed = match lobe {
                     Lobe::Coat => profile.sheen,
-                    _ => self.passed(&profile, &self.on_side_of(wi)),
+                    _ => passed(&profile, &self.on_side_of(wi)),
                 };
                 (reflectance * (passed / wi.z.abs()), chance * probability)
             }
@@ -231,17 +123,17 @@ impl Bsdf {
         if !is_above(wo) {
             return Spectrum::ZERO;
         }
-        LOBES.iter().fold(Spectrum::ZERO, |sum, &lobe| sum + self.lobe_albedo(lobe, wo.z, &self.near(wo.z)))
+        self.outgoing(wo.z).1.iter().copied().sum()
     }
 
     /// Whether nothing is scattered at all.
     pub fn is_black(&self) -> bool {
-        self.interface.is_black() && !self.has_cosine() && self.coat.is_none() && self.sheen.is_none()
+        self.base.interface.is_black() && !self.base.has_cosine() && self.coat.is_none() && self.sheen.is_none()
     }
 
     /// Whether light can go to the other side.
     pub fn is_transmissive(&self) -> bool {
-        self.interface.through != Through::Nothing
+        self.base.interface.through != Through::Nothing
     }
 
     /// Whether all light goes into single directions, so that connecting to a light is of no use.
@@ -251,33 +143,34 @@ impl Bsdf {
 
     /// Whether some light is spread over solid angles: what `eval` and `pdf` tell of.
     pub fn has_non_delta(&self) -> bool {
-        let rough_base = !self.interface.ggx.is_smooth() && !self.interface.is_black();
-        rough_base || self.has_cosine() || self.sheen.is_some() || self.coat.is_some_and(|coat| !coat.ggx.is_smooth())
+        let rough_base = !self.base.interface.ggx.is_smooth() && !self.base.interface.is_black();
+        rough_base
+            || self.base.has_cosine()
+            || self.sheen.is_some()
+            || self.coat.is_some_and(|coat| !coat.ggx.is_smooth())
     }
 
     /// Perceptual roughness of the sharpest lobe that this surface has: 0 for a mirror, 1 where there are only diffuse
     /// ones.
     pub fn roughness(&self) -> f32 {
-        let base = if self.interface.is_black() { 1.0 } else { self.interface.ggx.alpha().sqrt() };
+        let base = if self.base.interface.is_black() { 1.0 } else { self.base.interface.ggx.alpha().sqrt() };
         self.coat.map_or(base, |coat| base.min(coat.ggx.alpha().sqrt()))
-    }
-
-    fn has_cosine(&self) -> bool {
-        [self.diffuse, self.multiple, self.boundary, self.multiple_through, self.boundary_through]
-            .iter()
-            .any(|lobe| !lobe.is_black())
     }
 
     /// Sums of all lobes but Dirac ones.
     fn mixture(&self, wo: Vec3, wi: Vec3, profile: &Profile, chances: &[f32; 5]) -> (Spectrum, f32) {
         let [interface, cosine, cosine_through, coat, sheen] = *chances;
         let other = self.on_side_of(wi);
-        let (facets, facets_pdf) = self.interface.eval_pdf(wo, wi, self.mode);
-        let mut value = facets + self.cosine(wi.z > 0.0, profile, &other);
-        value *= self.passed(profile, &other);
-        let cosine = if wi.z > 0.0 { cosine } else { cosine_through };
-        let mut pdf = interface * facets_pdf + cosine * warp::cosine_hemisphere_pdf(wi.z.abs());
-        if wi.z < 0.0 || self.inside {
+        let (facets, facets_pdf) = self.base.interface.eval_pdf(wo, wi, self.mode);
+        let (diffuse, diffuse_chance) = if wi.z > 0.0 {
+            (self.base.cosine(&profile.base, &other.base), cosine)
+        } else {
+            let scale = self.mode.radiance_scale(self.base.interface.eta());
+            (scale * self.base.cosine_through(&profile.base, &other.base), cosine_through)
+        };
+        let mut value = (facets + diffuse) * passed(profile, &other);
+        let mut pdf = interface * facets_pdf + diffuse_chance * warp::cosine_hemisphere_pdf(wi.z.abs());
+        if wi.z < 0.0 || self.base.inside {
             return (value, pdf);
         }
         if let Some(layer) = &self.coat {
@@ -292,86 +185,44 @@ impl Bsdf {
         (value, pdf)
     }
 
-    /// The cosine lobes of one side.
-    fn cosine(&self, reflection: bool, o: &Profile, i: &Profile) -> Spectrum {
-        if reflection {
-            return self.diffuse.eval(o.diffuse, i.diffuse)
-                + self.multiple.eval(o.multiple, i.multiple)
-                + self.boundary.eval(o.boundary, i.boundary);
-        }
-        let eta = self.interface.eta();
-        let scale = if self.mode == TransportMode::Radiance { 1.0 / (eta * eta) } else { 1.0 };
-        self.multiple_through.eval(o.multiple, i.multiple) + scale * self.boundary_through.eval(o.boundary, i.boundary)
+    /// The profile of wi, on whichever side it is.
+    fn on_side_of(&self, wi: Vec3) -> Profile {
+        let crosses = wi.z < 0.0 && self.base.interface.through == Through::Solid;
+        let inside = self.base.inside != crosses;
+        let mu = Mu::new(wi.z.abs());
+        self.profile(mu, self.base.rest(mu, inside), inside)
     }
 
-    /// What coat and sheen leave of light that is scattered below them.
-    fn passed(&self, o: &Profile, i: &Profile) -> f32 {
-        o.coat.min(i.coat) * o.sheen.min(i.sheen)
-    }
-
-    fn on_side_of(&self, w: Vec3) -> Profile {
-        let solid = self.interface.through == Through::Solid;
-        if w.z < 0.0 && solid { self.profile(-w.z, !self.inside) } else { self.near(w.z.abs()) }
-    }
-
-    fn near(&self, cos: f32) -> Profile {
-        self.profile(cos, self.inside)
-    }
-
-    fn profile(&self, cos: f32, inside: bool) -> Profile {
-        let (tables, mu) = (self.tables, Mu::new(cos));
-        let rest = |wanted: bool, albedo: &dyn Fn() -> f32| if wanted { 1.0 - albedo() } else { 1.0 };
-        let multiple = !(self.multiple.is_black() && self.multiple_through.is_black());
-        let boundary = !(self.boundary.is_black() && self.boundary_through.is_black());
+    fn profile(&self, mu: Mu, base: Rest, inside: bool) -> Profile {
+        let tables = self.base.tables;
         Profile {
-            multiple: rest(multiple, &|| tables.single(Some(mu), self.rough)),
-            diffuse: rest(!self.diffuse.is_black(), &|| self.cover.at(tables, Some(mu), self.rough, self.index)),
-            boundary: rest(boundary, &|| tables.boundary(Some(mu), self.rough, self.index, inside)),
+            base,
             coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, mu)),
             sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, mu)),
         }
     }
 
-    /// What a lobe scatters of light at cosine `cos`.
-    fn lobe_albedo(&self, lobe: Lobe, cos: f32, profile: &Profile) -> Spectrum {
-        let (tables, mu) = (self.tables, Mu::new(cos));
+    /// The profile of wo at cosine `cos`, and the share of the light from there that each of [`LOBES`] scatters.
+    fn outgoing(&self, cos: f32) -> (Profile, [Spectrum; 5]) {
+        let (rest, albedo) = self.base.rest_and_albedo(cos);
+        let profile = self.profile(Mu::new(cos), rest, self.base.inside);
         let below = profile.coat * profile.sheen;
-        let coat = self.coat.filter(|_| !self.inside);
-        let sheen = self.sheen.filter(|_| !self.inside);
-        match lobe {
-            Lobe::Interface if self.interface.through == Through::Solid => {
-                below
-                    * self.interface.smooth_albedo(cos)
-                    * tables.boundary(Some(mu), self.rough, self.index, self.inside)
-            }
-            Lobe::Interface => {
-                let single = tables.single(Some(mu), self.rough);
-                let schlick = tables.schlick(Some(mu), self.rough);
-                let total = self.interface.fresnel.is_total();
-                let rise = if total { schlick } else { tables.rise(Some(mu), self.rough, self.index) };
-                below * self.interface.albedo(single, schlick, rise)
-            }
-            Lobe::Cosine => {
-                below
-                    * (self.diffuse.color * profile.diffuse
-                        + self.multiple.color * profile.multiple
-                        + self.boundary.color * profile.boundary)
-            }
-            Lobe::CosineThrough => {
-                below
-                    * (self.multiple_through.color * profile.multiple + self.boundary_through.color * profile.boundary)
-            }
-            Lobe::Coat => coat.map_or(Spectrum::ZERO, |coat| Spectrum::splat(profile.sheen * coat.albedo(tables, mu))),
-            Lobe::Sheen => sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(tables, mu)),
-        }
+        let coat = Spectrum::splat(profile.sheen * (1.0 - profile.coat));
+        let sheen = self.sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
+        (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, sheen])
     }
+}
 
-    /// With which probability each lobe is chosen for light at cosine `cos`; `None` where nothing is scattered.
-    fn chances(&self, cos: f32, profile: &Profile) -> Option<[f32; 5]> {
-        let weights = LOBES.map(|lobe| mean(self.lobe_albedo(lobe, cos, profile)));
-        let sum: f32 = weights.iter().sum();
-        (sum > 0.0).then(|| weights.map(|weight| weight / sum))
-    }
+/// What coat and sheen leave of light that is scattered below them.
+fn passed(o: &Profile, i: &Profile) -> f32 {
+    o.coat.min(i.coat) * o.sheen.min(i.sheen)
+}
+
+/// With which probability each lobe is chosen, by what it scatters; `None` where nothing is scattered.
+fn chances(albedo: &[Spectrum; 5]) -> Option<[f32; 5]> {
+    let weights = albedo.map(mean);
+    let sum: f32 = weights.iter().sum();
+    (sum > 0.0).then(|| weights.map(|weight| weight / sum))
 }
 
 fn is_above(wo: Vec3) -> bool {
@@ -391,10 +242,4 @@ fn choose(chances: &[f32; 5], u: f32) -> Option<(Lobe, f32, f32)> {
         }
     }
     last
-}
-
-/// Colour of the light that was reflected more than once, as a share of what single scattering loses.
-/// `fresnel`, `single`: means over the hemisphere of the reflectance of a facet and of the share scattered once.
-fn multiply_scattered(fresnel: Spectrum, single: f32) -> Spectrum {
-    fresnel * fresnel * single / (Spectrum::ONE - fresnel * (1.0 - single))
 }

@@ -15,6 +15,7 @@
 //! - coat and sheen weaken what lies below by min(1 − E(μo), 1 − E(μi)), as KHR_materials_sheen does: never too little,
 //!   and up to 5 % too much for a diffuse base.
 
+mod base;
 mod coat;
 mod diffuse;
 pub mod frame;
@@ -42,6 +43,16 @@ pub enum TransportMode {
     Radiance,
     /// Paths from the lights carry importance-weighted power: photons.
     Importance,
+}
+
+impl TransportMode {
+    /// What a transmission into an index of refraction `eta` times that on the side of wo is multiplied by.
+    fn radiance_scale(self, eta: f32) -> f32 {
+        match self {
+            Self::Radiance => 1.0 / (eta * eta),
+            Self::Importance => 1.0,
+        }
+    }
 }
 
 /// What kind of lobe a sample came from.

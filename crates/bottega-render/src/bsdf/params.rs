@@ -153,3 +153,66 @@ pub fn absorption(material: &Material) -> Spectrum {
     let color = material.attenuation_color;
     Spectrum::new(coefficient(color.x), coefficient(color.y), coefficient(color.z))
 }
+
+#[cfg(test)]
+mod tests {
+    use bottega_scene::{Channel, Image, ImageId, TextureMap, Wrap};
+    use glam::Affine2;
+
+    use super::*;
+
+    fn picture(uv_set: u8) -> TextureMap {
+        TextureMap {
+            image: ImageId(0),
+            uv_set,
+            picture_from_uv: Affine2::IDENTITY,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            smooth: false,
+        }
+    }
+
+    #[test]
+    fn textures_and_vertex_colours_multiply_the_factors() {
+        let texels = vec![[1.0, 0.5, 0.25], [0.0, 0.5, 1.0]];
+        let scene = Scene { images: vec![Image::from_linear_rgb("two", 2, 1, texels)], ..Scene::default() };
+        let material = Material {
+            base_color: ColorParam { factor: Spectrum::new(0.5, 1.0, 1.0), texture: Some(picture(0)) },
+            roughness: ScalarParam { factor: 0.5, texture: Some((picture(1), Channel::G)) },
+            metallic: 1.0.into(),
+            thin: true,
+            ..Material::default()
+        };
+        let uvs = [Vec2::new(0.25, 0.5), Vec2::new(0.75, 0.5)];
+        let params = SurfaceParams::of(&scene, &material, uvs, Vec4::new(1.0, 1.0, 0.5, 0.3), 0.0, false);
+        assert!((params.base_color - Spectrum::new(0.5, 0.5, 0.125)).length() < 1e-3, "{}", params.base_color);
+        assert!((params.roughness - 0.25).abs() < 1e-3, "{}", params.roughness);
+        assert!(params.metallic == 1.0 && params.thin && !params.front);
+    }
+
+    #[test]
+    fn an_unlit_material_scatters_nothing() {
+        let material = Material { unlit: true, ..Material::default() };
+        let params = SurfaceParams::of(&Scene::default(), &material, [Vec2::ZERO; 2], Vec4::ONE, 0.0, true);
+        assert_eq!(params, SurfaceParams::BLACK);
+    }
+
+    #[test]
+    fn light_has_the_attenuation_colour_after_the_attenuation_distance() {
+        let color = Spectrum::new(0.9, 0.5, 0.0);
+        let solid = Material { attenuation_distance: 2.0, attenuation_color: color, ..Material::default() };
+        let left = absorption(&solid) * -2.0;
+        assert!((math::exp(left.x) - 0.9).abs() < 1e-6 && (math::exp(left.y) - 0.5).abs() < 1e-6);
+        assert!(math::exp(left.z) < 1e-30);
+        assert_eq!(absorption(&Material { thin: true, ..solid }), Spectrum::ZERO);
+        assert_eq!(absorption(&Material::default()), Spectrum::ZERO);
+    }
+
+    #[test]
+    fn numbers_out_of_range_become_the_nearest_that_make_sense() {
+        let params =
+            SurfaceParams { roughness: f32::NAN, metallic: 2.0, ior: 0.5, ..SurfaceParams::default() }.clamped();
+        assert_eq!((params.roughness, params.metallic, params.ior), (0.0, 1.0, 1.0));
+        assert_eq!(SurfaceParams { ior: 0.0, ..SurfaceParams::default() }.clamped().ior, 0.0);
+    }
+}

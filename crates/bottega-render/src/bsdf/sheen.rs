@@ -26,10 +26,15 @@ pub(super) struct Sheen {
 
 impl Sheen {
     /// `None` for a black colour.
-    pub(super) fn new(color: Spectrum, roughness: f32) -> Option<Self> {
+    pub(super) fn new(tables: &Tables, color: Spectrum, roughness: f32) -> Option<Self> {
+        if color.max_element() <= 0.0 {
+            return None;
+        }
         let roughness = roughness.max(ROUGHNESS_MIN);
         let alpha = roughness * roughness;
-        (color.max_element() > 0.0).then(|| Self { color, alpha, fit: fit(alpha), rough: Rough::new(roughness) })
+        let rough = Rough::at((roughness - ROUGHNESS_MIN) / (1.0 - ROUGHNESS_MIN));
+        let color = color / tables.sheen_peak(rough).max(1.0);
+        Some(Self { color, alpha, fit: fit(alpha), rough })
     }
 
     /// f(wo, wi); both above the horizon.
@@ -38,15 +43,20 @@ impl Sheen {
         self.color * charlie(self.alpha, &self.fit, wo.z, wi.z, h)
     }
 
-    /// Share of the light at a cosine that is reflected.
-    pub(super) fn albedo(&self, tables: &Tables, mu: Mu) -> Spectrum {
-        self.color * tables.sheen(Some(mu), self.rough)
-    }
-
     /// Share of the light at a cosine that reaches what lies below (KHR_materials_sheen, albedo scaling).
     pub(super) fn passed(&self, tables: &Tables, mu: Mu) -> f32 {
-        1.0 - self.color.max_element() * tables.sheen(Some(mu), self.rough)
+        1.0 - self.color.max_element() * tables.sheen(mu, self.rough)
     }
+
+    /// Share that is reflected, from what [`Self::passed`] says.
+    pub(super) fn albedo(&self, passed: f32) -> Spectrum {
+        self.color * ((1.0 - passed) / self.color.max_element())
+    }
+}
+
+/// Roughness at a position in [0, 1] along the tables' axis.
+pub(super) fn roughness_at(position: f32) -> f32 {
+    ROUGHNESS_MIN + (1.0 - ROUGHNESS_MIN) * position
 }
 
 /// D · G / (4 cos cos) of colour 1.
@@ -77,8 +87,7 @@ fn lambda(fit: &[f32; 5], cos: f32) -> f32 {
 /// Share of the light at cosine `mu` that sheen of colour 1 reflects. For the tables.
 pub(super) fn albedo_by_quadrature(mu: f32, roughness: f32) -> f32 {
     const COSINES: usize = 24;
-    const AZIMUTHS: usize = 16;
-    let roughness = roughness.max(ROUGHNESS_MIN);
+    const AZIMUTHS: usize = 20;
     let alpha = roughness * roughness;
     let fit = fit(alpha);
     let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);

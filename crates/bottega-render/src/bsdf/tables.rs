@@ -2,9 +2,10 @@
 //!
 //! They are integrated once, when the first material is met, with fixed nodes in a fixed order, so that every run has
 //! the same bits. All are functions of the cosine μ to the normal (nodes even in √μ, where they bend most) and of the
-//! perceptual roughness; means over the cosine-weighted hemisphere are those of the *interpolated* tables, so that
+//! perceptual roughness (nodes even in its root: at grazing angles it is α / μ that counts); means over the cosine-weighted hemisphere are those of the *interpolated* tables, so that
 //! lobes normalized with them balance exactly.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use glam::Vec3;
@@ -15,19 +16,19 @@ use super::sheen;
 
 const MU: usize = 32;
 const ROUGHNESS: usize = 16;
-/// Nodes of the index of refraction, even in r = (n − 1) / (n + 1) from 0 to `R_MAX`.
+/// Nodes of the index of refraction, even in √r, r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine at which total
+/// reflection sets in goes with √r.
 const INDEX: usize = 12;
 const R_MAX: f32 = (fresnel::IOR_MAX - 1.0) / (fresnel::IOR_MAX + 1.0);
 
 /// Values by μ for one roughness (and index), and their mean 2 ∫ v μ dμ.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 struct Curve {
     at: [f32; MU],
     mean: f32,
 }
 
 /// Directional albedos by μ, roughness and index of refraction.
-#[derive(Debug)]
 pub(super) struct Tables {
     /// Reflection with F = 1, scattered once.
     single: Vec<Curve>,
@@ -40,6 +41,13 @@ pub(super) struct Tables {
     boundary: [Vec<Curve>; 2],
     /// Sheen of colour 1, in its own roughness.
     sheen: Vec<Curve>,
+}
+
+impl fmt::Debug for Tables {
+    /// Not the numbers.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tables").finish_non_exhaustive()
+    }
 }
 
 /// Two neighbouring nodes, and how near the second one is.
@@ -78,7 +86,12 @@ pub(super) struct Rough(Place);
 
 impl Rough {
     pub(super) fn new(roughness: f32) -> Self {
-        Self(Place::new(roughness * (ROUGHNESS - 1) as f32, ROUGHNESS))
+        Self::at(roughness.sqrt())
+    }
+
+    /// `position`: along the axis, in [0, 1].
+    pub(super) fn at(position: f32) -> Self {
+        Self(Place::new(position * (ROUGHNESS - 1) as f32, ROUGHNESS))
     }
 }
 
@@ -88,7 +101,8 @@ pub(super) struct Index(Place);
 
 impl Index {
     pub(super) fn new(ior: f32) -> Self {
-        Self(Place::new((ior - 1.0) / (ior + 1.0) / R_MAX * (INDEX - 1) as f32, INDEX))
+        let root = ((ior - 1.0) / (ior + 1.0) / R_MAX).max(0.0).sqrt();
+        Self(Place::new(root * (INDEX - 1) as f32, INDEX))
     }
 }
 
@@ -123,45 +137,58 @@ impl Tables {
         index.0.mix(|k| rough.0.mix(|i| pick(&curves[k * ROUGHNESS + i], mu)))
     }
 
-    pub(super) fn sheen(&self, mu: Option<Mu>, rough: Rough) -> f32 {
-        rough.0.mix(|i| pick(&self.sheen[i], mu))
+    /// `rough`: on the axis of sheen, see [`sheen::roughness_at`].
+    pub(super) fn sheen(&self, mu: Mu, rough: Rough) -> f32 {
+        rough.0.mix(|i| pick(&self.sheen[i], Some(mu)))
+    }
+
+    /// The largest albedo that sheen has at any μ.
+    pub(super) fn sheen_peak(&self, rough: Rough) -> f32 {
+        rough.0.mix(|i| self.sheen[i].peak())
     }
 
     fn compute() -> Self {
-        let roughness = |i: usize| i as f32 / (ROUGHNESS - 1) as f32;
-        let ior = |k: usize| {
-            let r = R_MAX * k as f32 / (INDEX - 1) as f32;
-            (1.0 + r) / (1.0 - r)
+        let cells: Vec<[Cell; MU]> = (0..ROUGHNESS)
+            .map(|i| {
+                let root = i as f32 / (ROUGHNESS - 1) as f32;
+                std::array::from_fn(|j| Cell::integrate(node_mu(j), root * root))
+            })
+            .collect();
+        let by_roughness = |value: &dyn Fn(&Cell) -> f32| -> Vec<Curve> {
+            cells.iter().map(|row| Curve::new(std::array::from_fn(|j| value(&row[j])))).collect()
         };
-        let by_roughness = |value: &dyn Fn(f32, f32) -> f32| -> Vec<Curve> {
-            (0..ROUGHNESS).map(|i| Curve::new(|mu| value(mu, roughness(i)))).collect()
+        let by_index = |value: &dyn Fn(&Cell, usize) -> f32| -> Vec<Curve> {
+            (0..INDEX).flat_map(|k| by_roughness(&|cell| value(cell, k))).collect()
         };
-        let by_index = |value: &dyn Fn(f32, f32, f32) -> f32| -> Vec<Curve> {
-            (0..INDEX).flat_map(|k| by_roughness(&|mu, roughness| value(mu, roughness, ior(k)))).collect()
+        let sheen = |i: usize| {
+            let roughness = sheen::roughness_at(i as f32 / (ROUGHNESS - 1) as f32);
+            Curve::new(std::array::from_fn(|j| sheen::albedo_by_quadrature(node_mu(j), roughness)))
         };
         Self {
-            single: by_roughness(&|mu, roughness| reflected(mu, roughness, |_| 1.0)),
-            schlick: by_roughness(&|mu, roughness| reflected(mu, roughness, fresnel::schlick_weight)),
-            rise: by_index(&|mu, roughness, ior| {
-                let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
-                reflected(mu, roughness, |cos| (fresnel::dielectric(cos, ior) - f0) / (1.0 - f0))
-            }),
-            boundary: [
-                by_index(&|mu, roughness, ior| reflected_and_transmitted(mu, roughness, ior)),
-                by_index(&|mu, roughness, ior| reflected_and_transmitted(mu, roughness, 1.0 / ior)),
-            ],
-            sheen: by_roughness(&sheen::albedo_by_quadrature),
+            single: by_roughness(&|cell| cell.single),
+            schlick: by_roughness(&|cell| cell.schlick),
+            rise: by_index(&|cell, k| cell.rise[k]),
+            boundary: [by_index(&|cell, k| cell.boundary[0][k]), by_index(&|cell, k| cell.boundary[1][k])],
+            sheen: (0..ROUGHNESS).map(sheen).collect(),
         }
     }
 }
 
+/// μ of a node.
+fn node_mu(j: usize) -> f32 {
+    let root = j as f32 / (MU - 1) as f32;
+    (root * root).max(1e-4)
+}
+
+/// Index of refraction of a node.
+fn node_ior(k: usize) -> f32 {
+    let root = k as f32 / (INDEX - 1) as f32;
+    let r = R_MAX * root * root;
+    (1.0 + r) / (1.0 - r)
+}
+
 impl Curve {
-    fn new(value: impl Fn(f32) -> f32) -> Self {
-        let mut at = [0.0; MU];
-        for (i, slot) in at.iter_mut().enumerate() {
-            let root = i as f32 / (MU - 1) as f32;
-            *slot = value((root * root).max(1e-4));
-        }
+    fn new(at: [f32; MU]) -> Self {
         // Between two nodes the value is linear in t = √μ, and 2 μ dμ = 4 t³ dt: two-point Gauss is exact enough
         // for a quartic over 31 pieces.
         let mut mean = 0.0f64;
@@ -174,54 +201,101 @@ impl Curve {
         }
         Self { at, mean: mean as f32 }
     }
+
+    fn peak(&self) -> f32 {
+        self.at.iter().copied().fold(0.0, f32::max)
+    }
 }
 
 /// Nodes over the visible normals: even in the azimuth (half of it, by symmetry) and in the cap.
-const AZIMUTHS: usize = 10;
+const AZIMUTHS: usize = 12;
 const CAPS: usize = 16;
 
-/// Mean of `value` over the microfacet normals that a direction at cosine `mu` sees.
-fn mean_over_normals(mu: f32, roughness: f32, value: impl Fn(&Ggx, Vec3, Vec3) -> f32) -> f32 {
-    let ggx = Ggx::from_roughness(roughness);
-    let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);
-    let mut sum = 0.0;
-    for cap in 0..CAPS {
-        for azimuth in 0..AZIMUTHS {
-            // Every ring of the cap starts a little further round, so that edges are not all met at once.
-            let shift = 0.25 + 0.5 * (cap % 2) as f32;
-            let u = [0.5 * (azimuth as f32 + shift) / AZIMUTHS as f32, (cap as f32 + 0.5) / CAPS as f32];
-            sum += value(&ggx, wo, ggx.sample_visible_normal(wo, u));
+/// All tables at one μ and one roughness.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    single: f32,
+    schlick: f32,
+    rise: [f32; INDEX],
+    boundary: [[f32; INDEX]; 2],
+}
+
+impl Cell {
+    fn integrate(mu: f32, roughness: f32) -> Self {
+        let ggx = Ggx::from_roughness(roughness);
+        let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);
+        let mut cell = Self::default();
+        if roughness == 0.0 {
+            cell.add(&ggx, wo, Vec3::Z, 1.0);
+            return cell;
         }
+        for cap in 0..CAPS {
+            for azimuth in 0..AZIMUTHS {
+                // Every ring of the cap starts a little further round, so that edges are not all met at once.
+                let shift = 0.25 + 0.5 * (cap % 2) as f32;
+                let u = [0.5 * (azimuth as f32 + shift) / AZIMUTHS as f32, (cap as f32 + 0.5) / CAPS as f32];
+                cell.add(&ggx, wo, ggx.sample_visible_normal(wo, u), 1.0 / (CAPS * AZIMUTHS) as f32);
+            }
+        }
+        cell
     }
-    sum / (CAPS * AZIMUTHS) as f32
-}
 
-/// Share of the light at cosine `mu` that is reflected once, where a facet reflects `fresnel(wo · h)`.
-fn reflected(mu: f32, roughness: f32, fresnel: impl Fn(f32) -> f32) -> f32 {
-    if roughness == 0.0 {
-        return fresnel(mu);
-    }
-    mean_over_normals(mu, roughness, |ggx, wo, h| {
-        let wi = fresnel::reflect(wo, h);
-        if wi.z > 0.0 { fresnel(wo.dot(h)) * ggx.shadowing(wo.z, wi.z) } else { 0.0 }
-    })
-}
-
-/// Share of the light at cosine `mu` that a dielectric boundary reflects or transmits without a second bounce.
-fn reflected_and_transmitted(mu: f32, roughness: f32, eta: f32) -> f32 {
-    if roughness == 0.0 {
-        return 1.0;
-    }
-    mean_over_normals(mu, roughness, |ggx, wo, h| {
-        let reflectance = fresnel::dielectric(wo.dot(h), eta);
+    /// Adds what a facet `h` that `wo` sees does with the light, by the weights that `Interface` has.
+    fn add(&mut self, ggx: &Ggx, wo: Vec3, h: Vec3, weight: f32) {
+        let cos = wo.dot(h);
         let mirrored = fresnel::reflect(wo, h);
-        let mut share = 0.0;
-        if mirrored.z > 0.0 {
-            share += reflectance * ggx.shadowing(wo.z, mirrored.z);
+        let reflects = if mirrored.z > 0.0 { weight * ggx.shadowing(wo.z, mirrored.z) } else { 0.0 };
+        self.single += reflects;
+        self.schlick += reflects * fresnel::schlick_weight(cos);
+        for k in 0..INDEX {
+            let ior = node_ior(k);
+            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+            self.rise[k] += reflects * (fresnel::dielectric(cos, ior) - f0) / (1.0 - f0);
+            for (side, eta) in [ior, 1.0 / ior].into_iter().enumerate() {
+                let reflectance = fresnel::dielectric(cos, eta);
+                let transmits =
+                    fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0).map_or(0.0, |wi| weight * ggx.masking(-wi.z));
+                self.boundary[side][k] += reflectance * reflects + (1.0 - reflectance) * transmits;
+            }
         }
-        if let Some(refracted) = fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0) {
-            share += (1.0 - reflectance) * ggx.masking(-refracted.z);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_boundary_has_its_exact_reflectance_at_the_nodes() {
+        let tables = Tables::get();
+        for mu in [0.01, 0.25, 1.0] {
+            let (at, smooth) = (Some(Mu::new(mu)), Rough::new(0.0));
+            assert_eq!(tables.single(at, smooth), 1.0);
+            for ior in [1.0, 1.3, 1.5, 2.4, 5.0] {
+                let f0 = ((ior - 1.0) / (ior + 1.0f32)).powi(2);
+                let reflectance = f0 + (1.0 - f0) * tables.rise(at, smooth, Index::new(ior));
+                let exact = fresnel::dielectric(mu, ior);
+                assert!((reflectance - exact).abs() < 0.01, "{mu} {ior}: {reflectance} {exact}");
+                for inside in [false, true] {
+                    assert!((tables.boundary(at, smooth, Index::new(ior), inside) - 1.0).abs() < 1e-6);
+                }
+            }
         }
-        share
-    })
+    }
+
+    #[test]
+    fn no_table_gives_more_than_it_gets() {
+        let tables = Tables::get();
+        let curves = [&tables.single, &tables.schlick, &tables.boundary[0], &tables.boundary[1]];
+        for curve in curves.into_iter().flatten() {
+            assert!(
+                curve.at.iter().all(|&v| (0.0..=1.0 + 1e-5).contains(&v)) && (0.0..=1.0 + 1e-5).contains(&curve.mean)
+            );
+        }
+    }
+
+    #[test]
+    fn the_mean_of_a_constant_is_the_constant() {
+        assert!((Curve::new([0.7; MU]).mean - 0.7).abs() < 1e-5);
+    }
 }

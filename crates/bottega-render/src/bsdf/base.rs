@@ -1,0 +1,227 @@
+//! The base below coat and sheen: facets, what is scattered between them more than once, and the diffuse rest.
+
+use bottega_scene::Spectrum;
+
+use super::diffuse::{Coupled, Cover};
+use super::fresnel::{DielectricFresnel, IOR_STEP_MIN};
+use super::ggx::Ggx;
+use super::interface::{Interface, Through};
+use super::params::SurfaceParams;
+use super::tables::{Index, Mu, Rough, Tables};
+
+/// A mix of metal, opaque dielectric and transmitting dielectric that share their facets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Base {
+    pub(super) tables: &'static Tables,
+    pub(super) interface: Interface,
+    /// Whether wo is within a solid.
+    pub(super) inside: bool,
+    rough: Rough,
+    index: Index,
+    /// What lies over the diffuse base.
+    cover: Cover,
+    diffuse: Coupled,
+    /// Scattered more than once between facets that only reflect (or of a thin sheet).
+    multiple: Coupled,
+    multiple_through: Coupled,
+    /// Scattered more than once between the facets of a solid's boundary.
+    boundary: Coupled,
+    boundary_through: Coupled,
+    /// Which tables the cosine lobes look into.
+    uses: Uses,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Uses {
+    single: bool,
+    rise: bool,
+    boundary: bool,
+}
+
+/// What is left over of the light along one direction: 1 − E of the facets, of the cover over the diffuse base, and of
+/// the solid's boundary. Arbitrary where no lobe asks for it.
+#[derive(Clone, Copy)]
+pub(super) struct Rest {
+    multiple: f32,
+    diffuse: f32,
+    boundary: f32,
+}
+
+/// Share of the light along one direction that each lobe scatters.
+#[derive(Clone, Copy)]
+pub(super) struct BaseAlbedo {
+    pub(super) interface: Spectrum,
+    pub(super) cosine: Spectrum,
+    pub(super) cosine_through: Spectrum,
+}
+
+impl Base {
+    /// `p` is clamped.
+    pub(super) fn new(p: &SurfaceParams) -> Self {
+        let refracting = p.ior != 0.0 && (1.0 - p.metallic) * p.transmission > 0.0;
+        let through = match (refracting, p.thin) {
+            (false, _) => Through::Nothing,
+            (true, true) => Through::Thin,
+            (true, false) => Through::Solid,
+        };
+        let inside = through == Through::Solid && !p.front;
+        let ggx = Ggx::from_roughness(p.roughness);
+        let narrow = through == Through::Solid && !ggx.is_smooth();
+        let ior = if narrow { p.ior.max(1.0 + IOR_STEP_MIN) } else { p.ior };
+        // Shares of the surface: metal, and a dielectric that is opaque or lets light through.
+        let transmitting = if refracting { (1.0 - p.metallic) * p.transmission } else { 0.0 };
+        let opaque = (1.0 - p.metallic - transmitting).max(0.0);
+        let interface = Interface {
+            ggx,
+            metal: p.metallic,
+            metal_f0: p.base_color,
+            dielectric: match (inside, through) {
+                // From within, the opaque share is bare: its dielectric is on the other side.
+                (true, _) => transmitting,
+                (false, Through::Nothing) if p.specular == 0.0 => 0.0,
+                (false, _) => 1.0 - p.metallic,
+            },
+            fresnel: DielectricFresnel::new(ior, p.specular, p.specular_color, inside),
+            through,
+            tint: p.base_color * transmitting,
+        };
+        let mut base = Self {
+            tables: Tables::get(),
+            interface,
+            inside,
+            rough: Rough::new(p.roughness),
+            index: Index::new(ior.max(1.0)),
+            cover: Cover::default(),
+            diffuse: Coupled::BLACK,
+            multiple: Coupled::BLACK,
+            multiple_through: Coupled::BLACK,
+            boundary: Coupled::BLACK,
+            boundary_through: Coupled::BLACK,
+            uses: Uses::default(),
+        };
+        base.balance(p.base_color, opaque, transmitting);
+        base.uses = base.used();
+        base
+    }
+
+    /// Fills in the cosine lobes: what the facets lose, and the diffuse base.
+    fn balance(&mut self, base_color: Spectrum, opaque: f32, transmitting: f32) {
+        let fresnel = self.interface.fresnel;
+        let single_mean = self.tables.single(None, self.rough);
+        // At zero roughness the table of s is s itself, and its mean that of the Fresnel term.
+        let fresnel_mean = fresnel.of_rise(self.rise(None, Rough::new(0.0)));
+
+        let metal = multiply_scattered(self.interface.metal_f0 * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
+        let dielectric = multiply_scattered(fresnel_mean, single_mean);
+        let mut multiple = self.interface.metal * metal;
+        let mut cover_mean = 0.0;
+        if !self.inside {
+            multiple += opaque * dielectric;
+            self.cover = Cover::new(&fresnel, dielectric.max_element());
+            cover_mean = self.cover.at(single_mean, self.rise(None, self.rough));
+        }
+        self.diffuse = Coupled::new(base_color * opaque, cover_mean);
+        match self.interface.through {
+            Through::Nothing => {}
+            Through::Thin => {
+                multiple += transmitting * fresnel_mean;
+                let through = transmitting * (1.0 - fresnel_mean.max_element()) * base_color;
+                self.multiple_through = Coupled::new(through, single_mean);
+            }
+            Through::Solid => self.balance_boundary(base_color, transmitting),
+        }
+        self.multiple = Coupled::new(multiple, single_mean);
+    }
+
+    /// What the facets of a solid's boundary lose, given back on both sides. The shares are such that
+    /// f(wo, wi) / η_i² is symmetric.
+    fn balance_boundary(&mut self, base_color: Spectrum, transmitting: f32) {
+        let fresnel = self.interface.fresnel;
+        let near = self.tables.boundary(None, self.rough, self.index, self.inside);
+        let far = self.tables.boundary(None, self.rough, self.index, !self.inside);
+        let outside = fresnel.f0_exact + (1.0 - fresnel.f0_exact) * self.rise(None, Rough::new(0.0));
+        // Hemispherical transmittance: from within it is smaller by n².
+        let passed = (1.0 - outside) * if self.inside { fresnel.eta * fresnel.eta } else { 1.0 };
+        let rest_max = (1.0 - near).max(1.0 - far).max(1e-9);
+        let crossed = passed * (1.0 - far) / rest_max;
+        // The tables hold for full strength and a white tint; elsewhere less is given back.
+        let tint = (fresnel.f0 / fresnel.f0_exact.max(1e-9)).min_element().min(1.0);
+        let weight = transmitting * fresnel.specular * tint;
+        self.boundary = Coupled::new(Spectrum::splat(weight * (1.0 - crossed)), near);
+        self.boundary_through = Coupled::new(base_color * (weight * crossed), far);
+    }
+
+    fn used(&self) -> Uses {
+        let diffuse = !self.diffuse.is_black() && !self.cover.is_constant();
+        Uses {
+            single: diffuse || !(self.multiple.is_black() && self.multiple_through.is_black()),
+            rise: diffuse,
+            boundary: self.interface.through == Through::Solid,
+        }
+    }
+
+    /// Whether there is any cosine lobe.
+    pub(super) fn has_cosine(&self) -> bool {
+        [self.diffuse, self.multiple, self.boundary, self.multiple_through, self.boundary_through]
+            .iter()
+            .any(|lobe| !lobe.is_black())
+    }
+
+    fn rise(&self, mu: Option<Mu>, rough: Rough) -> f32 {
+        let total = self.interface.fresnel.is_total();
+        if total { self.tables.schlick(mu, rough) } else { self.tables.rise(mu, rough, self.index) }
+    }
+
+    /// What is left over along a direction; `inside`: it is within the solid.
+    pub(super) fn rest(&self, mu: Mu, inside: bool) -> Rest {
+        let mu = Some(mu);
+        let single = if self.uses.single { self.tables.single(mu, self.rough) } else { 1.0 };
+        let rise = if self.uses.rise { self.rise(mu, self.rough) } else { 0.0 };
+        let boundary = if self.uses.boundary { self.tables.boundary(mu, self.rough, self.index, inside) } else { 1.0 };
+        self.rest_of(single, rise, boundary)
+    }
+
+    fn rest_of(&self, single: f32, rise: f32, boundary: f32) -> Rest {
+        Rest { multiple: 1.0 - single, diffuse: 1.0 - self.cover.at(single, rise), boundary: 1.0 - boundary }
+    }
+
+    /// What is left over along wo, and what the lobes make of light from there.
+    pub(super) fn rest_and_albedo(&self, cos: f32) -> (Rest, BaseAlbedo) {
+        let mu = Mu::new(cos);
+        let at = Some(mu);
+        let (rest, interface) = if self.inside {
+            let rest = self.rest(mu, true);
+            (rest, self.interface.smooth_albedo(cos) * (1.0 - rest.boundary))
+        } else {
+            let single = self.tables.single(at, self.rough);
+            let rise = if self.interface.dielectric > 0.0 { self.rise(at, self.rough) } else { 0.0 };
+            let schlick = if self.interface.metal > 0.0 { self.tables.schlick(at, self.rough) } else { 0.0 };
+            let solid = self.uses.boundary;
+            let all = if solid { self.tables.boundary(at, self.rough, self.index, false) } else { single };
+            (self.rest_of(single, rise, all), self.interface.albedo(single, schlick, rise, all))
+        };
+        let cosine = self.diffuse.color * rest.diffuse
+            + self.multiple.color * rest.multiple
+            + self.boundary.color * rest.boundary;
+        let cosine_through = self.multiple_through.color * rest.multiple + self.boundary_through.color * rest.boundary;
+        (rest, BaseAlbedo { interface, cosine, cosine_through })
+    }
+
+    /// f of the cosine lobes on the side of wo.
+    pub(super) fn cosine(&self, o: &Rest, i: &Rest) -> Spectrum {
+        self.diffuse.eval(o.diffuse, i.diffuse)
+            + self.multiple.eval(o.multiple, i.multiple)
+            + self.boundary.eval(o.boundary, i.boundary)
+    }
+
+    /// f of the cosine lobes on the far side, in importance mode.
+    pub(super) fn cosine_through(&self, o: &Rest, i: &Rest) -> Spectrum {
+        self.multiple_through.eval(o.multiple, i.multiple) + self.boundary_through.eval(o.boundary, i.boundary)
+    }
+}
+
+/// Colour of the light that was reflected more than once, as a share of what single scattering loses.
+/// `fresnel`, `single`: means over the hemisphere of the reflectance of a facet and of the share scattered once.
+fn multiply_scattered(fresnel: Spectrum, single: f32) -> Spectrum {
+    fresnel * fresnel * single / (Spectrum::ONE - fresnel * (1.0 - single))
+}
