@@ -12,6 +12,7 @@
 //!
 //! [`math`] holds the elementary functions for the same end.
 
+pub mod bench;
 pub mod math;
 
 mod accel;
