@@ -5,9 +5,11 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::SceneError;
+use crate::load::MemoryBudget;
 
-/// Reads a regular file. Folders, devices and pipes (which might never end) are refused.
-pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
+/// Reads a regular file. Folders, devices and pipes (which might never end) are refused, and files that are larger than
+/// all memory that the scene may take.
+pub(crate) fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>, SceneError> {
     let read = |source| SceneError::Read { path: path.to_path_buf(), source };
     let metadata = std::fs::metadata(path).map_err(read)?;
     if !metadata.is_file() {
@@ -15,6 +17,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
         return Err(SceneError::NotAFile { path: path.to_path_buf(), found });
     }
     let length = usize::try_from(metadata.len()).unwrap_or(usize::MAX);
+    budget.check(path, length)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(length).map_err(|_| read(std::io::ErrorKind::OutOfMemory.into()))?;
     // A file that grows while it is read is read as long as it was.

@@ -18,6 +18,7 @@ mod mend;
 mod model;
 mod shapes;
 mod sky;
+mod summary;
 mod texture;
 mod validate;
 
@@ -28,6 +29,7 @@ pub use light::{Environment, Light, LightKind};
 pub use load::{LoadOptions, Loaded, Metadata, load};
 pub use material::{AlphaMode, ColorParam, Material, ScalarParam};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
+pub use summary::SceneSummary;
 pub use texture::{Channel, ImageId, TextureMap, Wrap};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.

@@ -64,11 +64,11 @@ pub struct Metadata {
 /// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
 /// guessed or left out is in the warnings.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
-    let file = read_file(path)?;
+    let budget = MemoryBudget::new(options.max_memory_bytes);
+    let file = read_file(path, &budget)?;
     let mut digest = blake3::Hasher::new();
     digest.update(blake3::hash(&file).as_bytes());
     let mut warnings = Warnings::default();
-    let budget = MemoryBudget::new(options.max_memory_bytes);
     if !gltf::recognizes(path, &file) {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     }
@@ -110,7 +110,7 @@ fn add_environment(
     budget: &MemoryBudget,
     digest: &mut blake3::Hasher,
 ) -> Result<(), SceneError> {
-    let bytes = read_file(path)?;
+    let bytes = read_file(path, budget)?;
     digest.update(blake3::hash(&bytes).as_bytes());
     let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
     let header = Header::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
@@ -159,14 +159,20 @@ impl MemoryBudget {
     /// Books bytes for something at `place`, or says that they are too many.
     pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
         let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
-        if before.saturating_add(bytes) <= self.limit {
-            return Ok(());
-        }
-        Err(SceneError::Limit {
+        if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
+    }
+
+    /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
+    pub(crate) fn check(&self, path: &Path, bytes: usize) -> Result<(), SceneError> {
+        if bytes <= self.limit { Ok(()) } else { Err(self.exceeded(path, "")) }
+    }
+
+    fn exceeded(&self, path: &Path, place: &str) -> SceneError {
+        SceneError::Limit {
             path: path.into(),
             place: place.into(),
             problem: format!("the scene takes more than the limit of {} MiB of memory", self.limit >> 20),
             remedy: "simplify it or scale its pictures down, or allow more memory",
-        })
+        }
     }
 }

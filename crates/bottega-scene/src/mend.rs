@@ -1,6 +1,6 @@
 //! Mending normals and tangents that are no directions.
 
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 use crate::Mesh;
 
@@ -53,7 +53,7 @@ fn unit(v: Vec3) -> Option<Vec3> {
     if !v.is_finite() {
         return None;
     }
-    v.as_dvec3().try_normalize().map(|unit| unit.as_vec3())
+    v.as_dvec3().try_normalize().map(DVec3::as_vec3)
 }
 
 #[cfg(test)]

@@ -122,7 +122,7 @@ fn check_light(light: &LightKind) -> Result<(), String> {
     };
     check(power.is_finite() && power.min_element() >= 0.0, "its colour is negative or not finite")?;
     check(position.is_finite(), "its position is not finite")?;
-    check(direction.is_none_or(|direction| direction.is_normalized()), "its direction is not of unit length")
+    check(direction.is_none_or(glam::Vec3::is_normalized), "its direction is not of unit length")
 }
 
 fn check(holds: bool, problem: &str) -> Result<(), String> {

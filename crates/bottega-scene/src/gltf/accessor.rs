@@ -178,6 +178,9 @@ pub(super) fn view_bytes<'a>(
 ) -> Result<(&'a [u8], Option<usize>), String> {
     let view = find("buffer view", &document.buffer_views, index)?;
     let buffer = find("buffer", buffers, view.buffer)?;
+    if view.extensions.meshopt.is_some() && buffer.is_empty() && view.byte_length > 0 {
+        return Err(format!("buffer view {index} is compressed by EXT_meshopt_compression, which is not supported"));
+    }
     let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len() as u64);
     let Some(end) = end else {
         return Err(format!(

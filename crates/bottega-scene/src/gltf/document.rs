@@ -6,12 +6,24 @@
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-/// A `struct` of the document: camelCase names, absent members have their default.
+/// A `struct` of the document: camelCase names, absent members have their default. What is rare is boxed, so that a
+/// small text cannot become large in memory.
 macro_rules! object {
     ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, Default, Deserialize)]
         #[serde(rename_all = "camelCase", default)]
+        pub(super) struct $name {
+            $($(#[$field_meta])* pub(super) $field: $type,)*
+        }
+    };
+}
+
+/// Like `object!`, but members are required unless they are optional or have a default of their own.
+macro_rules! strict_object {
+    ($name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
+        #[derive(Clone, Debug, Default, Deserialize)]
+        #[serde(rename_all = "camelCase")]
         pub(super) struct $name {
             $($(#[$field_meta])* pub(super) $field: $type,)*
         }
@@ -44,7 +56,7 @@ object!(DocumentExtensions {
     lights: Option<Lights>,
 });
 
-object!(Asset {
+strict_object!(Asset {
     version: String,
     min_version: Option<String>,
     generator: Option<String>,
@@ -57,7 +69,7 @@ object!(SceneNodes {
 object!(Node {
     name: String,
     children: Vec<usize>,
-    matrix: Option<[f64; 16]>,
+    matrix: Option<Box<[f64; 16]>>,
     translation: Option<[f64; 3]>,
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
@@ -65,19 +77,19 @@ object!(Node {
     skin: Option<usize>,
     camera: Option<usize>,
     weights: Option<Vec<f32>>,
-    extensions: NodeExtensions,
+    extensions: Option<Box<NodeExtensions>>,
 });
 
 object!(NodeExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     light: Option<NodeLight>,
     #[serde(rename = "EXT_mesh_gpu_instancing")]
-    instancing: Option<Instancing>,
+    instancing: Option<Box<Instancing>>,
 });
 
-object!(NodeLight { light: usize });
+strict_object!(NodeLight { light: usize });
 
-object!(Instancing { attributes: InstancingAttributes });
+strict_object!(Instancing { attributes: InstancingAttributes });
 
 object!(InstancingAttributes {
     #[serde(rename = "TRANSLATION")]
@@ -95,7 +107,7 @@ object!(Mesh {
 });
 
 object!(Primitive {
-    attributes: Attributes,
+    attributes: Box<Attributes>,
     indices: Option<usize>,
     material: Option<usize>,
     mode: Option<u64>,
@@ -140,35 +152,47 @@ object!(Target {
     tangent: Option<usize>,
 });
 
-object!(Accessor {
+strict_object!(Accessor {
     buffer_view: Option<usize>,
+    #[serde(default)]
     byte_offset: u64,
     component_type: u64,
+    #[serde(default)]
     normalized: bool,
     count: u64,
     #[serde(rename = "type")]
     kind: String,
-    sparse: Option<Sparse>,
+    sparse: Option<Box<Sparse>>,
 });
 
-object!(Sparse { count: u64, indices: SparseIndices, values: SparseValues });
+strict_object!(Sparse { count: u64, indices: SparseIndices, values: SparseValues });
 
-object!(SparseIndices { buffer_view: usize, byte_offset: u64, component_type: u64 });
+strict_object!(SparseIndices {
+    buffer_view: usize,
+    #[serde(default)]
+    byte_offset: u64,
+    component_type: u64,
+});
 
-object!(SparseValues { buffer_view: usize, byte_offset: u64 });
+strict_object!(SparseValues {
+    buffer_view: usize,
+    #[serde(default)]
+    byte_offset: u64,
+});
 
-object!(BufferView {
+strict_object!(BufferView {
     buffer: usize,
+    #[serde(default)]
     byte_offset: u64,
     byte_length: u64,
     byte_stride: Option<u64>,
+    #[serde(default)]
     extensions: CompressionExtensions,
 });
 
-object!(Buffer {
+strict_object!(Buffer {
     uri: Option<String>,
     byte_length: u64,
-    extensions: CompressionExtensions,
 });
 
 object!(CompressionExtensions {
@@ -178,35 +202,37 @@ object!(CompressionExtensions {
 
 object!(Material {
     name: String,
-    pbr_metallic_roughness: MetallicRoughness,
-    normal_texture: Option<TextureInfo>,
-    emissive_texture: Option<TextureInfo>,
+    pbr_metallic_roughness: Option<Box<MetallicRoughness>>,
+    normal_texture: Option<Box<TextureInfo>>,
+    emissive_texture: Option<Box<TextureInfo>>,
     emissive_factor: [f32; 3],
     alpha_mode: Option<String>,
     alpha_cutoff: Option<f32>,
     double_sided: bool,
-    extensions: MaterialExtensions,
+    extensions: Option<Box<MaterialExtensions>>,
 });
 
 object!(MetallicRoughness {
     base_color_factor: Option<[f32; 4]>,
-    base_color_texture: Option<TextureInfo>,
+    base_color_texture: Option<Box<TextureInfo>>,
     metallic_factor: Option<f32>,
     roughness_factor: Option<f32>,
-    metallic_roughness_texture: Option<TextureInfo>,
+    metallic_roughness_texture: Option<Box<TextureInfo>>,
 });
 
-object!(TextureInfo {
+strict_object!(TextureInfo {
     index: usize,
+    #[serde(default)]
     tex_coord: u64,
     /// Of a normal texture.
     scale: Option<f32>,
+    #[serde(default)]
     extensions: TextureInfoExtensions,
 });
 
 object!(TextureInfoExtensions {
     #[serde(rename = "KHR_texture_transform")]
-    transform: Option<TextureTransform>,
+    transform: Option<Box<TextureTransform>>,
 });
 
 object!(TextureTransform {
@@ -218,28 +244,28 @@ object!(TextureTransform {
 
 object!(MaterialExtensions {
     #[serde(rename = "KHR_materials_transmission")]
-    transmission: Option<Transmission>,
+    transmission: Option<Box<Transmission>>,
     #[serde(rename = "KHR_materials_volume")]
-    volume: Option<Volume>,
+    volume: Option<Box<Volume>>,
     #[serde(rename = "KHR_materials_ior")]
     ior: Option<Ior>,
     #[serde(rename = "KHR_materials_clearcoat")]
-    clearcoat: Option<Clearcoat>,
+    clearcoat: Option<Box<Clearcoat>>,
     #[serde(rename = "KHR_materials_sheen")]
-    sheen: Option<Sheen>,
+    sheen: Option<Box<Sheen>>,
     #[serde(rename = "KHR_materials_specular")]
-    specular: Option<Specular>,
+    specular: Option<Box<Specular>>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_unlit")]
     unlit: Option<IgnoredAny>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-    specular_glossiness: Option<SpecularGlossiness>,
+    specular_glossiness: Option<Box<SpecularGlossiness>>,
 });
 
 object!(Transmission {
     transmission_factor: f32,
-    transmission_texture: Option<TextureInfo>,
+    transmission_texture: Option<Box<TextureInfo>>,
 });
 
 object!(Volume {
@@ -254,24 +280,24 @@ object!(Ior {
 
 object!(Clearcoat {
     clearcoat_factor: f32,
-    clearcoat_texture: Option<TextureInfo>,
+    clearcoat_texture: Option<Box<TextureInfo>>,
     clearcoat_roughness_factor: f32,
-    clearcoat_roughness_texture: Option<TextureInfo>,
-    clearcoat_normal_texture: Option<TextureInfo>,
+    clearcoat_roughness_texture: Option<Box<TextureInfo>>,
+    clearcoat_normal_texture: Option<Box<TextureInfo>>,
 });
 
 object!(Sheen {
     sheen_color_factor: [f32; 3],
-    sheen_color_texture: Option<TextureInfo>,
+    sheen_color_texture: Option<Box<TextureInfo>>,
     sheen_roughness_factor: f32,
-    sheen_roughness_texture: Option<TextureInfo>,
+    sheen_roughness_texture: Option<Box<TextureInfo>>,
 });
 
 object!(Specular {
     specular_factor: Option<f32>,
-    specular_texture: Option<TextureInfo>,
+    specular_texture: Option<Box<TextureInfo>>,
     specular_color_factor: Option<[f32; 3]>,
-    specular_color_texture: Option<TextureInfo>,
+    specular_color_texture: Option<Box<TextureInfo>>,
 });
 
 object!(EmissiveStrength {
@@ -280,10 +306,10 @@ object!(EmissiveStrength {
 
 object!(SpecularGlossiness {
     diffuse_factor: Option<[f32; 4]>,
-    diffuse_texture: Option<TextureInfo>,
+    diffuse_texture: Option<Box<TextureInfo>>,
     specular_factor: Option<[f32; 3]>,
     glossiness_factor: Option<f32>,
-    specular_glossiness_texture: Option<TextureInfo>,
+    specular_glossiness_texture: Option<Box<TextureInfo>>,
 });
 
 object!(Texture {
@@ -312,12 +338,12 @@ object!(Camera {
     orthographic: Option<Orthographic>,
 });
 
-object!(Perspective {
+strict_object!(Perspective {
     yfov: f32,
     aspect_ratio: Option<f32>,
 });
 
-object!(Orthographic { xmag: f32, ymag: f32 });
+strict_object!(Orthographic { xmag: f32, ymag: f32 });
 
 object!(Skin {
     inverse_bind_matrices: Option<usize>,
@@ -341,3 +367,32 @@ object!(Spot {
     inner_cone_angle: f32,
     outer_cone_angle: Option<f32>,
 });
+
+/// No object takes more memory than this, so that the count of objects in a text bounds the memory of its document.
+pub(super) const OBJECT_BYTES_MAX: usize = 320;
+
+const _: () = {
+    let sizes = [
+        size_of::<Node>(),
+        size_of::<NodeExtensions>() + size_of::<Instancing>(),
+        size_of::<Mesh>(),
+        size_of::<Primitive>() + size_of::<Attributes>(),
+        size_of::<Material>(),
+        size_of::<MaterialExtensions>(),
+        size_of::<MetallicRoughness>(),
+        size_of::<SpecularGlossiness>(),
+        size_of::<Clearcoat>(),
+        size_of::<TextureInfo>(),
+        size_of::<Accessor>(),
+        size_of::<BufferView>(),
+        size_of::<Camera>(),
+        size_of::<Light>(),
+        size_of::<Image>(),
+        size_of::<Skin>(),
+    ];
+    let mut index = 0;
+    while index < sizes.len() {
+        assert!(sizes[index] <= OBJECT_BYTES_MAX);
+        index += 1;
+    }
+};

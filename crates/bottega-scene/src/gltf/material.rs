@@ -35,23 +35,32 @@ type Info<'a> = Option<&'a document::TextureInfo>;
 
 impl Converter<'_, '_> {
     fn convert(mut self, description: &document::Material) -> Result<Material, SceneError> {
-        let extensions = &description.extensions;
+        let no_extensions = document::MaterialExtensions::default();
+        let extensions = description.extensions.as_deref().unwrap_or(&no_extensions);
         let strength = extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength).unwrap_or(1.0);
         let strength = self.number("KHR_materials_emissive_strength", strength, 0.0, f32::MAX);
-        let emission =
-            self.color("emissiveFactor", description.emissive_factor, description.emissive_texture.as_ref(), f32::MAX)?;
+        let emission = self.color(
+            "emissiveFactor",
+            description.emissive_factor,
+            description.emissive_texture.as_deref(),
+            f32::MAX,
+        )?;
         let mut material = Material {
             name: description.name.clone(),
             alpha_mode: self.alpha_mode(description),
             emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
-            normal: self.normal("normalTexture", description.normal_texture.as_ref())?,
+            normal: self.normal("normalTexture", description.normal_texture.as_deref())?,
             double_sided: description.double_sided,
             unlit: extensions.unlit.is_some(),
             ..Material::default()
         };
         match &extensions.specular_glossiness {
             Some(description) => self.add_specular_glossiness(description, &mut material)?,
-            None => self.add_metallic_roughness(&description.pbr_metallic_roughness, &mut material)?,
+            None => {
+                let default = document::MetallicRoughness::default();
+                let description = description.pbr_metallic_roughness.as_deref();
+                self.add_metallic_roughness(description.unwrap_or(&default), &mut material)?;
+            }
         }
         if extensions.specular_glossiness.is_none() {
             self.add_dielectric(extensions, &mut material)?;
@@ -83,8 +92,9 @@ impl Converter<'_, '_> {
     ) -> Result<(), SceneError> {
         let [r, g, b, a] = description.base_color_factor.unwrap_or([1.0; 4]);
         material.alpha = self.number("baseColorFactor", a, 0.0, 1.0);
-        material.base_color = self.color("baseColorFactor", [r, g, b], description.base_color_texture.as_ref(), 1.0)?;
-        let texture = description.metallic_roughness_texture.as_ref();
+        material.base_color =
+            self.color("baseColorFactor", [r, g, b], description.base_color_texture.as_deref(), 1.0)?;
+        let texture = description.metallic_roughness_texture.as_deref();
         let metallic = description.metallic_factor.unwrap_or(1.0);
         material.metallic = self.scalar("metallicFactor", metallic, texture, Channel::B)?;
         let roughness = description.roughness_factor.unwrap_or(1.0);
@@ -102,8 +112,8 @@ impl Converter<'_, '_> {
     ) -> Result<(), SceneError> {
         let [r, g, b, a] = description.diffuse_factor.unwrap_or([1.0; 4]);
         material.alpha = self.number("diffuseFactor", a, 0.0, 1.0);
-        material.base_color = self.color("diffuseFactor", [r, g, b], description.diffuse_texture.as_ref(), 1.0)?;
-        let texture = description.specular_glossiness_texture.as_ref();
+        material.base_color = self.color("diffuseFactor", [r, g, b], description.diffuse_texture.as_deref(), 1.0)?;
+        let texture = description.specular_glossiness_texture.as_deref();
         let specular = description.specular_factor.unwrap_or([1.0; 3]);
         material.specular_color = self.color("specularFactor", specular, texture, 1.0)?;
         material.ior = 0.0;
@@ -130,15 +140,15 @@ impl Converter<'_, '_> {
         }
         if let Some(specular) = &extensions.specular {
             let factor = specular.specular_factor.unwrap_or(1.0);
-            let texture = specular.specular_texture.as_ref();
+            let texture = specular.specular_texture.as_deref();
             material.specular = self.scalar("KHR_materials_specular.specularFactor", factor, texture, Channel::A)?;
             let factor = specular.specular_color_factor.unwrap_or([1.0; 3]);
-            let texture = specular.specular_color_texture.as_ref();
+            let texture = specular.specular_color_texture.as_deref();
             material.specular_color =
                 self.color("KHR_materials_specular.specularColorFactor", factor, texture, f32::MAX)?;
         }
         if let Some(transmission) = &extensions.transmission {
-            let texture = transmission.transmission_texture.as_ref();
+            let texture = transmission.transmission_texture.as_deref();
             let factor = transmission.transmission_factor;
             let place = "KHR_materials_transmission.transmissionFactor";
             material.transmission = self.scalar(place, factor, texture, Channel::R)?;
@@ -169,19 +179,19 @@ impl Converter<'_, '_> {
     ) -> Result<(), SceneError> {
         if let Some(coat) = &extensions.clearcoat {
             let place = "KHR_materials_clearcoat.clearcoatFactor";
-            material.coat = self.scalar(place, coat.clearcoat_factor, coat.clearcoat_texture.as_ref(), Channel::R)?;
+            material.coat = self.scalar(place, coat.clearcoat_factor, coat.clearcoat_texture.as_deref(), Channel::R)?;
             let place = "KHR_materials_clearcoat.clearcoatRoughnessFactor";
-            let texture = coat.clearcoat_roughness_texture.as_ref();
+            let texture = coat.clearcoat_roughness_texture.as_deref();
             material.coat_roughness = self.scalar(place, coat.clearcoat_roughness_factor, texture, Channel::G)?;
             let place = "KHR_materials_clearcoat.clearcoatNormalTexture";
-            material.coat_normal = self.normal(place, coat.clearcoat_normal_texture.as_ref())?;
+            material.coat_normal = self.normal(place, coat.clearcoat_normal_texture.as_deref())?;
         }
         if let Some(sheen) = &extensions.sheen {
             let place = "KHR_materials_sheen.sheenColorFactor";
             material.sheen_color =
-                self.color(place, sheen.sheen_color_factor, sheen.sheen_color_texture.as_ref(), 1.0)?;
+                self.color(place, sheen.sheen_color_factor, sheen.sheen_color_texture.as_deref(), 1.0)?;
             let place = "KHR_materials_sheen.sheenRoughnessFactor";
-            let texture = sheen.sheen_roughness_texture.as_ref();
+            let texture = sheen.sheen_roughness_texture.as_deref();
             material.sheen_roughness = self.scalar(place, sheen.sheen_roughness_factor, texture, Channel::A)?;
         }
         Ok(())
@@ -234,8 +244,7 @@ impl Converter<'_, '_> {
     fn normal(&mut self, member: &str, texture: Info<'_>) -> Result<Option<(TextureMap, f32)>, SceneError> {
         let Some(info) = texture else { return Ok(None) };
         let scale = self.number(member, info.scale.unwrap_or(1.0), -f32::MAX, f32::MAX);
-        let map = self.texture(member, info, Use::Data)?;
-        Ok((!self.textures.is_missing(map.image)).then_some((map, scale)))
+        Ok(Some((self.texture(member, info, Use::Data)?, scale)))
     }
 
     fn texture(&mut self, member: &str, info: &document::TextureInfo, picture: Use) -> Result<TextureMap, SceneError> {

@@ -17,6 +17,7 @@ mod document;
 mod material;
 mod mesh;
 mod node;
+mod place;
 mod punctual;
 mod resource;
 mod skin;
@@ -86,10 +87,10 @@ pub(crate) fn import(
 ) -> Result<(Scene, Metadata), SceneError> {
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
-    let document = parse(path, parts.json)?;
+    let document = parse(path, parts.json, budget)?;
     check_version(path, &document)?;
     check_extensions(path, &document, warnings)?;
-    let buffers = resource::load_buffers(&document, path, parts.bin, digest)?;
+    let buffers = resource::load_buffers(&document, path, parts.bin, budget, digest)?;
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
     let source = Source { path, document: &document, buffers: &buffers, options, budget };
 
@@ -103,7 +104,9 @@ pub(crate) fn import(
         material_of.insert(index, materials.len() as u32);
         materials.push(material::convert(&source, index, &mut textures, warnings)?);
     }
-    let images = textures.load(digest, warnings)?;
+    let loaded = textures.load(digest, warnings)?;
+    loaded.remove_missing_normals(&mut materials);
+    let images = loaded.images;
     let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
     let mut scene = Scene { meshes, instances, materials, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
@@ -119,16 +122,19 @@ pub(crate) fn import(
     Ok((scene, metadata))
 }
 
-fn parse(path: &Path, json: &[u8]) -> Result<Document, SceneError> {
+fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {
+    let objects = json.iter().filter(|&&byte| byte == b'{').count();
+    budget.take(path, "", objects.saturating_mul(document::OBJECT_BYTES_MAX))?;
     serde_json::from_slice(json).map_err(|error| {
         let problem = error.to_string();
         // The position has fields of its own.
         let problem = problem.rsplit_once(" at line ").map_or(problem.as_str(), |(problem, _)| problem);
+        let (line, column) = (error.line(), error.column());
         SceneError::Json {
             path: path.into(),
-            line: error.line(),
-            column: error.column(),
-            place: String::new(),
+            line,
+            column,
+            place: place::place(json, place::offset(json, line, column)),
             problem: shortened(problem).into_owned(),
         }
     })

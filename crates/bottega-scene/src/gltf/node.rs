@@ -124,14 +124,15 @@ pub(super) fn placements(
     warnings: &mut Warnings,
 ) -> Result<Placements, SceneError> {
     let mut placements = Placements::default();
-    let mut number_of: BTreeMap<Shape, usize> = BTreeMap::new();
+    // `None`: not a surface.
+    let mut number_of: BTreeMap<Shape, Option<usize>> = BTreeMap::new();
     for &index in &hierarchy.nodes {
         let node = &source.document.nodes[index];
         let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
         let mesh = find("mesh", &source.document.meshes, mesh_index);
         let mesh = mesh.map_err(|problem| source.invalid(format!("nodes[{index}].mesh"), problem))?;
         // A skin says where its vertices are in the world; the node then has no say (glTF 2.0, section 3.7.3.3).
-        let transforms = match &node.extensions.instancing {
+        let transforms = match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
             _ if node.skin.is_some() => vec![DAffine3::IDENTITY],
             None => vec![world],
             Some(instancing) => instances(source, index, &instancing.attributes)?.iter().map(|&m| world * m).collect(),
@@ -141,15 +142,16 @@ pub(super) fn placements(
             let material = mesh.primitives[primitive].material;
             let weights = weights.map(|weights| weights.iter().map(|w| w.to_bits()).collect()).unwrap_or_default();
             let shape = Shape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
-            let shape = match number_of.get(&shape) {
+            let number = match number_of.get(&shape) {
                 Some(&number) => number,
-                None if !mesh::is_surface(source, &shape, warnings)? => continue,
                 None => {
-                    placements.shapes.push(shape.clone());
-                    number_of.insert(shape, placements.shapes.len() - 1);
-                    placements.shapes.len() - 1
+                    let number = mesh::is_surface(source, &shape, warnings)?.then_some(placements.shapes.len());
+                    placements.shapes.extend(number.map(|_| shape.clone()));
+                    number_of.insert(shape, number);
+                    number
                 }
             };
+            let Some(shape) = number else { continue };
             source.budget.take(source.path, "nodes", transforms.len() * size_of::<Instance>())?;
             let place = |&world_from_object| Placement { shape, node: index, world_from_object };
             placements.list.extend(transforms.iter().map(place));

@@ -2,7 +2,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use glam::{DAffine3, DMat3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::accessor::find;
 use super::node::Hierarchy;
@@ -83,7 +83,8 @@ pub(super) fn add_lights(
     let lights = source.document.extensions.lights.as_ref().map_or(&[][..], |lights| &lights.lights);
     for &index in &hierarchy.nodes {
         let node = &source.document.nodes[index];
-        let (Some(light), Some(world)) = (&node.extensions.light, hierarchy.world_from_node[index]) else { continue };
+        let light = node.extensions.as_ref().and_then(|extensions| extensions.light.as_ref());
+        let (Some(light), Some(world)) = (light, hierarchy.world_from_node[index]) else { continue };
         let description = find("light", lights, light.light).map_err(|problem| {
             source.invalid(format!("nodes[{index}].extensions.KHR_lights_punctual.light"), problem)
         })?;
@@ -106,7 +107,7 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> 
         return Err(format!("a light of the colour {power} cannot be"));
     }
     let position = world.translation.as_vec3();
-    let direction = (-world.matrix3.z_axis).try_normalize().map(|direction| direction.as_vec3());
+    let direction = (-world.matrix3.z_axis).try_normalize().map(DVec3::as_vec3);
     if !position.is_finite() {
         return Err("its position is not finite".into());
     }

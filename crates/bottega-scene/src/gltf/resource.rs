@@ -10,6 +10,7 @@ use super::document::Document;
 use super::shortened;
 use crate::SceneError;
 use crate::file::read_file;
+use crate::load::MemoryBudget;
 
 /// Where the bytes of a reference are.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,6 +119,7 @@ pub(super) fn load_buffers<'a>(
     document: &Document,
     path: &Path,
     bin: Option<&'a [u8]>,
+    budget: &MemoryBudget,
     digest: &mut blake3::Hasher,
 ) -> Result<Vec<Cow<'a, [u8]>>, SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -129,7 +131,7 @@ pub(super) fn load_buffers<'a>(
             (Some(uri), _) => match resolve(folder, uri).map_err(|bad| bad.error(path, place(), uri))? {
                 Reference::Data(bytes) => Cow::Owned(bytes),
                 Reference::File(file) => {
-                    let bytes = read_file(&file)?;
+                    let bytes = read_file(&file, budget)?;
                     digest.update(blake3::hash(&bytes).as_bytes());
                     Cow::Owned(bytes)
                 }

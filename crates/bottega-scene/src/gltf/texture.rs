@@ -13,7 +13,7 @@ use super::{Source, document, shortened};
 use crate::error::Warnings;
 use crate::file::read_file;
 use crate::image::{Decoded, Encoding, Header, PictureFault};
-use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
+use crate::{Image, ImageId, Material, SceneError, TextureMap, Wrap};
 
 /// What a picture is used for. A picture with several uses is decoded once and kept once for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,10 +59,10 @@ impl<'a> Textures<'a> {
             find("image", &document.images, image).map_err(invalid)?;
         } else {
             let message =
-                format!("texture {} has no picture in a format that can be read; magenta stands for it", info.index);
+                format!("texture {} has no picture in a format that can be read; {STANDS_FOR_MISSING}", info.index);
             warnings.add(place, message);
         }
-        let transform = info.extensions.transform.as_ref();
+        let transform = info.extensions.transform.as_deref();
         let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
             warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
@@ -85,7 +85,7 @@ impl<'a> Textures<'a> {
     }
 
     /// Decodes every picture that was asked for, all limits checked before the first one.
-    pub(super) fn load(self, digest: &mut blake3::Hasher, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
+    pub(super) fn load(self, digest: &mut blake3::Hasher, warnings: &mut Warnings) -> Result<LoadedImages, SceneError> {
         // Each picture with its uses, in the order of the document.
         let mut uses: BTreeMap<usize, Vec<(Use, usize)>> = BTreeMap::new();
         for (number, &(image, picture)) in self.wanted.iter().enumerate() {
@@ -110,23 +110,47 @@ impl<'a> Textures<'a> {
         for (index, uses, loaded) in loaded {
             match loaded {
                 Ok(loaded) => {
-                    loaded.digest.iter().for_each(|hash| {
+                    if let Some(hash) = loaded.digest {
                         digest.update(hash.as_bytes());
-                    });
+                    }
                     for ((_, number), image) in uses.iter().zip(loaded.images) {
                         images[*number] = Some(image);
                     }
                 }
-                Err(problem) => warnings.add(format!("images[{index}]"), format!("{problem}; magenta stands for it")),
+                Err(problem) => warnings.add(format!("images[{index}]"), format!("{problem}; {STANDS_FOR_MISSING}")),
             }
         }
-        let finish = |(number, image): (usize, Option<Image>)| {
-            image.unwrap_or_else(|| match self.wanted[number].0 {
-                Some(index) => Image::missing(name(source, index)),
-                None => Image::missing("no picture"),
+        let is_missing = images.iter().map(Option::is_none).collect();
+        let finish = |(image, (index, picture)): (Option<Image>, &(Option<usize>, Use))| {
+            let name = || index.map_or_else(|| "no picture".into(), |index| name(source, index));
+            image.unwrap_or_else(|| match picture {
+                Use::Color => Image::missing(name()),
+                // Left to the factors that numbers are multiplied with.
+                Use::Data | Use::RoughnessOfGlossiness { .. } => Image::from_gray8(name(), 1, 1, vec![255], false),
             })
         };
-        Ok(images.into_iter().enumerate().map(finish).collect())
+        let images = images.into_iter().zip(&self.wanted).map(finish).collect();
+        Ok(LoadedImages { images, is_missing })
+    }
+}
+
+const STANDS_FOR_MISSING: &str = "magenta stands for its colours, 1 for its numbers";
+
+/// The pictures of a scene.
+pub(super) struct LoadedImages {
+    pub(super) images: Vec<Image>,
+    /// For each, whether something stands for it because it could not be read.
+    is_missing: Vec<bool>,
+}
+
+impl LoadedImages {
+    /// Removes normal maps that could not be read: what stands for them would bend the surface.
+    pub(super) fn remove_missing_normals(&self, materials: &mut [Material]) {
+        let is_there = |(map, _): &(TextureMap, f32)| !self.is_missing[map.image.0 as usize];
+        for material in materials {
+            material.normal = material.normal.take().filter(is_there);
+            material.coat_normal = material.coat_normal.take().filter(is_there);
+        }
     }
 }
 
@@ -176,7 +200,7 @@ fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError>
     let folder = source.path.parent().unwrap_or(Path::new(""));
     match resolve(folder, uri).map_err(|bad| bad.error(source.path, place(), uri))? {
         Reference::Data(bytes) => Ok(Ok((Cow::Owned(bytes), false))),
-        Reference::File(file) => match read_file(&file) {
+        Reference::File(file) => match read_file(&file, source.budget) {
             Ok(bytes) => Ok(Ok((Cow::Owned(bytes), true))),
             Err(SceneError::Read { path, source }) => Ok(Err(format!("cannot read `{}` ({source})", path.display()))),
             Err(error) => Ok(Err(error.to_string())),
@@ -243,12 +267,5 @@ fn make(decoded: Decoded, name: &str, picture: Use) -> Image {
             let (width, height, alpha) = decoded.into_alpha8();
             Image::from_gray8(name, width, height, alpha.into_iter().map(roughness).collect(), false)
         }
-    }
-}
-
-impl Textures<'_> {
-    /// Whether an image stands for a texture without picture.
-    pub(super) fn is_missing(&self, image: ImageId) -> bool {
-        self.wanted[image.0 as usize].0.is_none()
     }
 }

@@ -75,8 +75,8 @@ fn wrapped(x: f32, wrap: Wrap) -> f32 {
             let phase = 2.0 * fraction(0.5 * x);
             if phase > 1.0 { 2.0 - phase } else { phase }
         }
-        // Written so that NaN becomes 0.
-        Wrap::Clamp => x.max(0.0).min(1.0),
+        Wrap::Clamp if x.is_nan() => 0.0,
+        Wrap::Clamp => x.clamp(0.0, 1.0),
     }
 }
 

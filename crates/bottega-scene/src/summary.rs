@@ -1,0 +1,85 @@
+//! A scene in a few numbers, for people.
+
+use glam::Vec3;
+
+use crate::{LightKind, Loaded, Metadata, Projection, Scene};
+
+/// What a scene is made of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneSummary {
+    /// What the file says of itself.
+    pub metadata: Metadata,
+    /// BLAKE3 of all the bytes that were read, hexadecimal.
+    pub digest: String,
+    /// Shapes that instances place.
+    pub mesh_count: usize,
+    /// Placed meshes.
+    pub instance_count: usize,
+    /// Triangles of all instances.
+    pub triangle_count: u64,
+    /// Triangles in memory: those of an instanced mesh count once.
+    pub stored_triangle_count: u64,
+    /// Analytic spheres.
+    pub sphere_count: usize,
+    /// Least and greatest coordinates, world space.
+    pub bounds: (Vec3, Vec3),
+    /// Bytes that meshes, instances and pictures take.
+    pub memory_bytes: usize,
+    /// Name and kind.
+    pub cameras: Vec<(String, &'static str)>,
+    /// Names, with `*` for those that shine.
+    pub materials: Vec<String>,
+    /// Name and kind; emissive surfaces are with the materials.
+    pub lights: Vec<(String, &'static str)>,
+    /// Name, columns, rows and bytes.
+    pub images: Vec<(String, u32, u32, usize)>,
+    /// Name of the environment's picture; empty when it has none.
+    pub environment: Option<String>,
+}
+
+impl SceneSummary {
+    /// Looks a scene over.
+    pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
+        let environment = scene.environment.as_ref().map(|environment| {
+            environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
+        });
+        let camera_kind = |projection: &Projection| match projection {
+            Projection::Perspective { .. } => "perspective",
+            Projection::Orthographic { .. } => "orthographic",
+        };
+        let light_kind = |kind: &LightKind| match kind {
+            LightKind::Point { .. } => "point",
+            LightKind::Spot { .. } => "spot",
+            LightKind::Directional { .. } => "directional",
+        };
+        let material_name = |(index, material): (usize, &crate::Material)| {
+            let name = if material.name.is_empty() { format!("material {index}") } else { material.name.clone() };
+            if material.is_emissive() { name + "*" } else { name }
+        };
+        Self {
+            metadata: metadata.clone(),
+            digest: scene.digest.clone(),
+            mesh_count: scene.meshes.len(),
+            instance_count: scene.instances.len(),
+            triangle_count: scene.triangle_count(),
+            stored_triangle_count: scene.meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum(),
+            sphere_count: scene.spheres.len(),
+            bounds: scene.bounds(),
+            memory_bytes: scene.memory_bytes(),
+            cameras: scene.cameras.iter().map(|c| (c.name.clone(), camera_kind(&c.projection))).collect(),
+            materials: scene.materials.iter().enumerate().map(material_name).collect(),
+            lights: scene.lights.iter().map(|light| (light.name.clone(), light_kind(&light.kind))).collect(),
+            images: (scene.images.iter())
+                .map(|image| (image.name.clone(), image.size().0, image.size().1, image.memory_bytes()))
+                .collect(),
+            environment,
+        }
+    }
+}
+
+impl Loaded {
+    /// Looks the scene over.
+    pub fn summary(&self) -> SceneSummary {
+        SceneSummary::new(&self.scene, &self.metadata)
+    }
+}

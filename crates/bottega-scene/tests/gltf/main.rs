@@ -1,0 +1,10 @@
+//! The glTF importer, through its front door: files in, scenes or errors out.
+
+mod bad_input;
+mod fuzz;
+mod geometry;
+mod materials;
+mod sample_scenes;
+mod size;
+mod support;
+mod view;

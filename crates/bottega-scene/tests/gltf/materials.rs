@@ -1,0 +1,216 @@
+//! Materials, textures and pictures.
+
+use bottega_scene::{AlphaMode, Material, Wrap};
+use glam::{Vec2, Vec3};
+use serde_json::{Value, json};
+
+use crate::support::{File, png, warns};
+
+fn material(description: &Value) -> Material {
+    File::textured(description).load().scene.materials.remove(0)
+}
+
+fn with_extension(name: &str, extension: &Value) -> Material {
+    material(&json!({"extensions": {name: extension}}))
+}
+
+#[test]
+fn the_default_material_is_that_of_the_specification() {
+    for material in [material(&json!({})), File::triangle().load().scene.materials.remove(0)] {
+        assert_eq!((material.base_color.factor, material.alpha), (Vec3::ONE, 1.0));
+        assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 1.0));
+        assert_eq!((material.ior, material.specular.factor, material.transmission.factor), (1.5, 1.0, 0.0));
+        assert_eq!((material.alpha_mode, material.double_sided, material.thin), (AlphaMode::Opaque, false, false));
+        assert_eq!((material.emission.factor, material.coat.factor), (Vec3::ZERO, 0.0));
+    }
+}
+
+#[test]
+fn factors_and_channels_are_those_of_the_specification() {
+    let mut file = File::textured(&json!({
+        "name": "everything",
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "baseColorTexture": {"index": 0},
+            "metallicFactor": 0.5, "roughnessFactor": 0.6, "metallicRoughnessTexture": {"index": 0},
+        },
+        "normalTexture": {"index": 0, "scale": 0.7},
+        "emissiveFactor": [0.5, 0.25, 0], "emissiveTexture": {"index": 0, "texCoord": 1},
+        "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": true,
+        "extensions": {
+            "KHR_materials_emissive_strength": {"emissiveStrength": 8},
+            "KHR_materials_transmission": {"transmissionFactor": 0.9, "transmissionTexture": {"index": 0}},
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 0.8, "clearcoatTexture": {"index": 0},
+                "clearcoatRoughnessFactor": 0.3, "clearcoatRoughnessTexture": {"index": 0},
+                "clearcoatNormalTexture": {"index": 0, "scale": 2},
+            },
+            "KHR_materials_sheen": {
+                "sheenColorFactor": [0.9, 0.8, 0.7], "sheenColorTexture": {"index": 0},
+                "sheenRoughnessFactor": 0.2, "sheenRoughnessTexture": {"index": 0},
+            },
+            "KHR_materials_specular": {
+                "specularFactor": 0.35, "specularTexture": {"index": 0},
+                "specularColorFactor": [2, 1, 0.5], "specularColorTexture": {"index": 0},
+            },
+            "KHR_materials_ior": {"ior": 1.33},
+        },
+    }));
+    // sRGB 188 is half as bright as white.
+    file.texture(&png(1, 1, &[[255, 188, 51, 102]]));
+    let scene = file.load().scene;
+    let material = &scene.materials[0];
+    assert_eq!(scene.images.len(), 2, "the picture is used for colours and for numbers");
+    let uvs = [Vec2::ZERO; 2];
+    let color = |param: &bottega_scene::ColorParam| param.eval(&scene, uvs, 0.0);
+    let scalar = |param: &bottega_scene::ScalarParam| param.eval(&scene, uvs, 0.0);
+    let half = 0.502886;
+    let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-4;
+    assert!(close(color(&material.base_color), Vec3::new(0.1, 0.2 * half, 0.3 * 0.0331)));
+    assert!(close(color(&material.emission), Vec3::new(4.0, 2.0 * half, 0.0)));
+    assert!(close(color(&material.sheen_color), Vec3::new(0.9, 0.8 * half, 0.7 * 0.0331)));
+    assert!(close(color(&material.specular_color), Vec3::new(2.0, half, 0.5 * 0.0331)));
+    let scalars = [
+        (&material.metallic, 0.5 * 0.2),
+        (&material.roughness, 0.6 * 188.0 / 255.0),
+        (&material.transmission, 0.9),
+        (&material.coat, 0.8),
+        (&material.coat_roughness, 0.3 * 188.0 / 255.0),
+        (&material.sheen_roughness, 0.2 * 0.4),
+        (&material.specular, 0.35 * 0.4),
+    ];
+    for (param, expected) in scalars {
+        assert!((scalar(param) - expected).abs() < 1e-5, "{param:?}");
+    }
+    assert_eq!((material.alpha_mode, material.alpha), (AlphaMode::Mask { cutoff: 0.25 }, 0.4));
+    // 0.4 × 0.4 is below the cutoff; twice that is not.
+    assert_eq!(material.opacity(&scene, uvs, 0.0, 1.0), 0.0);
+    assert_eq!(material.opacity(&scene, uvs, 0.0, 2.0), 1.0);
+    assert_eq!(material.emission.texture.as_ref().map(|map| map.uv_set), Some(1));
+    assert_eq!(material.normal.as_ref().map(|normal| normal.1), Some(0.7));
+    assert_eq!(material.coat_normal.as_ref().map(|normal| normal.1), Some(2.0));
+    assert_eq!((material.ior, material.double_sided, material.thin), (1.33, true, true));
+    assert_eq!(material.name, "everything");
+}
+
+#[test]
+fn a_volume_is_solid_when_it_is_thick() {
+    let transmission = json!({"transmissionFactor": 1});
+    let volume = |volume: Value| {
+        let extensions = json!({"KHR_materials_transmission": transmission, "KHR_materials_volume": volume});
+        material(&json!({"extensions": extensions}))
+    };
+    let color = json!([0.5, 0.6, 0.7]);
+    let solid = volume(json!({"thicknessFactor": 0.1, "attenuationDistance": 3, "attenuationColor": color}));
+    assert_eq!((solid.thin, solid.attenuation_distance), (false, 3.0));
+    assert_eq!(solid.attenuation_color, Vec3::new(0.5, 0.6, 0.7));
+    let sheet = volume(json!({"attenuationDistance": 3}));
+    assert_eq!((sheet.thin, sheet.attenuation_distance), (true, f32::INFINITY));
+    assert_eq!(volume(json!({"thicknessFactor": 1})).attenuation_distance, f32::INFINITY);
+    assert!(with_extension("KHR_materials_transmission", &transmission).thin);
+}
+
+#[test]
+fn an_ior_of_zero_reflects_everything_and_others_below_one_do_not_exist() {
+    assert_eq!(with_extension("KHR_materials_ior", &json!({"ior": 0})).ior, 0.0);
+    assert_eq!(with_extension("KHR_materials_ior", &json!({})).ior, 1.5);
+    let loaded = File::textured(&json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}})).load();
+    assert_eq!(loaded.scene.materials[0].ior, 1.0);
+    assert!(warns(&loaded, &["materials[0].KHR_materials_ior.ior", "0.5"]));
+}
+
+#[test]
+fn unlit_and_blend_are_read() {
+    let unlit = with_extension("KHR_materials_unlit", &json!({}));
+    assert!(unlit.unlit && unlit.is_emissive());
+    assert_eq!(material(&json!({"alphaMode": "BLEND"})).alpha_mode, AlphaMode::Blend);
+    assert_eq!(material(&json!({"alphaMode": "MASK"})).alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
+}
+
+#[test]
+fn factors_out_of_range_are_brought_back_with_a_warning() {
+    let loaded = File::textured(&json!({"pbrMetallicRoughness": {"metallicFactor": 7, "roughnessFactor": -1}})).load();
+    let material = &loaded.scene.materials[0];
+    assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 0.0));
+    assert!(warns(&loaded, &["materials[0].metallicFactor", "7"]));
+    assert!(warns(&loaded, &["materials[0].roughnessFactor", "-1"]));
+}
+
+#[test]
+fn specular_glossiness_becomes_a_dielectric_with_that_reflectance() {
+    let mut file = File::textured(&json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.1, 0.2, 0.3, 0.5], "specularFactor": [0.4, 0.5, 0.6], "glossinessFactor": 0.8,
+        "specularGlossinessTexture": {"index": 0},
+    }}}));
+    file.texture(&png(1, 1, &[[255, 255, 255, 51]]));
+    let scene = file.load().scene;
+    let material = &scene.materials[0];
+    assert_eq!((material.base_color.factor, material.alpha), (Vec3::new(0.1, 0.2, 0.3), 0.5));
+    assert_eq!((material.metallic.factor, material.ior), (0.0, 0.0));
+    let uvs = [Vec2::ZERO; 2];
+    assert_eq!(material.specular_color.eval(&scene, uvs, 0.0), Vec3::new(0.4, 0.5, 0.6));
+    assert!((material.roughness.eval(&scene, uvs, 0.0) - (1.0 - 0.8 * 0.2)).abs() < 0.003);
+}
+
+#[test]
+fn samplers_and_texture_transforms_are_read() {
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
+        "offset": [0.5, 0.25], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2, 4], "texCoord": 1,
+    }}}}));
+    file.texture(&png(1, 1, &[[1, 2, 3, 255]]));
+    file.json["textures"][0]["sampler"] = json!(0);
+    file.json["samplers"] = json!([{"magFilter": 9728, "wrapS": 33071, "wrapT": 33648}]);
+    let material = file.load().scene.materials.remove(0);
+    let map = material.emission.texture.unwrap();
+    assert_eq!((map.uv_set, map.wrap_u, map.wrap_v, map.smooth), (1, Wrap::Clamp, Wrap::Mirror, false));
+    // Scaled to (2, 0), turned to point up in the picture, which is −v, and moved.
+    let at = map.picture_from_uv.transform_point2(Vec2::X);
+    assert!((at - Vec2::new(0.5, 0.25 - 2.0)).length() < 1e-6, "{at}");
+    let at = map.picture_from_uv.transform_point2(Vec2::Y);
+    assert!((at - Vec2::new(0.5 + 4.0, 0.25)).length() < 1e-6, "{at}");
+}
+
+#[test]
+fn pictures_are_shared_between_materials_and_loaded_only_when_used() {
+    let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
+    let texture = json!({"index": 0});
+    file.json["materials"] = json!([
+        {"emissiveTexture": texture}, {"normalTexture": {"index": 2}}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}},
+    ]);
+    let picture = png(2, 1, &[[255; 4], [0; 4]]);
+    file.texture(&picture);
+    file.json["textures"] = json!([{"source": 0}, {"source": 0}, {"source": 1}]);
+    file.json["images"] = json!([file.json["images"][0], {"uri": "this is missing.png"}]);
+    let mut second = file.json["meshes"][0]["primitives"][0].clone();
+    second["material"] = json!(2);
+    file.primitive(second);
+    let loaded = file.load();
+    let scene = &loaded.scene;
+    assert_eq!(scene.images.iter().filter(|image| image.name != "neutral sky").count(), 1);
+    assert_eq!(scene.materials.len(), 2, "nothing has the second material");
+    assert!(!warns(&loaded, &["missing.png"]));
+}
+
+#[test]
+fn pictures_that_cannot_be_read_are_replaced() {
+    let mut file = File::textured(&json!({
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}},
+        "normalTexture": {"index": 0},
+    }));
+    let broken = png(4, 4, &[[7; 4]; 16]);
+    file.texture(&broken[..broken.len() / 2]);
+    for image in
+        [file.json["images"][0].clone(), json!({"uri": "missing.png"}), json!({"uri": "data:,no picture"}), json!({})]
+    {
+        file.json["images"] = json!([image]);
+        let loaded = file.load();
+        let material = &loaded.scene.materials[0];
+        let uvs = [Vec2::ZERO; 2];
+        assert_eq!(material.base_color.eval(&loaded.scene, uvs, 0.0), Vec3::new(1.0, 0.0, 1.0), "{image}");
+        assert_eq!(material.roughness.eval(&loaded.scene, uvs, 0.0), 1.0);
+        assert!(material.normal.is_none());
+        assert!(warns(&loaded, &["images[0]", "magenta"]), "{image}: {:?}", loaded.warnings);
+    }
+    // The file that is there but for its picture format.
+    file.json["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    assert!(warns(&file.load(), &["materials[0]", "texture 0", "magenta"]));
+}
