@@ -73,9 +73,7 @@ pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), Gpu
             let (info, adapter) = found.swap_remove(index);
             Ok((adapter, info))
         }
-        (None, Some(wanted)) => {
-            Err(GpuError::UnknownAdapter { wanted: wanted.to_owned(), found: names(&found) })
-        }
+        (None, Some(wanted)) => Err(GpuError::UnknownAdapter { wanted: wanted.to_owned(), found: names(&found) }),
         (None, None) => Err(GpuError::SoftwareOnly(names(&found))),
     }
 }

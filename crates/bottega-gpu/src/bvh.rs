@@ -40,7 +40,8 @@ struct Bounds {
 }
 
 impl Bounds {
-    const EMPTY: Self = Self { min: Vec3::splat(3e38), max: Vec3::splat(-3e38) };
+    /// Beyond all that is in a scene, yet not so far that the shader's products overflow.
+    const EMPTY: Self = Self { min: Vec3::splat(1e13), max: Vec3::splat(-1e13) };
 
     fn union(self, (min, max): (Vec3, Vec3)) -> Self {
         Self { min: self.min.min(min), max: self.max.max(max) }

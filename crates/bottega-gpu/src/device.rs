@@ -55,7 +55,8 @@ impl DeviceRay {
         let d = ray.direction / scale;
         let (t_min, t_max) = ((ray.t_min * scale).max(0.0), (ray.t_max * scale).min(Self::FAR));
         // Beyond 10¹² the shader's products would overflow; nothing that it holds is as far out.
-        let usable = o.abs().max_element() < 1e12 && d.is_finite() && d.length_squared() > 0.0 && t_min < t_max;
+        let bounded = o.is_finite() && o.abs().max_element() < 1e12 && !ray.t_min.is_nan() && !ray.t_max.is_nan();
+        let usable = bounded && d.is_finite() && d.length_squared() > 0.0 && t_min < t_max;
         if usable { Self([o.x, o.y, o.z, t_min, d.x, d.y, d.z, t_max]) } else { Self::NEVER }
     }
 }
@@ -63,7 +64,7 @@ impl DeviceRay {
 /// The size that is taken out of a direction whose length is far from 1; then `t` on the device is `t · scale`.
 pub(crate) fn direction_scale(ray: &Ray) -> f32 {
     let size = ray.direction.abs().max_element();
-    if (1e-3..=1e3).contains(&size) || !(size > 1e-30 && size < 1e30) { 1.0 } else { size }
+    if (1e-3..=1e3).contains(&size) || size == 0.0 || !size.is_finite() { 1.0 } else { size }
 }
 
 /// What the driver said out of turn.
@@ -334,6 +335,7 @@ mod tests {
                 for ray in rays {
                     let DeviceRay(numbers) = DeviceRay::of(&ray);
                     assert!(numbers.iter().all(|number| number.is_finite()), "{ray:?} → {numbers:?}");
+                    assert!(numbers[4..7].iter().all(|number| number.abs() <= 1e3), "{ray:?} → {numbers:?}");
                 }
             }
         }
@@ -345,7 +347,8 @@ mod tests {
         let ray = Ray::new(Vec3::ZERO, Vec3::X);
         assert!(!never(ray));
         assert!(never(Ray { t_min: 2.0, t_max: 2.0, ..ray }));
-        assert!(never(Ray { t_max: f32::NAN, t_min: f32::NAN, ..ray }) || never(Ray { t_max: -1.0, ..ray }));
+        assert!(never(Ray { t_max: f32::NAN, ..ray }) && never(Ray { t_min: f32::NAN, ..ray }));
+        assert!(never(Ray { t_max: -1.0, ..ray }));
         assert!(never(Ray { direction: Vec3::ZERO, ..ray }));
         assert!(never(Ray { origin: Vec3::NAN, ..ray }));
     }

@@ -98,7 +98,10 @@ fn check(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Result<
     }
     for (instance, index) in instances.iter().zip(0_usize..) {
         if instance.mesh as usize >= meshes.len() {
-            return Err(GpuError::Invalid(format!("instance {index} names mesh {}, which is not there", instance.mesh)));
+            return Err(GpuError::Invalid(format!(
+                "instance {index} names mesh {}, which is not there",
+                instance.mesh
+            )));
         }
     }
     Ok(())
