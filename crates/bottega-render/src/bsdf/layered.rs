@@ -118,8 +118,9 @@ impl Bsdf {
         (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
     }
 
-    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within a few percent for
-    /// reflection, an estimate for what goes through, and too much under a coat with a normal of its own.
+    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within two percent for
+    /// what is reflected by a base without coat and sheen, up to a tenth or so too much below these, and an estimate of
+    /// what goes through.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
         if !is_above(wo) {
             return Spectrum::ZERO;
