@@ -37,10 +37,11 @@ enum Lobe {
     Cosine,
     CosineThrough,
     Coat,
-    Sheen,
+    /// Sheen, and cosine lobes that are mostly near the horizon.
+    Uniform,
 }
 
-const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Sheen];
+const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Uniform];
 
 impl Bsdf {
     /// The scattering of paths from the camera.
@@ -91,7 +92,7 @@ impl Bsdf {
         let drawn = match lobe {
             Lobe::Interface => self.base.interface.sample(wo, u_rest, u, self.mode)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
-            Lobe::Sheen => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
+            Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Coat => self.coat?.sample(wo, u)?,
             Lobe::CosineThrough => Drawn {
                 wi: -warp::cosine_hemisphere(u),
@@ -161,7 +162,7 @@ impl Bsdf {
 
     /// Sums of all lobes but Dirac ones.
     fn mixture(&self, wo: Vec3, wi: Vec3, profile: &Profile, chances: &[f32; 5]) -> (Spectrum, f32) {
-        let [interface, cosine, cosine_through, coat, sheen] = *chances;
+        let [interface, cosine, cosine_through, coat, uniform] = *chances;
         let other = self.on_side_of(wi);
         let (facets, facets_pdf) = self.base.interface.eval_pdf(wo, wi, self.mode);
         let (diffuse, diffuse_chance) = if wi.z > 0.0 {
@@ -172,7 +173,11 @@ impl Bsdf {
         };
         let mut value = (facets + diffuse) * passed(profile, &other);
         let mut pdf = interface * facets_pdf + diffuse_chance * warp::cosine_hemisphere_pdf(wi.z.abs());
-        if wi.z < 0.0 || self.base.inside {
+        if wi.z < 0.0 {
+            return (value, pdf);
+        }
+        pdf += uniform * warp::UNIFORM_HEMISPHERE_PDF;
+        if self.base.inside {
             return (value, pdf);
         }
         if let Some(layer) = &self.coat {
@@ -182,7 +187,6 @@ impl Bsdf {
         }
         if let Some(layer) = &self.sheen {
             value += layer.eval(wo, wi);
-            pdf += sheen * warp::UNIFORM_HEMISPHERE_PDF;
         }
         (value, pdf)
     }
@@ -211,7 +215,8 @@ impl Bsdf {
         let below = profile.coat * profile.sheen;
         let coat = Spectrum::splat(profile.sheen * (1.0 - profile.coat));
         let sheen = self.sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
-        (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, sheen])
+        let uniform = below * albedo.grazing + sheen;
+        (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, uniform])
     }
 }
 

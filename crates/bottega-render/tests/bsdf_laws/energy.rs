@@ -158,3 +158,19 @@ fn sampling_and_quadrature_of_eval_see_the_same_light() {
         assert!(((sum - mean).abs() - 4.0 * error).max_element() < 0.004, "{sum} {mean} ± {error}; {params:?}");
     }
 }
+
+#[test]
+fn no_sample_weighs_much_more_than_its_fellows() {
+    let mut uniform = Uniform::new(70);
+    for _ in 0..1000 {
+        let params = uniform.material();
+        let bsdf = bsdf_of(&params);
+        for cos in [0.9, 0.4, 0.1, 0.03] {
+            for _ in 0..100 {
+                let Some(sample) = bsdf.sample(at(cos, 0.0), uniform.next(), uniform.pair()) else { continue };
+                // The heaviest are of narrow sheen near the horizon.
+                assert!(sample.weight().max_element() < 40.0, "cos {cos}: {sample:?}; {params:?}");
+            }
+        }
+    }
+}
