@@ -36,7 +36,7 @@ impl Coat {
         })
     }
 
-    fn to_coat(&self, w: Vec3) -> Vec3 {
+    fn in_coat(&self, w: Vec3) -> Vec3 {
         self.tilted.map_or(w, |frame| frame.to_local(w))
     }
 
@@ -48,7 +48,7 @@ impl Coat {
 
     /// f and density of a rough coat; nothing of a smooth one. Both directions above the surface.
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
-        let (o, i) = (self.to_coat(wo), self.to_coat(wi));
+        let (o, i) = (self.in_coat(wo), self.in_coat(wi));
         if self.ggx.is_smooth() || o.z <= 0.0 || i.z <= 0.0 {
             return (0.0, 0.0);
         }
@@ -64,7 +64,7 @@ impl Coat {
 
     /// `None`: the light goes on between the facets.
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Option<Drawn> {
-        let o = self.to_coat(wo);
+        let o = self.in_coat(wo);
         if o.z <= 0.0 {
             return None;
         }
