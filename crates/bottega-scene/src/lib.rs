@@ -9,6 +9,7 @@
 mod camera;
 mod error;
 mod file;
+mod framing;
 mod gltf;
 mod image;
 mod light;

@@ -61,6 +61,9 @@ pub struct Metadata {
 
 /// Reads a scene. The format is known by the first bytes, or by the extension of the name.
 ///
+/// Lights keep the numbers of the file: of glTF, candela counts as W·sr⁻¹, lux as W·m⁻², and the emissive factor as
+/// radiance, so that all of them keep their balance.
+///
 /// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
 /// guessed or left out is in the warnings.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
