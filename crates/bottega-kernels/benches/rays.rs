@@ -147,7 +147,8 @@ fn main() {
     let mut ratios = Vec::new();
     for scene in &scenes {
         let own = |name: &str, precision| {
-            Own::build(name, scene, &BuildOptions { threads, precision }).expect("the scene is sound")
+            Own::build(name, scene, &BuildOptions { threads, precision, ..BuildOptions::default() })
+                .expect("the scene is sound")
         };
         let (robust, fast) = (own("bottega robust", Precision::Robust), own("bottega fast", Precision::Fast));
         let rays = RaySets::new(robust.accel(), scene, side);
@@ -172,6 +173,9 @@ fn main() {
         let ratio: [f64; 4] = std::array::from_fn(|kind| rows[0].mrays[kind] / best(kind));
         println!("{}  robust / best peer: {ratio:.2?}\n", table(scene, &rows));
         ratios.push(ratio);
+    }
+    if alone {
+        return;
     }
     let mean = |kind: usize| ratios.iter().map(|r| r[kind].ln()).sum::<f64>() / ratios.len() as f64;
     println!("geometric mean of robust / best peer: {:.2?}", [0, 1, 2, 3].map(|kind| mean(kind).exp()));

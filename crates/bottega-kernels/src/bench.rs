@@ -21,6 +21,10 @@ pub trait RayKernel {
     fn closest(&self, rays: &[Ray]) -> (usize, f64);
     /// Returns how many rays hit anything.
     fn any(&self, rays: &[Ray]) -> usize;
+    /// Nodes and leaves visited by an average ray, where the kernel can tell. Does not depend on the machine.
+    fn steps(&self, _rays: &[Ray]) -> Option<f64> {
+        None
+    }
     /// How long it took to build.
     fn build_time(&self) -> Duration;
     /// Bytes that traversal needs, all in.
@@ -63,6 +67,16 @@ impl RayKernel for Own {
 
     fn any(&self, rays: &[Ray]) -> usize {
         rays.iter().filter(|ray| self.accel.occluded(ray)).count()
+    }
+
+    fn steps(&self, rays: &[Ray]) -> Option<f64> {
+        let mut steps = 0u64;
+        for ray in rays {
+            let mut count = 0;
+            self.accel.intersect_counted(ray, &mut count);
+            steps += u64::from(count);
+        }
+        Some(steps as f64 / rays.len().max(1) as f64)
     }
 
     fn build_time(&self) -> Duration {
@@ -166,6 +180,8 @@ pub struct Row {
     pub build_time: Duration,
     /// Bytes a triangle, all in.
     pub bytes_per_triangle: f64,
+    /// Nodes and leaves that an average diffuse ray visits.
+    pub steps: Option<f64>,
 }
 
 /// Names of the columns of [`Row::mrays`].
@@ -191,6 +207,7 @@ pub fn measure(scene: &BenchScene, rays: &RaySets, kernels: &[&dyn RayKernel], r
         hits: hits[i],
         build_time: kernel.build_time(),
         bytes_per_triangle: kernel.bytes() as f64 / scene.triangles.len().max(1) as f64,
+        steps: kernel.steps(&rays.diffuse),
     };
     kernels.iter().enumerate().map(row).collect()
 }
@@ -205,15 +222,16 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
     let mut out = format!("{} ({} triangles), Mrays/s\n", scene.name, scene.triangles.len());
     let _ = writeln!(
         out,
-        "  {:<22} {:>8} {:>8} {:>8} {:>8}  {:>9} {:>6}  hits",
-        "kernel", KINDS[0], KINDS[1], KINDS[2], KINDS[3], "build", "B/tri"
+        "  {:<22} {:>8} {:>8} {:>8} {:>8}  {:>9} {:>6} {:>6}  hits",
+        "kernel", KINDS[0], KINDS[1], KINDS[2], KINDS[3], "build", "B/tri", "steps"
     );
     for row in rows {
         let [a, b, c, d] = row.mrays;
+        let steps = row.steps.map_or_else(String::new, |steps| format!("{steps:.2}"));
         let build = row.build_time.as_secs_f64() * 1e3;
         let _ = writeln!(
             out,
-            "  {:<22} {a:>8.2} {b:>8.2} {c:>8.2} {d:>8.2}  {build:>6.1} ms {:>6.1}  {:?}",
+            "  {:<22} {a:>8.2} {b:>8.2} {c:>8.2} {d:>8.2}  {build:>6.1} ms {:>6.1} {steps:>6}  {:?}",
             row.name, row.bytes_per_triangle, row.hits
         );
     }
@@ -225,7 +243,8 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
 pub fn run(side: u32, repetitions: usize, threads: usize) -> Result<Vec<(BenchScene, Vec<Row>)>, BuildError> {
     let scenes = [noisy_sphere(), interior()];
     let result = scenes.into_iter().map(|scene| {
-        let build = |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision });
+        let build =
+            |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
         let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
         let rays = RaySets::new(&robust.accel, &scene, side);
         let rows = measure(&scene, &rays, &[&robust, &fast], repetitions);

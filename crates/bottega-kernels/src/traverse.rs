@@ -293,7 +293,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         let sphere = &self.tree.spheres[index];
         let space = Hit::SPHERE | index as u32;
         for t in sphere::roots(sphere, self.setup) {
-            if !(t > self.t_min) {
+            if t.is_nan() || t <= self.t_min {
                 continue;
             }
             let t = t.max(entry);
