@@ -52,6 +52,8 @@ pub(super) struct Rest {
 pub(super) struct BaseAlbedo {
     pub(super) interface: Spectrum,
     pub(super) cosine: Spectrum,
+    /// Cosine lobes that are mostly near the horizon.
+    pub(super) grazing: Spectrum,
     pub(super) cosine_through: Spectrum,
 }
 
@@ -200,11 +202,12 @@ impl Base {
             let all = if solid { self.tables.boundary(at, self.rough, self.index, false) } else { single };
             (self.rest_of(single, rise, all), self.interface.albedo(single, schlick, rise, all))
         };
-        let cosine = self.diffuse.color * rest.diffuse
-            + self.multiple.color * rest.multiple
-            + self.boundary.color * rest.boundary;
+        let (mut cosine, mut grazing) = (self.diffuse.color * rest.diffuse, Spectrum::ZERO);
+        for (lobe, rest) in [(&self.multiple, rest.multiple), (&self.boundary, rest.boundary)] {
+            *if lobe.is_grazing { &mut grazing } else { &mut cosine } += lobe.color * rest;
+        }
         let cosine_through = self.multiple_through.color * rest.multiple + self.boundary_through.color * rest.boundary;
-        (rest, BaseAlbedo { interface, cosine, cosine_through })
+        (rest, BaseAlbedo { interface, cosine, grazing, cosine_through })
     }
 
     /// f of the cosine lobes on the side of wo.

@@ -4,6 +4,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::LobeFlags;
+use super::frame::Frame;
 use super::fresnel;
 use super::ggx::Ggx;
 use super::interface::Drawn;
@@ -12,52 +13,93 @@ use super::tables::{Index, Mu, Rough, Tables};
 /// Index of refraction of the coat (KHR_materials_clearcoat).
 const IOR: f32 = 1.5;
 
-/// A dielectric GGX layer over all but the sheen.
+/// A dielectric GGX layer over all but the sheen, with a normal of its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coat {
     weight: f32,
     pub(super) ggx: Ggx,
     rough: Rough,
     index: Index,
+    /// Around the coat's normal where that is not the base's.
+    tilted: Option<Frame>,
 }
 
 impl Coat {
-    /// `None` without strength.
-    pub(super) fn new(weight: f32, roughness: f32) -> Option<Self> {
-        let (ggx, rough) = (Ggx::from_roughness(roughness), Rough::new(roughness));
-        (weight > 0.0).then(|| Self { weight, ggx, rough, index: Index::new(IOR) })
+    /// `None` without strength. `normal`: unit length, above the surface.
+    pub(super) fn new(weight: f32, roughness: f32, normal: Vec3) -> Option<Self> {
+        (weight > 0.0).then(|| Self {
+            weight,
+            ggx: Ggx::from_roughness(roughness),
+            rough: Rough::new(roughness),
+            index: Index::new(IOR),
+            tilted: (normal != Vec3::Z).then(|| Frame::from_normal(normal)),
+        })
     }
 
-    /// f and density of a rough coat; nothing of a smooth one.
+    fn in_coat(&self, w: Vec3) -> Vec3 {
+        self.tilted.map_or(w, |frame| frame.to_local(w))
+    }
+
+    /// Cosine of a direction on either side of the surface to the coat's normal on that side; not positive where the
+    /// coat is seen from below.
+    fn cos(&self, w: Vec3) -> f32 {
+        self.tilted.map_or(w.z.abs(), |frame| frame.z.dot(w) * w.z.signum())
+    }
+
+    /// f and density of a rough coat; nothing of a smooth one. Both directions above the surface.
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
-        let Some(h) = (wo + wi).try_normalize().filter(|_| !self.ggx.is_smooth()) else { return (0.0, 0.0) };
-        let facets = self.ggx.density(h) * self.ggx.visibility(wo.z, wi.z);
-        (self.reflectance(wo.dot(h)) * facets, self.ggx.reflection_pdf(wo, h))
+        let (o, i) = (self.in_coat(wo), self.in_coat(wi));
+        if self.ggx.is_smooth() || o.z <= 0.0 || i.z <= 0.0 {
+            return (0.0, 0.0);
+        }
+        let Some(h) = (o + i).try_normalize() else { return (0.0, 0.0) };
+        let facets = self.ggx.density(h) * self.ggx.visibility(o.z, i.z) * tilt(wo, o) * tilt(wi, i);
+        (self.reflectance(o.dot(h)) * facets, self.ggx.reflection_pdf(o, h))
     }
 
     /// What a facet reflects.
-    pub(super) fn reflectance(&self, cos: f32) -> f32 {
+    fn reflectance(&self, cos: f32) -> f32 {
         self.weight * fresnel::dielectric(cos, IOR)
     }
 
     /// `None`: the light goes on between the facets.
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Option<Drawn> {
+        let o = self.in_coat(wo);
+        if o.z <= 0.0 {
+            return None;
+        }
         let smooth = self.ggx.is_smooth();
-        let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
-        let wi = fresnel::reflect(wo, h);
+        let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(o, u) };
+        let i = fresnel::reflect(o, h);
+        let wi = self.tilted.map_or(i, |frame| frame.to_world(i));
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
-        (wi.z > 0.0).then(|| Drawn {
-            wi,
-            flags: LobeFlags::REFLECTION.union(sharp),
-            eta: 1.0,
-            delta: smooth.then(|| (Spectrum::splat(self.reflectance(wo.z)), 1.0)),
+        (i.z > 0.0 && wi.z > 0.0).then(|| {
+            // f |cos θi|: a mirror's f has one over its own cosine.
+            let weight = self.reflectance(o.z) * tilt(wo, o) * tilt(wi, i) * (wi.z / i.z);
+            Drawn {
+                wi,
+                flags: LobeFlags::REFLECTION.union(sharp),
+                eta: 1.0,
+                delta: smooth.then(|| (Spectrum::splat(weight), 1.0)),
+            }
         })
     }
 
-    /// Share of the light at a cosine that is reflected.
-    pub(super) fn albedo(&self, tables: &Tables, mu: Mu) -> f32 {
-        let f0 = ((IOR - 1.0) / (IOR + 1.0)) * ((IOR - 1.0) / (IOR + 1.0));
+    /// Share of the light along a direction that is reflected (with a normal of its own: at most).
+    pub(super) fn albedo(&self, tables: &Tables, w: Vec3) -> f32 {
+        let cos = self.cos(w);
+        if cos <= 0.0 {
+            return 0.0;
+        }
+        let mu = Mu::new(cos);
+        let f0 = fresnel::at_normal_incidence(IOR);
         let rise = tables.rise(Some(mu), self.rough, self.index);
         self.weight * (f0 * tables.single(Some(mu), self.rough) + (1.0 - f0) * rise)
     }
+}
+
+/// Weakens a tilted coat, the same way for both directions, so far that cosines to the base's normal see no more light
+/// than those to its own. `base`, `coat`: one direction in both frames.
+fn tilt(base: Vec3, coat: Vec3) -> f32 {
+    (coat.z / base.z).min(1.0)
 }

@@ -13,16 +13,18 @@ pub(super) struct Coupled {
     pub(super) color: Spectrum,
     /// 1 / (π (1 − E̅)).
     scale: f32,
+    /// Whether what E leaves over is mostly near the horizon, where cosine-weighted samples are rare.
+    pub(super) is_grazing: bool,
 }
 
 impl Coupled {
-    pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0 };
+    pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0, is_grazing: false };
 
     /// `mean`: E̅, the mean of E over the cosine-weighted hemisphere where the light leaves.
     pub(super) fn new(color: Spectrum, mean: f32) -> Self {
         let rest = 1.0 - mean;
         // A layer that loses next to nothing has nothing to give back.
-        if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest) } } else { Self::BLACK }
+        if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest), is_grazing: rest < 0.1 } } else { Self::BLACK }
     }
 
     pub(super) fn is_black(&self) -> bool {

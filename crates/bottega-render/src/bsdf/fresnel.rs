@@ -72,7 +72,7 @@ pub(super) struct DielectricFresnel {
 impl DielectricFresnel {
     /// `ior` of the solid, at least 1, or 0 for total reflection; `inside`: wo is within the solid.
     pub(super) fn new(ior: f32, specular: f32, tint: Spectrum, inside: bool) -> Self {
-        let f0_exact = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
+        let f0_exact = if ior == 0.0 { 1.0 } else { at_normal_incidence(ior) };
         let eta = match (ior == 0.0, inside) {
             (true, _) => 1.0,
             (false, true) => 1.0 / ior,
@@ -103,6 +103,12 @@ impl DielectricFresnel {
         // Below 0 only for an index above 2 + √3, whose reflectance dips before it rises, with a black tint.
         self.specular * (self.f0 + (Spectrum::ONE - self.f0) * rise).max(Spectrum::ZERO)
     }
+}
+
+/// F₀, the reflectance at normal incidence, of an index of refraction.
+pub(super) fn at_normal_incidence(ior: f32) -> f32 {
+    let r = (ior - 1.0) / (ior + 1.0);
+    r * r
 }
 
 /// Mean of a colour's channels: what probabilities are made from.

@@ -37,10 +37,11 @@ enum Lobe {
     Cosine,
     CosineThrough,
     Coat,
-    Sheen,
+    /// Sheen, and cosine lobes that are mostly near the horizon.
+    Uniform,
 }
 
-const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Sheen];
+const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Uniform];
 
 impl Bsdf {
     /// The scattering of paths from the camera.
@@ -50,7 +51,7 @@ impl Bsdf {
         Self {
             mode: TransportMode::Radiance,
             base,
-            coat: Coat::new(p.coat, p.coat_roughness),
+            coat: Coat::new(p.coat, p.coat_roughness, p.coat_normal),
             sheen: Sheen::new(base.tables, p.sheen_color, p.sheen_roughness),
         }
     }
@@ -75,7 +76,7 @@ impl Bsdf {
         if !is_above(wo) || wi.z == 0.0 {
             return (Spectrum::ZERO, 0.0);
         }
-        let (profile, albedo) = self.outgoing(wo.z);
+        let (profile, albedo) = self.outgoing(wo);
         chances(&albedo).map_or((Spectrum::ZERO, 0.0), |chances| self.mixture(wo, wi, &profile, &chances))
     }
 
@@ -84,14 +85,14 @@ impl Bsdf {
         if !is_above(wo) {
             return None;
         }
-        let (profile, albedo) = self.outgoing(wo.z);
+        let (profile, albedo) = self.outgoing(wo);
         let chances = chances(&albedo)?;
         let (lobe, chance, u_rest) = choose(&chances, u_lobe)?;
         let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
         let drawn = match lobe {
             Lobe::Interface => self.base.interface.sample(wo, u_rest, u, self.mode)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
-            Lobe::Sheen => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
+            Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Coat => self.coat?.sample(wo, u)?,
             Lobe::CosineThrough => Drawn {
                 wi: -warp::cosine_hemisphere(u),
@@ -107,9 +108,10 @@ impl Bsdf {
         let (value, pdf) = match delta {
             None => self.mixture(wo, wi, &profile, &chances),
             Some((reflectance, probability)) => {
+                let other = self.on_side_of(wi);
                 let passed = match lobe {
-                    Lobe::Coat => profile.sheen,
-                    _ => passed(&profile, &self.on_side_of(wi)),
+                    Lobe::Coat => profile.sheen.min(other.sheen),
+                    _ => passed(&profile, &other),
                 };
                 (reflectance * (passed / wi.z.abs()), chance * probability)
             }
@@ -117,13 +119,14 @@ impl Bsdf {
         (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
     }
 
-    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within a percent or so
-    /// for reflection, an estimate for what goes through.
+    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within two percent for
+    /// what is reflected by a base without coat and sheen, up to a tenth or so too much below these, and an estimate of
+    /// what goes through.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
         if !is_above(wo) {
             return Spectrum::ZERO;
         }
-        self.outgoing(wo.z).1.iter().copied().sum()
+        self.outgoing(wo).1.iter().copied().sum()
     }
 
     /// Whether nothing is scattered at all.
@@ -159,7 +162,7 @@ impl Bsdf {
 
     /// Sums of all lobes but Dirac ones.
     fn mixture(&self, wo: Vec3, wi: Vec3, profile: &Profile, chances: &[f32; 5]) -> (Spectrum, f32) {
-        let [interface, cosine, cosine_through, coat, sheen] = *chances;
+        let [interface, cosine, cosine_through, coat, uniform] = *chances;
         let other = self.on_side_of(wi);
         let (facets, facets_pdf) = self.base.interface.eval_pdf(wo, wi, self.mode);
         let (diffuse, diffuse_chance) = if wi.z > 0.0 {
@@ -170,7 +173,11 @@ impl Bsdf {
         };
         let mut value = (facets + diffuse) * passed(profile, &other);
         let mut pdf = interface * facets_pdf + diffuse_chance * warp::cosine_hemisphere_pdf(wi.z.abs());
-        if wi.z < 0.0 || self.base.inside {
+        if wi.z < 0.0 {
+            return (value, pdf);
+        }
+        pdf += uniform * warp::UNIFORM_HEMISPHERE_PDF;
+        if self.base.inside {
             return (value, pdf);
         }
         if let Some(layer) = &self.coat {
@@ -180,7 +187,6 @@ impl Bsdf {
         }
         if let Some(layer) = &self.sheen {
             value += layer.eval(wo, wi);
-            pdf += sheen * warp::UNIFORM_HEMISPHERE_PDF;
         }
         (value, pdf)
     }
@@ -190,26 +196,27 @@ impl Bsdf {
         let crosses = wi.z < 0.0 && self.base.interface.through == Through::Solid;
         let inside = self.base.inside != crosses;
         let mu = Mu::new(wi.z.abs());
-        self.profile(mu, self.base.rest(mu, inside), inside)
+        self.profile(wi, self.base.rest(mu, inside), inside)
     }
 
-    fn profile(&self, mu: Mu, base: Rest, inside: bool) -> Profile {
+    fn profile(&self, w: Vec3, base: Rest, inside: bool) -> Profile {
         let tables = self.base.tables;
         Profile {
             base,
-            coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, mu)),
-            sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, mu)),
+            coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, w)),
+            sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, Mu::new(w.z.abs()))),
         }
     }
 
-    /// The profile of wo at cosine `cos`, and the share of the light from there that each of [`LOBES`] scatters.
-    fn outgoing(&self, cos: f32) -> (Profile, [Spectrum; 5]) {
-        let (rest, albedo) = self.base.rest_and_albedo(cos);
-        let profile = self.profile(Mu::new(cos), rest, self.base.inside);
+    /// The profile of wo, and the share of the light from there that each of [`LOBES`] scatters.
+    fn outgoing(&self, wo: Vec3) -> (Profile, [Spectrum; 5]) {
+        let (rest, albedo) = self.base.rest_and_albedo(wo.z);
+        let profile = self.profile(wo, rest, self.base.inside);
         let below = profile.coat * profile.sheen;
         let coat = Spectrum::splat(profile.sheen * (1.0 - profile.coat));
         let sheen = self.sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
-        (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, sheen])
+        let uniform = below * albedo.grazing + sheen;
+        (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, uniform])
     }
 }
 

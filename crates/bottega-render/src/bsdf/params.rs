@@ -2,7 +2,7 @@
 
 use bottega_kernels::math;
 use bottega_scene::{ColorParam, Material, ScalarParam, Scene, Spectrum};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 /// The layered material with its textures looked up: what [`Bsdf`](super::Bsdf) is made of. Meanings as in [`Material`]. Values
 /// outside their ranges, and NaN, are clamped by `Bsdf::new`.
@@ -28,6 +28,9 @@ pub struct SurfaceParams {
     pub coat: f32,
     /// Perceptual, in [0, 1].
     pub coat_roughness: f32,
+    /// Normal of the coat in the local frame, above the surface; +z: that of the base. (In glTF a normal map of the base
+    /// is not one of the coat, which then has the interpolated normal.)
+    pub coat_normal: Vec3,
     /// In [0, 1].
     pub sheen_color: Spectrum,
     /// Perceptual, in [0, 1].
@@ -51,6 +54,7 @@ impl Default for SurfaceParams {
             thin: false,
             coat: 0.0,
             coat_roughness: 0.0,
+            coat_normal: Vec3::Z,
             sheen_color: Spectrum::ZERO,
             sheen_roughness: 0.0,
             front: true,
@@ -71,12 +75,14 @@ impl SurfaceParams {
         thin: false,
         coat: 0.0,
         coat_roughness: 0.0,
+        coat_normal: Vec3::Z,
         sheen_color: Spectrum::ZERO,
         sheen_roughness: 0.0,
         front: true,
     };
 
-    /// Looks up the textures of `material`.
+    /// Looks up the textures of `material`, but for normal maps, which take a frame: see [`frame`](super::frame), and
+    /// [`Self::coat_normal`].
     ///
     /// - `uvs`: both sets of texture coordinates. `vertex_color`: multiplies the base colour; white where a mesh has none.
     /// - `footprint`: width of the lookups in texture coordinates, 0 for sharp ones.
@@ -105,6 +111,7 @@ impl SurfaceParams {
             thin: material.thin,
             coat: scalar(&material.coat),
             coat_roughness: scalar(&material.coat_roughness),
+            coat_normal: Vec3::Z,
             sheen_color: color(&material.sheen_color),
             sheen_roughness: scalar(&material.sheen_roughness),
             front,
@@ -134,6 +141,7 @@ impl SurfaceParams {
             transmission: unit(self.transmission),
             coat: unit(self.coat),
             coat_roughness: unit(self.coat_roughness),
+            coat_normal: self.coat_normal.try_normalize().filter(|n| n.z > 0.0).unwrap_or(Vec3::Z),
             sheen_color: unit_color(self.sheen_color),
             sheen_roughness: unit(self.sheen_roughness),
             ..self

@@ -249,7 +249,7 @@ impl Cell {
         self.schlick += reflects * fresnel::schlick_weight(cos);
         for k in 0..INDEX {
             let ior = node_ior(k);
-            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+            let f0 = fresnel::at_normal_incidence(ior);
             self.rise[k] += reflects * (fresnel::dielectric(cos, ior) - f0) / (1.0 - f0);
             for (side, eta) in [ior, 1.0 / ior].into_iter().enumerate() {
                 let reflectance = fresnel::dielectric(cos, eta);
@@ -272,7 +272,7 @@ mod tests {
             let (at, smooth) = (Some(Mu::new(mu)), Rough::new(0.0));
             assert_eq!(tables.single(at, smooth), 1.0);
             for ior in [1.0, 1.3, 1.5, 2.4, 5.0] {
-                let f0 = ((ior - 1.0) / (ior + 1.0f32)).powi(2);
+                let f0 = fresnel::at_normal_incidence(ior);
                 let reflectance = f0 + (1.0 - f0) * tables.rise(at, smooth, Index::new(ior));
                 let exact = fresnel::dielectric(mu, ior);
                 assert!((reflectance - exact).abs() < 0.01, "{mu} {ior}: {reflectance} {exact}");

@@ -172,6 +172,12 @@ fn a_rough_coat_is_drawn_by_its_density() {
 }
 
 #[test]
+fn a_tilted_coat_is_drawn_by_its_density() {
+    let coat_normal = at(0.8, 2.0);
+    check(&SurfaceParams { coat: 1.0, coat_roughness: 0.4, coat_normal, metallic: 1.0, ..GRAY });
+}
+
+#[test]
 fn a_smooth_coat_is_drawn_by_its_density() {
     check(&SurfaceParams { coat: 0.8, coat_roughness: 0.0, metallic: 1.0, ..GRAY });
 }

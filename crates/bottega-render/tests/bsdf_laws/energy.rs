@@ -116,12 +116,15 @@ fn no_material_scatters_more_than_it_receives() {
 fn the_albedo_that_is_told_is_the_one_that_is_measured() {
     let mut uniform = Uniform::new(11);
     for case in 0..120 {
-        let params = SurfaceParams { transmission: 0.0, ..uniform.material() };
+        let params = SurfaceParams { transmission: 0.0, coat_normal: Vec3::Z, ..uniform.material() };
         let bsdf = bsdf_of(&params);
         let wo = at(0.25 + 0.7 * uniform.next(), 1.0);
         let (mean, error) = measured_albedo(&bsdf, wo, 4000, case);
         let (told, slack) = (bsdf.albedo(wo), 4.0 * error);
-        assert!((told - mean - slack).max_element() < 0.08, "{told} told, {mean} ± {error}; {params:?}");
+        // Coat and sheen take a little more than they are said to from what is below them.
+        let layered = params.coat > 0.0 || params.sheen_color != Spectrum::ZERO;
+        let above = if layered { 0.2 } else { 0.02 };
+        assert!((told - mean - slack).max_element() < above, "{told} told, {mean} ± {error}; {params:?}");
         assert!((mean - told - slack).max_element() < 0.02, "{told} told, {mean} ± {error}; {params:?}");
     }
 }
@@ -153,5 +156,21 @@ fn sampling_and_quadrature_of_eval_see_the_same_light() {
         }
         let (mean, error) = measured_albedo(&bsdf, wo, 40_000, case);
         assert!(((sum - mean).abs() - 4.0 * error).max_element() < 0.004, "{sum} {mean} ± {error}; {params:?}");
+    }
+}
+
+#[test]
+fn no_sample_weighs_much_more_than_its_fellows() {
+    let mut uniform = Uniform::new(70);
+    for _ in 0..1000 {
+        let params = uniform.material();
+        let bsdf = bsdf_of(&params);
+        for cos in [0.9, 0.4, 0.1, 0.03] {
+            for _ in 0..100 {
+                let Some(sample) = bsdf.sample(at(cos, 0.0), uniform.next(), uniform.pair()) else { continue };
+                // The heaviest are of narrow sheen near the horizon.
+                assert!(sample.weight().max_element() < 40.0, "cos {cos}: {sample:?}; {params:?}");
+            }
+        }
     }
 }

@@ -49,6 +49,7 @@ impl Uniform {
             thin: self.next() < 0.3,
             coat: self.often_extreme(),
             coat_roughness: self.often_extreme(),
+            coat_normal: if self.next() < 0.5 { Vec3::Z } else { at(0.6 + 0.4 * self.next(), 6.0 * self.next()) },
             sheen_color: if self.next() < 0.5 { Spectrum::ZERO } else { self.color() },
             sheen_roughness: self.often_extreme(),
             front: self.next() < 0.6,
@@ -70,4 +71,10 @@ pub(crate) fn materials() -> impl Strategy<Value = SurfaceParams> {
 /// A direction of the upper hemisphere not nearer to the horizon than `cos_min`.
 pub(crate) fn directions(cos_min: f32) -> impl Strategy<Value = Vec3> {
     (cos_min..1.0, 0.0..std::f32::consts::TAU).prop_map(|(cos, phi)| at(cos, phi))
+}
+
+/// The same point of the surface, seen from the other side.
+pub(crate) fn turned_over(params: &SurfaceParams) -> SurfaceParams {
+    let n = params.coat_normal;
+    SurfaceParams { front: !params.front, coat_normal: Vec3::new(-n.x, -n.y, n.z), ..*params }
 }
