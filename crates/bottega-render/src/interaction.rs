@@ -38,6 +38,8 @@ pub(crate) struct Interaction {
     pub(crate) uvs: [Vec2; 2],
     /// Interpolated vertex color; white where there is none.
     pub(crate) color: Vec4,
+    /// Whether there are vertex colors.
+    pub(crate) is_colored: bool,
     /// Width of texture lookups.
     pub(crate) footprint: f32,
     /// Index of the material.
@@ -85,6 +87,7 @@ impl Interaction {
             front: direction.dot(ng) < 0.0,
             uvs: [uv; 2],
             color: Vec4::ONE,
+            is_colored: false,
             footprint,
             material: sphere.material,
             hit: *hit,
@@ -127,6 +130,7 @@ impl Interaction {
             front: direction.dot(ng) < 0.0,
             uvs: [Vec2::ZERO; 2],
             color: interpolate(&mesh.colors, triangle, u, v).unwrap_or(Vec4::ONE),
+            is_colored: !mesh.colors.is_empty(),
             footprint: 0.0,
             material: mesh.material,
             hit: *hit,

@@ -8,10 +8,11 @@ use std::sync::{
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use bottega_scene::{Material, Scene, Spectrum};
-use glam::{Affine3A, Mat3};
+use glam::{Affine3A, Mat3, Vec2, Vec4};
 
 use crate::{
-    RenderError, bsdf,
+    RenderError,
+    bsdf::{self, Bsdf, SurfaceParams},
     lights::{Lights, NO_LIGHT},
 };
 
@@ -64,6 +65,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) shines: bool,
     /// Whether light may go through to the other side.
     pub(crate) transmits: bool,
+    /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
+    pub(crate) bsdfs: Option<[Bsdf; 2]>,
     /// Absorption within the solid, per unit of distance; 0 for sheets and opaque things.
     pub(crate) absorption: Spectrum,
 }
@@ -73,7 +76,7 @@ impl PreparedScene {
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
         scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
         let accel = build_accel(&scene, options)?;
-        let materials: Vec<_> = scene.materials.iter().map(prepare_material).collect();
+        let materials: Vec<_> = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let mut instances: Vec<_> =
             scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let bounds = accel.bounds();
@@ -155,11 +158,14 @@ fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
     PreparedInstance { world_from_normal, scale, first_light: NO_LIGHT }
 }
 
-fn prepare_material(material: &Material) -> PreparedMaterial {
+fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let transmits = material.transmission.factor > 0.0;
+    let is_textured = material.textures().next().is_some();
+    let side = |front| Bsdf::new(&SurfaceParams::of(scene, material, [Vec2::ZERO; 2], Vec4::ONE, 0.0, front));
     PreparedMaterial {
+        bsdfs: (!is_textured).then(|| [side(false), side(true)]),
         transmits,
-        is_textured: material.textures().next().is_some(),
+        is_textured,
         has_opacity: material.has_opacity(),
         shines: !material.unlit && material.emission.factor.max_element() > 0.0,
         absorption: if transmits { bsdf::absorption(material) } else { Spectrum::ZERO },

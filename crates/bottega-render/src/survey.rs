@@ -236,7 +236,8 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
         return Some((Chain { origin, cone, step, ..chain }, 0.0));
     }
     let u = chain.sampler.quad(DimensionSet::scattering(chain.step));
-    let sample = bsdf_at(scene, &point).sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
+    let mut place = None;
+    let sample = bsdf_at(scene, &point, &mut place).sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
     let is_mirror = sample.is_delta() || (sample.lobe.contains(LobeFlags::GLOSSY) && sample.pdf > MIRROR_PDF);
     let direction = point.to_world(sample.wi);
     is_mirror.then(|| (Chain { origin: point.ray_origin(direction), direction, cone, step, ..chain }, 1.0))

@@ -16,28 +16,37 @@ pub(crate) struct WideRay<S: Lanes> {
 impl<S: Lanes> WideRay<S> {
     #[inline(always)]
     pub(crate) fn new<const ROBUST: bool>(s: S, setup: &Setup) -> Self {
-        let axes = if ROBUST { setup.axes } else { [0, 1, 2] };
-        let direction = if ROBUST { setup.shear } else { setup.direction };
+        let [kx, ky, kz] = if ROBUST { setup.axes } else { [0, 1, 2] };
+        let [x, y, z] = if ROBUST { setup.shear } else { setup.direction };
         Self {
             axes: setup.axes,
-            origin: axes.map(|axis| s.splat(setup.origin[axis])),
-            direction: direction.map(|x| s.splat(x)),
+            origin: [s.splat(setup.origin[kx]), s.splat(setup.origin[ky]), s.splat(setup.origin[kz])],
+            direction: [s.splat(x), s.splat(y), s.splat(z)],
         }
+    }
+
+    /// Vertex `i` of each triangle, seen from the origin and sheared so that the ray runs along the third axis.
+    ///
+    /// No closure: one that is called more than once may stay a function of its own, without the vector unit of its
+    /// caller, and then every operation in it is a call.
+    #[inline(always)]
+    fn sheared(&self, s: S, [kx, ky, kz]: [usize; 3], p: &[[f32; 8]; 3]) -> (S::F, S::F, S::F) {
+        let [sx, sy, _] = self.direction;
+        let z = s.sub(s.load(&p[kz]), self.origin[2]);
+        let x = s.neg_mul_add(sx, z, s.sub(s.load(&p[kx]), self.origin[0]));
+        let y = s.neg_mul_add(sy, z, s.sub(s.load(&p[ky]), self.origin[1]));
+        (x, y, z)
     }
 
     /// Parameter of each hit, and where there is one: see the head of the parent module. `None`: nowhere.
     #[inline(always)]
     pub(crate) fn watertight(&self, s: S, block: &TriangleBlock) -> Option<(S::F, S::Mask)> {
-        let [kx, ky, kz] = self.axes.map(|k| if k < 3 { k } else { 0 });
-        let [sx, sy, sz] = self.direction;
-        let vertex = |i: usize| {
-            let p = &block.p[i];
-            let z = s.sub(s.load(&p[kz]), self.origin[2]);
-            let x = s.neg_mul_add(sx, z, s.sub(s.load(&p[kx]), self.origin[0]));
-            let y = s.neg_mul_add(sy, z, s.sub(s.load(&p[ky]), self.origin[1]));
-            (x, y, z)
-        };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (vertex(0), vertex(1), vertex(2));
+        let [kx, ky, kz] = self.axes;
+        let axes = [if kx < 3 { kx } else { 0 }, if ky < 3 { ky } else { 0 }, if kz < 3 { kz } else { 0 }];
+        let sz = self.direction[2];
+        let (ax, ay, az) = self.sheared(s, axes, &block.p[0]);
+        let (bx, by, bz) = self.sheared(s, axes, &block.p[1]);
+        let (cx, cy, cz) = self.sheared(s, axes, &block.p[2]);
         // Each product rounded by itself, so that the neighbor gets exactly the negative.
         let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
         let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
@@ -91,13 +100,9 @@ impl<S: Lanes> WideRay<S> {
 pub(crate) fn barycentric<const ROBUST: bool>(block: &TriangleBlock, lane: usize, setup: &Setup) -> (f32, f32) {
     let lane = lane & 7;
     if ROBUST {
-        let [kx, ky, kz] = setup.axes;
-        let vertex = |i: usize| {
-            let at = |axis: usize| block.p[i][axis][lane] - setup.origin[axis];
-            let z = at(kz);
-            ((-setup.shear[0]).mul_add(z, at(kx)), (-setup.shear[1]).mul_add(z, at(ky)))
-        };
-        let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(1), vertex(2));
+        let (ax, ay) = sheared_lane(&block.p[0], lane, setup);
+        let (bx, by) = sheared_lane(&block.p[1], lane, setup);
+        let (cx, cy) = sheared_lane(&block.p[2], lane, setup);
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
         let det = u + v + w;
         (v / det, w / det)
@@ -113,4 +118,14 @@ pub(crate) fn barycentric<const ROBUST: bool>(block: &TriangleBlock, lane: usize
         let inverse = 1.0 / dot(e1, h);
         (dot(from_p0, h) * inverse, dot(setup.direction, cross(from_p0, e1)) * inverse)
     }
+}
+
+/// The first two coordinates of one lane of [`WideRay::sheared`].
+#[inline(always)]
+fn sheared_lane(p: &[[f32; 8]; 3], lane: usize, setup: &Setup) -> (f32, f32) {
+    let [kx, ky, kz] = setup.axes;
+    let z = p[kz][lane] - setup.origin[kz];
+    let x = (-setup.shear[0]).mul_add(z, p[kx][lane] - setup.origin[kx]);
+    let y = (-setup.shear[1]).mul_add(z, p[ky][lane] - setup.origin[ky]);
+    (x, y)
 }

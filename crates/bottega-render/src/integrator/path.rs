@@ -176,7 +176,8 @@ impl Path<'_> {
         if is_last && !self.wants_albedo {
             return false;
         }
-        let bsdf = bsdf_at(prepared, &point);
+        let mut place = None;
+        let bsdf = bsdf_at(prepared, &point, &mut place);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
@@ -186,9 +187,9 @@ impl Path<'_> {
             return false;
         }
         if !is_delta_only {
-            self.add_direct_light(&point, &bsdf, wo);
+            self.add_direct_light(&point, bsdf, wo);
         }
-        self.scatter(&point, &bsdf, wo)
+        self.scatter(&point, bsdf, wo)
     }
 
     #[inline]
@@ -384,12 +385,18 @@ impl Path<'_> {
     }
 }
 
-/// The scattering at a point.
+/// The scattering at a point. It is put into `place` if it was not known before.
 #[inline]
-pub(crate) fn bsdf_at(prepared: &PreparedScene, point: &Interaction) -> Bsdf {
-    let (material, _) = prepared.material(point.material);
+pub(crate) fn bsdf_at<'a>(prepared: &'a PreparedScene, point: &Interaction, place: &'a mut Option<Bsdf>) -> &'a Bsdf {
+    let (material, known) = prepared.material(point.material);
+    if let Some(sides) = &known.bsdfs
+        && !point.is_colored
+    {
+        return &sides[usize::from(point.front)];
+    }
     let scene = prepared.scene();
-    Bsdf::new(&SurfaceParams::of(scene, material, point.uvs, point.color, point.footprint, point.front))
+    let params = SurfaceParams::of(scene, material, point.uvs, point.color, point.footprint, point.front);
+    place.insert(Bsdf::new(&params))
 }
 
 /// The ray that asks whether a light is seen.
