@@ -174,10 +174,7 @@ impl StateMachine for Analyst {
             FarmEvent::Message(received) => {
                 tracing::debug!(from = %received.sender, "the Analyst takes no messages");
             }
-            FarmEvent::Completed(_)
-            | FarmEvent::Store { .. }
-            | FarmEvent::Presence { .. }
-            | FarmEvent::Deadline => {}
+            FarmEvent::Completed(_) | FarmEvent::Store { .. } | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
         if self.retry.is_some_and(|at| at <= now) {
             self.write(actions);

@@ -3,7 +3,7 @@
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
 //! with more credit wins; credit rises or falls in proportion to T_est − T.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
 
 use bottega_agents::AgentId;
 
@@ -11,10 +11,10 @@ use crate::{AgentRow, Bid, Offer, ZoneId, adaptation::scaled};
 
 /// Zones offered in one call for proposals at most: the largest, and some of the smallest for agents that are too slow
 /// for those.
-pub const OFFERS_MAX: usize = 32;
+pub(crate) const OFFERS_MAX: usize = 32;
 const SMALL_OFFERS: usize = 8;
 /// Agents called in one round at most.
-pub const BIDDERS_MAX: usize = 16;
+pub(crate) const BIDDERS_MAX: usize = 16;
 /// How far beyond the expected end of all work a zone may be finished, as a share of the time until then.
 const SLACK: f64 = 0.02;
 
@@ -54,21 +54,24 @@ impl Contender {
     }
 }
 
+/// How large a zone is; of equal ones the first by id counts as the largest.
+type Rank = (u64, Reverse<ZoneId>);
+
 /// The zones that wait for an auction, largest last.
 #[derive(Clone, Debug, Default)]
 pub struct OpenZones {
-    by_rank: BTreeMap<(u64, ZoneId), Offer>,
+    by_rank: BTreeMap<Rank, Offer>,
     time: Duration,
 }
 
 impl OpenZones {
     /// What counts as large: T_est by default, complexity in the paper. Positive floats order as their bits do.
-    fn rank(rule: AuctionRule, offer: &Offer) -> (u64, ZoneId) {
+    fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
             AuctionRule::FinishingTime => u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX),
         };
-        (rank, offer.zone)
+        (rank, Reverse(offer.zone))
     }
 
     /// Adds a zone.
@@ -83,6 +86,11 @@ impl OpenZones {
         if let Some(offer) = self.by_rank.remove(&Self::rank(rule, offer)) {
             self.time -= offer.time_estimated;
         }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.by_rank.len()
     }
 
     /// Whether there is none.
@@ -163,9 +171,11 @@ fn award_by_credit(offers: &[Offer], bidders: &mut [Bidder<'_>]) -> Vec<(ZoneId,
     for offer in by_complexity {
         let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.finish.contains_key(&offer.zone));
         // Of equal credit the first by name.
-        let best = bids.reduce(|best, other| {
-            if other.contender.row.credit > best.contender.row.credit { other } else { best }
-        });
+        let best = bids.reduce(
+            |best, other| {
+                if other.contender.row.credit > best.contender.row.credit { other } else { best }
+            },
+        );
         if let Some(winner) = best {
             winner.room -= 1;
             winners.push((offer.zone, winner.agent.clone()));

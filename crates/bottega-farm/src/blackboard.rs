@@ -5,10 +5,7 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use bottega_agents::{
-    AgentId, Entry, Key, Revision, StoreRequest,
-    bus::BlobId,
-};
+use bottega_agents::{AgentId, Entry, Key, Revision, StoreRequest, bus::BlobId};
 use bottega_image::Rect;
 
 use crate::{Choice, RelativePower, WorkId, WorkSettings, ZoneId};

@@ -90,12 +90,12 @@ impl Mask {
     /// The weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone reaches. The weights of
     /// all zones at a pixel sum to 1.
     pub fn weight(&self, x: u32, y: u32) -> f32 {
+        if self.overlapping.is_empty() {
+            return if self.zone.grown.contains(x, y) { 1.0 } else { 0.0 };
+        }
         let own = self.zone.depth(x, y, &self.frame);
         if own == 0.0 {
             return 0.0;
-        }
-        if self.overlapping.is_empty() {
-            return 1.0;
         }
         let sum: f32 = self.overlapping.iter().map(|zone| zone.depth(x, y, &self.frame)).sum();
         // With no other zone here `sum` is `own`, and the quotient of equal numbers is exactly 1.

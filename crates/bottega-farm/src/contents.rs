@@ -9,7 +9,7 @@ use crate::{Choice, RelativePower, ResultRef, WorkId, WorkRow, ZoneId, ZoneRow};
 /// The vocabulary of all messages of this crate.
 pub const ONTOLOGY: &str = "bottega-farm";
 /// Within one process nothing is encoded.
-pub const LANGUAGE: &str = "bottega-typed";
+pub(crate) const LANGUAGE: &str = "bottega-typed";
 
 /// The interaction protocols that the farm speaks.
 pub mod protocol {
@@ -153,7 +153,7 @@ pub enum FarmContent {
 pub type FarmMessage = AclMessage<FarmContent>;
 
 /// A message that begins a conversation.
-pub fn message(
+pub(crate) fn message(
     performative: Performative,
     protocol: &'static str,
     sender: &AgentId,
@@ -176,12 +176,17 @@ pub fn message(
 }
 
 /// The same message in a conversation whose answers count until `reply_by`.
-pub fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
+pub(crate) fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
     AclMessage { conversation_id, reply_with: conversation_id, reply_by, ..message }
 }
 
 /// The answer to a message, in its conversation.
-pub fn answer(to: &FarmMessage, sender: &AgentId, performative: Performative, content: FarmContent) -> FarmMessage {
+pub(crate) fn answer(
+    to: &FarmMessage,
+    sender: &AgentId,
+    performative: Performative,
+    content: FarmContent,
+) -> FarmMessage {
     AclMessage {
         conversation_id: to.conversation_id,
         in_reply_to: to.reply_with,

@@ -2,26 +2,42 @@
 //! Analyst, importance map, partition, Blackboard, Master, Render Agents, auction, adaptation and composition.
 
 mod adaptation;
+mod agent;
+mod analyst;
 mod auction;
 mod blackboard;
 mod compose;
 mod contents;
+mod driver;
+mod expert;
 mod ids;
 mod importance;
+mod journal;
+mod master;
 mod partition;
+mod render_agent;
 mod settings;
 mod vocabulary;
+mod wire;
 
 pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
-pub use auction::{AuctionRule, Contender, Proposal, award, credit_after, expected_end, offers};
+pub use agent::FarmAgent;
+pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
+pub use auction::{AuctionRule, Contender, OpenZones, Proposal, award, credit_after, expected_end};
 pub use blackboard::{
     ATTEMPTS_MAX, AgentRow, Blackboard, FarmValue, InputRanges, Interval, ResultRef, WorkRow, ZoneRow, ZoneState,
     agent_key, work_key, work_prefix, zone_key,
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};
+pub use driver::{AGENTS_MAX, JobError, JobReport, JobSettings, Observer, Progress, StopSwitch, Times, run};
+pub use expert::{Expert, ExpertError};
 pub use ids::{WorkId, ZoneId};
 pub use importance::{ImportanceError, ImportanceFunction, ImportanceMap};
+pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
+pub use master::{Master, MasterConfig, Timing};
 pub use partition::{Level, Partition, PartitionSettings, UnknownLevel};
+pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Optimization, UnknownOptimization, WorkSettings};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
+pub use wire::{WireError, digest};

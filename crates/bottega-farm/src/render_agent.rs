@@ -119,7 +119,7 @@ impl RenderAgent {
     }
 
     fn room(&self) -> u32 {
-        if self.suspended || self.adaptation.is_none() || !self.fetched {
+        if self.suspended || self.adaptation.is_none() {
             return 0;
         }
         self.config.prefetch.saturating_sub(self.hands.len() as u32)
@@ -314,10 +314,7 @@ impl StateMachine for RenderAgent {
             FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {
                 self.painted(zone, fence, outcome, actions);
             }
-            FarmEvent::Completed(_)
-            | FarmEvent::Store { .. }
-            | FarmEvent::Presence { .. }
-            | FarmEvent::Deadline => {}
+            FarmEvent::Completed(_) | FarmEvent::Store { .. } | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
         if self.next_heartbeat.is_some_and(|at| at <= now) {
             self.beat(now, actions);

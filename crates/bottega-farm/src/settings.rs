@@ -28,18 +28,17 @@ pub enum Optimization {
 
 impl Optimization {
     /// All levels, weakest first.
-    pub const ALL: [Self; 6] =
-        [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
+    pub const ALL: [Self; 6] = [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
 
-    /// The level as the value of the rules' input `op`: 0 (very small) to 4 (very big). `None` when it is off.
+    /// The level as the value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` when it is off.
     pub fn rule_input(self) -> Option<f64> {
         match self {
             Self::Off => None,
-            Self::VerySmall => Some(0.0),
-            Self::Small => Some(1.0),
-            Self::Normal => Some(2.0),
-            Self::Big => Some(3.0),
-            Self::VeryBig => Some(4.0),
+            Self::VerySmall => Some(1.0),
+            Self::Small => Some(2.0),
+            Self::Normal => Some(3.0),
+            Self::Big => Some(4.0),
+            Self::VeryBig => Some(5.0),
         }
     }
 }

@@ -1,0 +1,497 @@
+//! Runs a whole job in this process: all agents on one thread, the engine on its own.
+//!
+//! The only module with threads. It opens no file and no socket, and has its time from the platform. Engines compute on
+//! their own threads and report into the mailboxes of the agents; so one thread is enough for all agents, and it sleeps
+//! while there is nothing to say.
+
+mod easel;
+mod progress;
+mod stop;
+
+use std::{
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use bottega_agents::{AgentId, LocalPlatform, Mailbox, StateMachine, Time, driver::Performer};
+use bottega_engines::{RenderEngine, Tunables};
+use bottega_image::{Film, Layout, Rect};
+
+use self::easel::Easel;
+pub use self::{progress::Progress, stop::StopSwitch};
+use crate::{
+    AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAction, FarmAgent, FarmCompletion, FarmContent,
+    FarmEffect, FarmEvent, FarmMessage, FarmValue, ImportanceFunction, ImportanceMap, Kept, Level, Master,
+    MasterConfig, Optimization, Partition, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Timing,
+    WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
+};
+
+/// Agents of one job at most.
+pub const AGENTS_MAX: usize = 1 << 10;
+/// The benchmark's time on the reference machine.
+const REFERENCE_BENCHMARK: Duration = Duration::from_millis(2);
+const WORK: WorkId = WorkId(1);
+
+/// What is to be painted, and how.
+#[derive(Clone, Debug)]
+pub struct JobSettings {
+    /// Width of the whole picture, in pixels.
+    pub width: u32,
+    /// Height of the whole picture, in pixels.
+    pub height: u32,
+    /// The pixels that are painted: the whole picture or a part of it.
+    pub crop: Rect,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// The other settings that rules may lower.
+    pub tunables: Tunables,
+    /// Which values the film holds: as the engine's tiles do.
+    pub layout: Layout,
+    /// How far the partition goes.
+    pub level: Level,
+    /// How far the rules may go.
+    pub optimization: Optimization,
+    /// How many Render Agents.
+    pub agents: usize,
+    /// The knowledge of the agents; they take turns when there are fewer than agents.
+    pub experts: Vec<Expert>,
+    /// Processors of the engine.
+    pub processors: usize,
+    /// What a place is worth.
+    pub importance: ImportanceFunction,
+    /// How an auction is decided.
+    pub auction: AuctionRule,
+    /// How agents learn their speed.
+    pub adaptation: AdaptationRule,
+    /// Zones that an agent has in hand at most.
+    pub prefetch: u32,
+}
+
+impl JobSettings {
+    /// A picture with the default of everything that has one.
+    pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
+        Self {
+            width,
+            height,
+            crop: Rect::of_size(width, height),
+            samples,
+            tunables,
+            layout,
+            level: Level::default(),
+            optimization: Optimization::Off,
+            agents: 1,
+            experts: vec![Expert::path_tracing()],
+            processors: thread::available_parallelism().map_or(1, std::num::NonZero::get),
+            importance: ImportanceFunction::default(),
+            auction: AuctionRule::default(),
+            adaptation: AdaptationRule::default(),
+            prefetch: 2,
+        }
+    }
+
+    fn work(&self) -> Result<WorkSettings, JobError> {
+        let picture = Rect::of_size(self.width, self.height);
+        if picture.is_empty() || self.crop.is_empty() || !picture.encloses(&self.crop) {
+            return Err(JobError::Crop { crop: self.crop, width: self.width, height: self.height });
+        }
+        for (what, value, most) in [
+            ("samples", self.samples as usize, 1 << 24),
+            ("agents", self.agents, AGENTS_MAX),
+            ("rule sets", self.experts.len(), usize::MAX),
+            ("zones in hand", self.prefetch as usize, 1 << 10),
+        ] {
+            if value == 0 || value > most {
+                return Err(JobError::Count { what, value });
+            }
+        }
+        let Self { samples, tunables, optimization, .. } = *self;
+        Ok(WorkSettings { picture, frame: self.crop, samples, tunables, optimization })
+    }
+}
+
+/// Why a job gave no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// There is nothing to paint.
+    #[error("the crop window {crop} holds no pixels of a picture of {width} × {height}")]
+    Crop {
+        /// The window.
+        crop: Rect,
+        /// Width of the picture.
+        width: u32,
+        /// Height of the picture.
+        height: u32,
+    },
+    /// A number that makes no sense.
+    #[error("{value} {what} cannot be")]
+    Count {
+        /// Of what.
+        what: &'static str,
+        /// How many.
+        value: usize,
+    },
+    /// What was kept is of another picture.
+    #[error("what was kept is of other settings than these")]
+    OtherWork,
+    /// The scene could not be analyzed, or the zones make no sense.
+    #[error("the job was given up: {reason}")]
+    Abandoned {
+        /// Why.
+        reason: String,
+    },
+    /// The operating system gives no thread.
+    #[error("cannot start a thread")]
+    Thread(#[from] std::io::Error),
+}
+
+/// Sees a job go on. All methods are called from the job's threads and must return soon.
+pub trait Observer: Send + Sync {
+    /// The Analyst has made map and zones. Not called when a work is resumed.
+    fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
+    /// A zone's row has changed.
+    fn zone_changed(&self, _row: &ZoneRow) {}
+    /// Something was painted.
+    fn progress(&self, _progress: &Progress) {}
+    /// An agent sends a message.
+    fn message(&self, _now: Time, _message: &FarmMessage) {}
+    /// The job could not be kept: it goes on, but cannot be resumed.
+    fn not_kept(&self, _error: &std::io::Error) {}
+}
+
+/// An observer that looks away.
+impl Observer for () {}
+
+/// What came of a job.
+#[derive(Debug)]
+pub struct JobReport {
+    /// The picture, or what there is of it.
+    pub film: Film,
+    /// Whether it was stopped before the end.
+    pub stopped: bool,
+    /// Zones that no agent could paint.
+    pub failed: Vec<ZoneId>,
+    /// The rows of all zones, by id, as they were last.
+    pub rows: Vec<ZoneRow>,
+    /// Where the time went.
+    pub times: Times,
+    /// Messages that agents sent.
+    pub messages: u64,
+}
+
+/// Where the time of a job went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// Wall time from beginning to end.
+    pub total: Duration,
+    /// Wall time of the survey.
+    pub survey: Duration,
+    /// Processor time of profiling and painting.
+    pub painting: Duration,
+    /// Time that composition took.
+    pub composition: Duration,
+}
+
+/// How a job ended.
+#[derive(Clone, Debug)]
+enum End {
+    Finished(Vec<ZoneId>),
+    Abandoned(String),
+}
+
+/// What the performers of all agents share.
+struct Shared {
+    engine: Arc<dyn RenderEngine>,
+    observer: Arc<dyn Observer>,
+    easel: Mutex<Easel>,
+    state: Mutex<State>,
+    changed: Condvar,
+    stop: StopSwitch,
+    processors: usize,
+    agents: usize,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    end: Option<End>,
+    /// Surveys and zones that the engine has not reported.
+    outstanding: usize,
+    survey: Duration,
+    benchmark: Option<RelativePower>,
+    messages: u64,
+}
+
+type FarmMailbox = Mailbox<Seen>;
+
+/// Runs a job to its end, or until `stop` is requested.
+///
+/// - `store`: where the job is kept, if at all.
+/// - `kept`: what an earlier run of the same job left; it goes on from there.
+///
+/// With optimization off every pixel has the same bits for any number of agents, any level of partition and any
+/// interruption, if the engine says [`exact_by_pixel`](bottega_engines::EngineDescription::exact_by_pixel).
+pub fn run(
+    settings: &JobSettings,
+    engine: Arc<dyn RenderEngine>,
+    observer: Arc<dyn Observer>,
+    stop: &StopSwitch,
+    store: Option<Box<dyn ZoneStore>>,
+    kept: Option<Kept>,
+) -> Result<JobReport, JobError> {
+    let work = settings.work()?;
+    if kept.as_ref().is_some_and(|kept| kept.work.settings != work) {
+        return Err(JobError::OtherWork);
+    }
+    let (kept, tiles) = match kept {
+        Some(Kept { work, rows, tiles }) => (Some((work, rows)), tiles),
+        None => (None, Default::default()),
+    };
+    let shared = Arc::new(Shared {
+        easel: Mutex::new(Easel::new(settings, tiles, store)),
+        engine,
+        observer,
+        state: Mutex::default(),
+        changed: Condvar::new(),
+        stop: stop.clone(),
+        processors: settings.processors.max(1),
+        agents: settings.agents,
+    });
+    let platform = LocalPlatform::new(1)?;
+    let master = populate(&platform, settings, work, kept, &shared)?;
+    let on_stop = Arc::downgrade(&shared);
+    stop.when_requested(move || {
+        if let Some(shared) = on_stop.upgrade() {
+            master.complete(FarmCompletion::Stop);
+            shared.engine.cancel();
+            shared.changed.notify_all();
+        }
+    });
+    let end = shared.wait();
+    stop.forget();
+    let total = platform.now().elapsed();
+    platform.stop();
+    report(&shared, end, total)
+}
+
+fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobReport, JobError> {
+    let (survey, messages) = {
+        let state = shared.state();
+        (state.survey, state.messages)
+    };
+    let mut easel = shared.easel();
+    if let (Some(End::Abandoned(reason)), false) = (&end, shared.stop.is_requested()) {
+        return Err(JobError::Abandoned { reason: reason.clone() });
+    }
+    let (stopped, failed) = match end {
+        Some(End::Finished(failed)) => (false, failed),
+        _ => (true, Vec::new()),
+    };
+    if stopped {
+        easel.compose_unfinished();
+    }
+    let times = Times { total, survey, ..easel.times() };
+    Ok(JobReport { film: easel.take_film(), stopped, failed, rows: easel.rows(), times, messages })
+}
+
+/// Brings all agents to life. Returns the Master's mailbox.
+fn populate(
+    platform: &LocalPlatform<Seen>,
+    settings: &JobSettings,
+    work: WorkSettings,
+    kept: Option<(WorkRow, Vec<ZoneRow>)>,
+    shared: &Arc<Shared>,
+) -> Result<FarmMailbox, JobError> {
+    let add = |id: &AgentId, agent: FarmAgent| {
+        let seen = Seen { agent, shared: Arc::clone(shared) };
+        platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
+    };
+    let (master, analyst) = (AgentId::new("master@bottega"), AgentId::new("analyst@bottega"));
+    let timing = Timing::default();
+    let JobSettings { auction, prefetch, .. } = *settings;
+    let master_config = MasterConfig { id: master.clone(), work: WORK, auction, prefetch, timing };
+    let mailbox = match kept {
+        Some((work, rows)) => {
+            let config = MasterConfig { work: work.work, ..master_config };
+            add(&master, Master::recover(config, work, rows).into())?
+        }
+        None => {
+            let partition = PartitionSettings::for_agents(settings.level, settings.agents, work.frame);
+            let config = AnalystConfig {
+                id: analyst.clone(),
+                master: master.clone(),
+                work: WORK,
+                settings: work,
+                importance: settings.importance,
+                partition,
+            };
+            add(&analyst, Analyst::new(config).into())?;
+            add(&master, Master::new(master_config).into())?
+        }
+    };
+    let engine = shared.engine.describe();
+    for (i, expert) in (0..settings.agents).zip(settings.experts.iter().cycle()) {
+        let id = AgentId::new(format!("render-{}@bottega", i + 1));
+        let agent = RenderAgent::new(RenderAgentConfig {
+            id: id.clone(),
+            master: master.clone(),
+            adaptation: settings.adaptation,
+            prefetch,
+            heartbeat: timing.heartbeat,
+            expert: expert.clone().for_engine(&engine),
+        });
+        add(&id, agent.into())?;
+    }
+    Ok(mailbox)
+}
+
+/// What an agent of the farm does, with all its messages seen by the observer.
+struct Seen {
+    agent: FarmAgent,
+    shared: Arc<Shared>,
+}
+
+impl StateMachine for Seen {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        let before = actions.len();
+        self.agent.handle(now, event, actions);
+        for action in &actions[before..] {
+            if let FarmAction::Send(message) = action {
+                self.shared.state().messages += message.receivers.len() as u64;
+                self.shared.observer.message(now, message);
+            }
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.agent.next_deadline()
+    }
+}
+
+/// Carries out the effects of one agent. When it goes without the job having ended, the job has: an agent has panicked.
+fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<Seen> {
+    struct Notice(Arc<Shared>, bool);
+    impl Drop for Notice {
+        fn drop(&mut self) {
+            if self.1 || thread::panicking() {
+                self.0.end(End::Abandoned("an agent of the farm ended before the work".to_owned()));
+            }
+        }
+    }
+    let notice = Notice(Arc::clone(shared), id.name.starts_with("master"));
+    Box::new(move |effect, mailbox| notice.0.perform(effect, mailbox))
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn easel(&self) -> MutexGuard<'_, Easel> {
+        self.easel.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The first end counts.
+    fn end(&self, end: End) {
+        self.state().end.get_or_insert(end);
+        self.changed.notify_all();
+    }
+
+    /// Waits for the end, and for the engine to give back what it has.
+    fn wait(&self) -> Option<End> {
+        let mut state = self.state();
+        while state.outstanding > 0 || state.end.is_none() && !self.stop.is_requested() {
+            // The stop switch is not under this lock: look again now and then.
+            let woken = self.changed.wait_timeout(state, Duration::from_millis(100));
+            state = woken.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        state.end.clone()
+    }
+
+    fn begin_outstanding(&self) {
+        self.state().outstanding += 1;
+    }
+
+    fn end_outstanding(&self) {
+        self.state().outstanding -= 1;
+        self.changed.notify_all();
+    }
+
+    fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
+        match effect {
+            FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
+            FarmEffect::Analyzed { map, partition } => self.observer.analyzed(&map, &partition),
+            FarmEffect::Benchmark => {
+                let power = *self.state().benchmark.get_or_insert_with(|| benchmark(|| mailbox.now()));
+                let lanes = self.processors as f64 / self.agents as f64;
+                mailbox.complete(FarmCompletion::Benchmarked { power, lanes });
+            }
+            // In one process the engine has the scene.
+            FarmEffect::Fetch(work) => mailbox.complete(FarmCompletion::Fetched(work)),
+            FarmEffect::Paint(order) => self.paint(order, mailbox),
+            FarmEffect::BeginFilm(work) => {
+                let kept = self.easel().begin(&work);
+                self.tell_kept(kept);
+            }
+            FarmEffect::ZoneChanged(row) => {
+                let (kept, progress) = self.easel().zone_changed(&row, mailbox.now());
+                self.tell_kept(kept);
+                self.observer.zone_changed(&row);
+                self.observer.progress(&progress);
+            }
+            FarmEffect::Compose { zone, result, mask } => {
+                let before = mailbox.now();
+                let outcome = self.easel().compose(zone, &result, &mask);
+                self.easel().composition_took(mailbox.now() - before);
+                mailbox.complete(FarmCompletion::Composed { zone, outcome });
+            }
+            FarmEffect::Finish { failed } => self.end(End::Finished(failed)),
+            FarmEffect::Abandon { reason } => self.end(End::Abandoned(reason)),
+        }
+    }
+
+    fn tell_kept(&self, kept: std::io::Result<()>) {
+        if let Err(error) = kept {
+            tracing::warn!(%error, "the work could not be kept");
+            self.observer.not_kept(&error);
+        }
+    }
+
+    /// A survey blocks, so it has a thread of its own.
+    fn survey(self: &Arc<Self>, width: u32, height: u32, mailbox: &FarmMailbox) {
+        self.begin_outstanding();
+        let (shared, to) = (Arc::clone(self), mailbox.clone());
+        let look = move || {
+            let before = to.now();
+            let survey = shared.engine.survey(width, height).map(Arc::new).map_err(|error| error.to_string());
+            shared.state().survey = to.now() - before;
+            to.complete(FarmCompletion::Surveyed(survey));
+            shared.end_outstanding();
+        };
+        if let Err(error) = thread::Builder::new().name("survey".to_owned()).spawn(look) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
+        }
+    }
+}
+
+/// V_cp from a fixed piece of work: a chain of dependent operations, so that nothing but the processor decides.
+fn benchmark(now: impl Fn() -> Time) -> RelativePower {
+    let measure = || {
+        let before = now();
+        let mut value = 1.000_000_1_f64;
+        for _ in 0..400_000 {
+            value = value * 1.000_000_3 + 1e-9;
+            value = if value > 2.0 { value - 1.0 } else { value };
+        }
+        std::hint::black_box(value);
+        now() - before
+    };
+    // The best of three: a processor that was asleep, or another program, disturbs the first.
+    let best = (0..3).map(|_| measure()).min().unwrap_or(REFERENCE_BENCHMARK);
+    RelativePower::new(best.as_secs_f64() / REFERENCE_BENCHMARK.as_secs_f64())
+}

@@ -1,0 +1,241 @@
+//! Where the pixels are: tiles under way, the film, and what is kept of both.
+
+use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
+
+use bottega_agents::{Time, bus::BlobId};
+use bottega_engines::{EngineError, Painted, ZoneTask};
+use bottega_image::{Film, Layout, Tile};
+
+use super::{FarmMailbox, JobSettings, Progress, Shared, Times, progress::Tally};
+use crate::{
+    FarmCompletion, Mask, PaintOrder, PaintResult, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest,
+};
+
+/// A zone that takes longer than this on all processors is painted in passes, each of which is kept: so much is lost by
+/// an interruption at most.
+const PASS: Duration = Duration::from_secs(10);
+
+/// Tiles, film and store of one job.
+pub(super) struct Easel {
+    film: Film,
+    layout: Layout,
+    samples_wanted: u32,
+    tiles: BTreeMap<ZoneId, (BlobId, Tile)>,
+    rows: BTreeMap<ZoneId, ZoneRow>,
+    store: Option<Box<dyn ZoneStore>>,
+    /// The tile that the store has of each zone.
+    stored: BTreeMap<ZoneId, BlobId>,
+    tally: Tally,
+    times: Times,
+}
+
+impl Easel {
+    pub(super) fn new(settings: &JobSettings, kept: BTreeMap<ZoneId, Tile>, store: Option<Box<dyn ZoneStore>>) -> Self {
+        let tiles: BTreeMap<_, _> = kept.into_iter().map(|(zone, tile)| (zone, (digest(&tile), tile))).collect();
+        // Whoever resumes appends to the journal that holds these.
+        let stored = tiles.iter().map(|(&zone, (id, _))| (zone, *id)).collect();
+        Self {
+            film: Film::new(settings.crop, settings.layout).with_picture_size(settings.width, settings.height),
+            layout: settings.layout,
+            samples_wanted: settings.samples,
+            tiles,
+            rows: BTreeMap::new(),
+            store,
+            stored,
+            tally: Tally::default(),
+            times: Times::default(),
+        }
+    }
+
+    pub(super) fn begin(&mut self, work: &WorkRow) -> io::Result<()> {
+        self.store.as_mut().map_or(Ok(()), |store| store.put_work(work))
+    }
+
+    /// Takes in a row, and keeps it where it says something that a resume needs.
+    pub(super) fn zone_changed(&mut self, row: &ZoneRow, now: Time) -> (io::Result<()>, Progress) {
+        self.rows.insert(row.zone, row.clone());
+        self.tally.see(now, row, self.samples_wanted, 0);
+        let kept = if row.is_in_hand() { Ok(()) } else { self.keep(row) };
+        (kept, self.tally.progress())
+    }
+
+    fn keep(&mut self, row: &ZoneRow) -> io::Result<()> {
+        let Some(store) = &mut self.store else { return Ok(()) };
+        let fresh = row.result.filter(|result| self.stored.get(&row.zone) != Some(&result.digest));
+        let tile = fresh.and_then(|result| {
+            let (id, tile) = self.tiles.get(&row.zone)?;
+            (*id == result.digest).then_some(tile)
+        });
+        store.put_zone(row, tile)?;
+        if let (Some(result), Some(_)) = (fresh, tile) {
+            self.stored.insert(row.zone, result.digest);
+        }
+        Ok(())
+    }
+
+    /// Puts a zone into the film and lets its tile go.
+    pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef, mask: &Mask) -> Result<(), String> {
+        let (id, tile) = self.tiles.remove(&zone).ok_or("its tile is not here")?;
+        if id != result.digest {
+            return Err("its tile is another one".to_owned());
+        }
+        if tile.layout() != self.layout {
+            return Err("its tile holds other values than the film".to_owned());
+        }
+        if !tile.sums().iter().all(|sum| sum.is_finite()) {
+            return Err("its tile holds values that are no numbers".to_owned());
+        }
+        self.film.add_tile(&tile, |x, y| mask.weight(x, y));
+        Ok(())
+    }
+
+    /// Puts everything that is painted and not in the film there, each zone within its own pixels.
+    pub(super) fn compose_unfinished(&mut self) {
+        for (zone, (_, tile)) in std::mem::take(&mut self.tiles) {
+            let rect = self.rows.get(&zone).map_or(tile.rect(), |row| row.rect);
+            if tile.layout() == self.layout && tile.sums().iter().all(|sum| sum.is_finite()) {
+                let film = &self.film;
+                let bare: Vec<bool> = rect.pixels().map(|(x, y)| !film.is_painted(x, y)).collect();
+                let weight = |x, y| f32::from(u8::from(rect.contains(x, y) && bare[rect.index(x, y)]));
+                self.film.add_tile(&tile, weight);
+            }
+        }
+    }
+
+    pub(super) fn composition_took(&mut self, time: Duration) {
+        self.times.composition += time;
+    }
+
+    pub(super) fn times(&self) -> Times {
+        self.times
+    }
+
+    pub(super) fn rows(&self) -> Vec<ZoneRow> {
+        self.rows.values().cloned().collect()
+    }
+
+    pub(super) fn take_film(&mut self) -> Film {
+        let nothing = Film::new(Default::default(), self.layout);
+        std::mem::replace(&mut self.film, nothing)
+    }
+}
+
+/// A zone at work in the engine.
+struct Sitting {
+    order: PaintOrder,
+    /// Samples of one pass.
+    pass: u32,
+    busy: Duration,
+    shared: Arc<Shared>,
+    mailbox: FarmMailbox,
+}
+
+impl Shared {
+    pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
+        let tile = order.from.and_then(|from| {
+            let (id, tile) = self.easel().tiles.remove(&order.zone)?;
+            // Another tile than the one meant is of no use. The zone is painted from the start, to the same bits.
+            (id == from.digest && tile.rect() == order.rect).then_some(tile)
+        });
+        let start = if tile.is_some() { order.samples.start } else { 0 };
+        let count = order.samples.end - start;
+        let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
+        let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
+        self.begin_outstanding();
+        let sitting = Sitting {
+            pass: count.div_ceil(passes).max(1),
+            busy: Duration::ZERO,
+            shared: Arc::clone(self),
+            mailbox: mailbox.clone(),
+            order,
+        };
+        sitting.go_on(start, tile);
+    }
+}
+
+impl Sitting {
+    /// Starts the next pass.
+    fn go_on(self, start: u32, tile: Option<Tile>) {
+        let shared = Arc::clone(&self.shared);
+        if shared.stop.is_requested() {
+            return self.interrupted(tile);
+        }
+        let end = start.saturating_add(self.pass).min(self.order.samples.end);
+        let PaintOrder { rect, tunables, .. } = self.order;
+        let task = ZoneTask { rect, samples: start..end, tunables, tile };
+        shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
+        if shared.stop.is_requested() {
+            // It was asked for after the look above, and the engine was told before this zone was begun.
+            shared.engine.cancel();
+        }
+    }
+
+    fn painted(mut self, end: u32, painted: Result<Painted, EngineError>) {
+        match painted {
+            Err(error) => {
+                let reason = error.to_string();
+                self.done(Err(reason));
+            }
+            Ok(Painted { tile, busy, complete: false }) => {
+                self.busy += busy;
+                if self.shared.stop.is_requested() {
+                    self.interrupted(Some(tile));
+                } else {
+                    self.done(Err("the engine was cancelled".to_owned()));
+                }
+            }
+            Ok(Painted { tile, busy, complete: true }) => {
+                self.busy += busy;
+                if tile.rect() != self.order.rect {
+                    return self.done(Err("the engine painted another rectangle".to_owned()));
+                }
+                if end < self.order.samples.end {
+                    self.pass_done(end, &tile);
+                    return self.go_on(end, Some(tile));
+                }
+                let digest = digest(&tile);
+                let result = ResultRef { fence: self.order.fence, samples: end, digest };
+                self.shared.easel().tiles.insert(self.order.zone, (digest, tile));
+                let busy = self.busy;
+                self.done(Ok(PaintResult { result, busy }));
+            }
+        }
+    }
+
+    /// Keeps a pass, so that an interruption costs no more than the next one.
+    fn pass_done(&self, samples: u32, tile: &Tile) {
+        let (zone, now) = (self.order.zone, self.mailbox.now());
+        let mut easel = self.shared.easel();
+        let Some(row) = easel.rows.get(&zone).cloned() else { return };
+        let wanted = easel.samples_wanted;
+        easel.tally.see(now, &row, wanted, samples);
+        let progress = easel.tally.progress();
+        let mut kept = Ok(());
+        if let Some(store) = &mut easel.store {
+            let digest = digest(tile);
+            let result = Some(ResultRef { fence: self.order.fence, samples, digest });
+            kept = store.put_zone(&ZoneRow { state: ZoneState::Profiled, result, ..row }, Some(tile));
+            easel.stored.insert(zone, digest);
+        }
+        drop(easel);
+        self.shared.tell_kept(kept);
+        self.shared.observer.progress(&progress);
+    }
+
+    /// The user stopped the job: what there is goes into the picture, and nobody is told.
+    fn interrupted(self, tile: Option<Tile>) {
+        if let Some(tile) = tile {
+            // Pixels may have different numbers of samples, so it is never gone on with: its digest is none.
+            self.shared.easel().tiles.insert(self.order.zone, (BlobId([0; 32]), tile));
+        }
+        self.shared.easel().times.painting += self.busy;
+        self.shared.end_outstanding();
+    }
+
+    fn done(self, outcome: Result<PaintResult, String>) {
+        self.shared.easel().times.painting += self.busy;
+        let PaintOrder { zone, fence, .. } = self.order;
+        self.mailbox.complete(FarmCompletion::Painted { zone, fence, outcome });
+        self.shared.end_outstanding();
+    }
+}

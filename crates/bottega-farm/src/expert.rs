@@ -1,0 +1,217 @@
+//! Expert knowledge: what an agent's rules say of a zone.
+//!
+//! Source: MAGarRO, section 3.4, "Using Expert Knowledge". The sets of the inputs are laid out at run time over the
+//! ranges found in the scene.
+
+use std::sync::Arc;
+
+use bottega_engines::{EngineDescription, Tunables};
+use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
+
+use crate::{Choice, InputRanges, Interval, WorkRow, WorkSettings, ZoneRow};
+
+/// Complexity/size ratio.
+const COMPLEXITY: &str = "complexity";
+/// Neighbor Difference.
+const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
+/// Size in pixels.
+const SIZE: &str = "size";
+/// Optimization Level, 1 (VS) to 5 (VB).
+const OPTIMIZATION_LEVEL: &str = "optimization_level";
+const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_LEVEL];
+/// Share of the user's depth.
+const RECURSION_LEVEL: &str = "recursion_level";
+/// Share of the user's samples.
+const LIGHT_SAMPLES: &str = "light_samples";
+/// Width of the band in pixels.
+const INTERPOLATION_BAND_SIZE: &str = "interpolation_band_size";
+/// No rule may ask for less than this share of what the user set, so that no picture becomes black.
+const SHARE_MIN: f64 = 0.05;
+/// No rule may ask for wider bands: their cost grows with them.
+const BAND_MAX: f64 = 64.0;
+
+/// Why a set of rules cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ExpertError {
+    /// The text is no FCL.
+    #[error("cannot read the rules")]
+    Fcl(#[from] FclError),
+    /// It asks for something that the farm does not know of a zone.
+    #[error("the rules have an input `{name}`; a zone has only {}", INPUTS.join(", "))]
+    UnknownInput {
+        /// Its name.
+        name: String,
+    },
+    /// It decides nothing.
+    #[error("the rules have none of the outputs {RECURSION_LEVEL}, {LIGHT_SAMPLES}, {INTERPOLATION_BAND_SIZE}")]
+    NoOutput,
+    /// The rules cannot be laid out over the scene.
+    #[error("the rules cannot be laid out over the scene")]
+    Layout(#[from] LayoutError),
+    /// The rules cannot be evaluated.
+    #[error("the rules cannot be evaluated")]
+    Evaluate(#[from] EvaluateError),
+}
+
+/// What an agent knows of rendering. Each agent may know something else.
+#[derive(Clone, Debug)]
+pub struct Expert {
+    rules: Arc<FunctionBlock>,
+    has_max_depth: bool,
+    has_light_samples: bool,
+}
+
+impl Expert {
+    /// The knowledge in an FCL text.
+    pub fn parse(text: &str) -> Result<Self, ExpertError> {
+        Self::new(FunctionBlock::parse(text)?)
+    }
+
+    /// The knowledge in a function block that has been read.
+    pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
+        let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
+        if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
+            return Err(ExpertError::UnknownInput { name: unknown.name.clone() });
+        }
+        let outputs = [RECURSION_LEVEL, LIGHT_SAMPLES, INTERPOLATION_BAND_SIZE];
+        if outputs.iter().all(|name| rules.output_index(name).is_none()) {
+            return Err(ExpertError::NoOutput);
+        }
+        Ok(Self { rules: Arc::new(rules), has_max_depth: true, has_light_samples: true })
+    }
+
+    /// The rules for path tracing that come with the farm: the paper's two and 26 of our own.
+    pub fn path_tracing() -> Self {
+        Self::parse(include_str!("../../../rules/path-tracing.fcl")).expect("the rules in the repository can be read")
+    }
+
+    /// The same for an engine: what it has no knob for is left as it is, and not credited.
+    #[must_use]
+    pub fn for_engine(self, engine: &EngineDescription) -> Self {
+        Self { has_max_depth: engine.has_max_depth, has_light_samples: engine.has_light_samples, ..self }
+    }
+
+    /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules
+    /// cannot be evaluated, the user's settings exactly.
+    pub fn decide(&self, work: &WorkRow, zone: &ZoneRow) -> Choice {
+        self.try_decide(work, zone).unwrap_or_else(|error| {
+            tracing::warn!(zone = zone.zone.0, %error, "the rules are of no use here");
+            Choice::unchanged(&work.settings)
+        })
+    }
+
+    /// The same, with the reason why the rules cannot be evaluated.
+    pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
+        let settings = &work.settings;
+        let Some(level) = settings.optimization.rule_input() else { return Ok(Choice::unchanged(settings)) };
+        let mut rules = (*self.rules).clone();
+        let InputRanges { complexity, neighbor_difference, size } = work.ranges;
+        let ranges = [(COMPLEXITY, complexity), (NEIGHBOR_DIFFERENCE, neighbor_difference), (SIZE, size)];
+        for (name, Interval { min, max }) in ranges {
+            if rules.input_index(name).is_some() {
+                rules.layout_inputs(name, min, max)?;
+            }
+        }
+        let size = zone.size() as f64;
+        let mut values = vec![
+            (COMPLEXITY, zone.complexity / size.max(1.0)),
+            (NEIGHBOR_DIFFERENCE, zone.neighbor_difference),
+            (SIZE, size),
+            (OPTIMIZATION_LEVEL, level),
+        ];
+        values.retain(|(name, _)| rules.input_index(name).is_some());
+        let outputs = rules.evaluate(&values)?;
+        let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
+        let band = outputs.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0).clamp(0.0, BAND_MAX).round() as u32;
+        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), band))
+    }
+
+    /// - `light`: share of all light samples of a pixel: samples times light samples a vertex. Both take an equal part.
+    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, band: u32) -> Choice {
+        let Tunables { max_depth, light_samples } = settings.tunables;
+        let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
+        let max_depth = if self.has_max_depth { part(max_depth, depth).max(max_depth.min(1)) } else { max_depth };
+        let fewer = if self.has_light_samples { part(light_samples, light.sqrt()) } else { light_samples };
+        let fewer = fewer.max(light_samples.min(1));
+        let left = if fewer > 0 { light * f64::from(light_samples) / f64::from(fewer) } else { light };
+        let samples = part(settings.samples, left.min(1.0)).max(1);
+        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, band }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_image::Rect;
+
+    use super::*;
+    use crate::{Optimization, WorkId, ZoneId};
+
+    fn zone(index: u32, complexity: f64, difference: f64) -> ZoneRow {
+        ZoneRow::open(WorkId(1), ZoneId(index), Rect::of_size(32, 32), complexity * 1024.0, difference)
+    }
+
+    fn work(optimization: Optimization, rows: &[ZoneRow]) -> WorkRow {
+        let frame = Rect::of_size(64, 64);
+        let tunables = Tunables { max_depth: 10, light_samples: 4 };
+        let settings = WorkSettings { picture: frame, frame, samples: 256, tunables, optimization };
+        WorkRow { work: WorkId(1), settings, zone_count: rows.len() as u32, ranges: InputRanges::of(rows) }
+    }
+
+    #[test]
+    fn off_is_the_users_settings_exactly() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let work = work(Optimization::Off, &rows);
+        for row in &rows {
+            assert_eq!(Expert::path_tracing().decide(&work, row), Choice::unchanged(&work.settings));
+        }
+    }
+
+    #[test]
+    fn a_stronger_level_never_asks_for_more() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 1.0, 0.3), zone(2, 3.0, 2.0)];
+        for row in &rows {
+            let choices: Vec<Choice> = Optimization::ALL[1..]
+                .iter()
+                .map(|&level| Expert::path_tracing().decide(&work(level, &rows), row))
+                .collect();
+            let cost = |choice: &Choice| choice.samples * choice.tunables.light_samples;
+            assert!(choices.is_sorted_by_key(|choice| std::cmp::Reverse(cost(choice))), "{choices:?}");
+            assert!(cost(&choices[4]) < cost(&choices[0]));
+            assert_eq!((choices[0].samples, choices[0].tunables), (256, Tunables { max_depth: 10, light_samples: 4 }));
+        }
+    }
+
+    #[test]
+    fn the_band_is_wide_where_neighbors_differ() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let work = work(Optimization::Normal, &rows);
+        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).band);
+        assert!(rim >= 12 && even <= 2, "{even} {rim}");
+    }
+
+    #[test]
+    fn an_engine_without_a_knob_keeps_what_it_has() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let work = work(Optimization::VeryBig, &rows);
+        let engine = EngineDescription {
+            name: "plain".to_owned(),
+            has_max_depth: false,
+            has_light_samples: false,
+            resumes_samples: true,
+            exact_by_pixel: true,
+        };
+        let choice = Expert::path_tracing().for_engine(&engine).decide(&work, &rows[1]);
+        assert_eq!(choice.tunables, work.settings.tunables);
+        assert!(choice.samples < 256);
+    }
+
+    #[test]
+    fn rules_about_something_else_are_refused() {
+        let text = "FUNCTION_BLOCK f VAR_INPUT moon : REAL; END_VAR VAR_OUTPUT light_samples : REAL; END_VAR \
+            FUZZIFY moon TERM full := (0, 1) (1, 0); END_FUZZIFY \
+            DEFUZZIFY light_samples TERM few := (0, 1) (1, 0); METHOD : COG; DEFAULT := 1; END_DEFUZZIFY \
+            RULEBLOCK r RULE 1 : IF moon IS full THEN light_samples IS few; END_RULEBLOCK END_FUNCTION_BLOCK";
+        assert!(matches!(Expert::parse(text), Err(ExpertError::UnknownInput { name }) if name == "moon"));
+        assert!(matches!(Expert::parse("no rules"), Err(ExpertError::Fcl(_))));
+    }
+}

@@ -1,0 +1,319 @@
+//! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
+//!
+//! Format, version 1, little endian: eight bytes `BOTTEGA` 1, then records of kind (1 byte), length (u64), the first 16
+//! bytes of the BLAKE3 hash of kind, length and payload, and the payload. Kinds: 1 a name that the owner chose (of scene
+//! and settings), 2 the row of the work, 3 the row of a zone, with its tile or without. Of several records of a zone the
+//! last one counts. A record that was torn by a crash, and all behind it, are not believed: the work goes on from what
+//! stands before, and the pixels are the same.
+
+use std::{
+    collections::BTreeMap,
+    io::{self, Read, Write},
+};
+
+use bottega_image::Tile;
+
+use crate::{
+    WorkRow, ZoneId, ZoneRow, ZoneState,
+    wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
+};
+
+const MAGIC: [u8; 8] = *b"BOTTEGA\x01";
+const HASH_BYTES: usize = 16;
+/// The longest payload that is believed.
+const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
+
+/// Where a running work is kept. Called in order by one thread at a time.
+pub trait ZoneStore: Send {
+    /// Keeps what the user asked for and over what the rules are laid out.
+    ///
+    /// # Errors
+    /// When it cannot be kept. The work goes on, but cannot be resumed from here.
+    fn put_work(&mut self, work: &WorkRow) -> io::Result<()>;
+
+    /// Keeps a zone as it is now. Its tile comes with it when the row's result is new.
+    ///
+    /// # Errors
+    /// As above.
+    fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
+}
+
+/// Writes a journal.
+#[derive(Debug)]
+pub struct JournalWriter<W: Write> {
+    to: W,
+    payload: Vec<u8>,
+}
+
+impl<W: Write + Send> JournalWriter<W> {
+    /// Begins a journal.
+    ///
+    /// - `name`: what is painted: the digest of scene and settings, say. Compare it before a resume.
+    ///
+    /// # Errors
+    /// Of the writer.
+    pub fn create(mut to: W, name: &str) -> io::Result<Self> {
+        to.write_all(&MAGIC)?;
+        let mut journal = Self::append(to);
+        journal.payload.extend(name.as_bytes());
+        journal.write(1)?;
+        Ok(journal)
+    }
+
+    /// Goes on with a journal that stands before the writer's position: cut the file to [`Journal::sound_bytes`] first.
+    pub fn append(to: W) -> Self {
+        Self { to, payload: Vec::new() }
+    }
+
+    fn write(&mut self, kind: u8) -> io::Result<()> {
+        let length = self.payload.len() as u64;
+        let mut head = Vec::with_capacity(9 + HASH_BYTES);
+        head.push(kind);
+        head.extend(length.to_le_bytes());
+        head.extend(hash(kind, length, &self.payload));
+        self.to.write_all(&head)?;
+        self.to.write_all(&self.payload)?;
+        self.payload.clear();
+        self.to.flush()
+    }
+}
+
+fn hash(kind: u8, length: u64, payload: &[u8]) -> [u8; HASH_BYTES] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&[kind]).update(&length.to_le_bytes()).update(payload);
+    let mut short = [0; HASH_BYTES];
+    short.copy_from_slice(&hasher.finalize().as_bytes()[..HASH_BYTES]);
+    short
+}
+
+impl<W: Write + Send> ZoneStore for JournalWriter<W> {
+    fn put_work(&mut self, work: &WorkRow) -> io::Result<()> {
+        self.payload.clear();
+        put_work(work, &mut self.payload);
+        self.write(2)
+    }
+
+    fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()> {
+        self.payload.clear();
+        put_zone(row, &mut self.payload);
+        self.payload.push(u8::from(tile.is_some()));
+        if let Some(tile) = tile {
+            put_tile(tile, &mut self.payload);
+        }
+        self.write(3)
+    }
+}
+
+/// What a journal holds.
+#[derive(Clone, Debug, Default)]
+pub struct Journal {
+    /// What was painted.
+    pub name: String,
+    /// The work; `None` when it was interrupted before there were zones.
+    pub kept: Option<Kept>,
+    /// How many bytes, from the beginning, can be believed.
+    pub sound_bytes: u64,
+}
+
+/// What is left of an interrupted work.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    /// The work.
+    pub work: WorkRow,
+    /// All its zones, by id.
+    pub rows: Vec<ZoneRow>,
+    /// The samples to which the rows refer.
+    pub tiles: BTreeMap<ZoneId, Tile>,
+}
+
+/// Why there is no journal.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// The bytes cannot be had.
+    #[error("cannot read the journal")]
+    Read(#[from] io::Error),
+    /// It is something else.
+    #[error("this is no journal of a work, or one of another version")]
+    Magic,
+    /// Another record stands where the name should.
+    #[error("the journal does not say what it is of")]
+    Name,
+}
+
+impl Journal {
+    /// Reads a journal. What is damaged is left out: see [`Journal::sound_bytes`].
+    ///
+    /// # Errors
+    /// When the bytes cannot be read or are no journal at all.
+    pub fn read(mut from: impl Read) -> Result<Self, JournalError> {
+        let mut magic = [0; MAGIC.len()];
+        if !fill(&mut from, &mut magic)? || magic != MAGIC {
+            return Err(JournalError::Magic);
+        }
+        let mut journal = Self { sound_bytes: MAGIC.len() as u64, ..Self::default() };
+        let mut work = None;
+        let mut zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)> = BTreeMap::new();
+        let mut first = true;
+        while let Some((kind, payload)) = record(&mut from)? {
+            let mut reader = Reader::new(&payload);
+            let understood = match kind {
+                1 if first => String::from_utf8(payload.clone()).map(|name| journal.name = name).is_ok(),
+                _ if first => return Err(JournalError::Name),
+                2 => get_work(&mut reader).map(|row| work = Some(row)).is_ok(),
+                3 => take_zone(&mut reader, &mut zones),
+                _ => false,
+            };
+            if !understood {
+                break;
+            }
+            first = false;
+            journal.sound_bytes += (9 + HASH_BYTES + payload.len()) as u64;
+        }
+        if first {
+            return Err(JournalError::Name);
+        }
+        journal.kept = work.and_then(|work| keep(work, zones));
+        Ok(journal)
+    }
+}
+
+/// Reads one record; `None` at the end, or where it is torn or damaged.
+fn record(from: &mut impl Read) -> io::Result<Option<(u8, Vec<u8>)>> {
+    let mut head = [0; 9 + HASH_BYTES];
+    if !fill(from, &mut head)? {
+        return Ok(None);
+    }
+    let kind = head[0];
+    let length = u64::from_le_bytes(head[1..9].try_into().expect("eight bytes"));
+    if length > PAYLOAD_BYTES_MAX {
+        return Ok(None);
+    }
+    // Grows with what is there, not with what is claimed.
+    let mut payload = Vec::new();
+    from.by_ref().take(length).read_to_end(&mut payload)?;
+    let whole = payload.len() as u64 == length && hash(kind, length, &payload) == head[9..];
+    Ok(whole.then_some((kind, payload)))
+}
+
+/// Fills a buffer; `false` when the end came first.
+fn fill(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
+    match from.read_exact(buffer) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        other => other.map(|()| true),
+    }
+}
+
+fn take_zone(reader: &mut Reader<'_>, zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
+    let Ok(row) = get_zone(reader) else { return false };
+    let tile = match reader.u8() {
+        Ok(0) => None,
+        Ok(1) => match get_tile(reader) {
+            Ok(tile) => Some(tile),
+            Err(_) => return false,
+        },
+        _ => return false,
+    };
+    let before = zones.remove(&row.zone).and_then(|(_, tile)| tile);
+    zones.insert(row.zone, (row, tile.or(before)));
+    true
+}
+
+/// The work as it can be gone on with; `None` when zones are missing. A row whose tile is not there, or is not the one
+/// that it means, is painted again from the start.
+fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<Kept> {
+    let in_order = zones.keys().enumerate().all(|(i, zone)| zone.index() == i);
+    if !in_order || zones.len() != work.zone_count as usize {
+        return None;
+    }
+    let mut kept = Kept { work, rows: Vec::new(), tiles: BTreeMap::new() };
+    for (zone, (row, tile)) in zones {
+        let tile = tile.filter(|tile| row.result.is_some_and(|result| result.digest == digest(tile)));
+        match tile {
+            Some(tile) => {
+                kept.tiles.insert(zone, tile);
+                kept.rows.push(row.resumed());
+            }
+            None => kept.rows.push(ZoneRow {
+                state: ZoneState::Open,
+                result: None,
+                time_estimated: None,
+                time_measured: None,
+                ..row.resumed()
+            }),
+        }
+    }
+    Some(kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_engines::Tunables;
+    use bottega_image::{AovSet, Layout, Rect};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{InputRanges, Optimization, ResultRef, WorkId, WorkSettings};
+
+    fn written() -> (Vec<u8>, Vec<usize>) {
+        let frame = Rect::of_size(8, 4);
+        let tunables = Tunables { max_depth: 3, light_samples: 1 };
+        let settings = WorkSettings { picture: frame, frame, samples: 4, tunables, optimization: Optimization::Off };
+        let rects = [Rect::new(0, 0, 4, 4), Rect::new(4, 0, 8, 4)];
+        let rows: Vec<ZoneRow> =
+            (0..2).map(|i| ZoneRow::open(WorkId(1), ZoneId(i), rects[i as usize], 16.0, 0.0)).collect();
+        let work = WorkRow { work: WorkId(1), settings, zone_count: 2, ranges: InputRanges::of(&rows) };
+        let mut tile = Tile::new(rects[1], Layout::new(AovSet::NONE));
+        tile.sums_mut().fill(2.5);
+        let result = ResultRef { fence: Default::default(), samples: 4, digest: digest(&tile) };
+        let done = ZoneRow { state: ZoneState::Done, result: Some(result), ..rows[1].clone() };
+        let mut bytes = Vec::new();
+        let mut ends = Vec::new();
+        let mut journal = JournalWriter::create(&mut bytes, "scene 12").unwrap();
+        journal.put_work(&work).unwrap();
+        rows.iter().for_each(|row| journal.put_zone(row, None).unwrap());
+        ends.push(journal.to.len());
+        journal.put_zone(&done, Some(&tile)).unwrap();
+        ends.push(journal.to.len());
+        (bytes, ends)
+    }
+
+    #[test]
+    fn the_last_row_of_a_zone_counts_and_its_tile_comes_back() {
+        let (bytes, _) = written();
+        let journal = Journal::read(&bytes[..]).unwrap();
+        let kept = journal.kept.unwrap();
+        assert_eq!((journal.name.as_str(), journal.sound_bytes), ("scene 12", bytes.len() as u64));
+        assert_eq!(kept.rows[0].state, ZoneState::Open);
+        assert_eq!(kept.rows[1].state, ZoneState::Done);
+        assert_eq!(kept.tiles[&ZoneId(1)].sums()[0], 2.5);
+    }
+
+    #[test]
+    fn what_is_no_journal_is_refused() {
+        assert!(matches!(Journal::read(&b""[..]), Err(JournalError::Magic)));
+        assert!(matches!(Journal::read(&b"BOTTEGA\x02 and more"[..]), Err(JournalError::Magic)));
+        assert!(matches!(Journal::read(&MAGIC[..]), Err(JournalError::Name)));
+    }
+
+    proptest! {
+        #[test]
+        fn a_torn_or_damaged_tail_costs_only_what_was_in_it(at in 0.0f64..1.0, flip in 0u8..8, torn in any::<bool>()) {
+            let (mut bytes, ends) = written();
+            let at = (at * bytes.len() as f64) as usize;
+            if torn {
+                bytes.truncate(at);
+            } else {
+                bytes[at] ^= 1 << flip;
+            }
+            match Journal::read(&bytes[..]) {
+                Err(_) => prop_assert!(at < ends[0]),
+                Ok(journal) => {
+                    prop_assert!(journal.sound_bytes <= at as u64);
+                    let done = journal.kept.iter().flat_map(|kept| &kept.rows).filter(|row| row.state == ZoneState::Done);
+                    prop_assert_eq!(done.count(), usize::from(at >= ends[1]));
+                    prop_assert_eq!(journal.kept.is_some(), at >= ends[0]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,756 @@
+//! The Master: knows the agents, gives out the zones by auction, takes the results and has them composed.
+//!
+//! **Invariant:** its memory holds nothing that the Blackboard does not, but for what may be lost without harm: a round of
+//! an auction, a lease. A new Master watches the work's rows and goes on.
+//!
+//! Every order is a compare-and-set on the zone's row. The revision that it gets is the fencing token which the report
+//! must carry; a report under an older one is refused. So a zone that was taken from a silent agent and given to another
+//! is accepted once, whoever is first to finish under a valid token.
+
+mod composition;
+mod ledger;
+mod roster;
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
+
+use bottega_agents::{AgentId, Entry, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
+
+use self::{composition::Composition, ledger::Ledger, roster::Roster};
+use crate::{
+    AgentRow, AuctionRule, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
+    FarmMessage, FarmValue, LifeCycle, Offer, Order, Painting, Partition, Proposal, Report, WorkId, WorkRow, ZoneId,
+    ZoneRow, ZoneState, agent_key,
+    auction::BIDDERS_MAX,
+    award,
+    contents::{answer, asking, message},
+    credit_after, expected_end, protocol, work_key, work_prefix, zone_key,
+};
+
+/// Zones to profile that an agent has in hand at most. They are short; more of them hide the way of a message.
+const PROFILE_WINDOW: usize = 4;
+/// The ticket of the watch.
+const WATCH: Ticket = Ticket(0);
+/// Results that the film is given at once.
+const COMPOSING_MAX: usize = 8;
+
+/// How long the Master waits for what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// For bids: silence is a refusal.
+    pub bids: Duration,
+    /// Between two looks at those who say nothing; agents speak as often.
+    pub heartbeat: Duration,
+    /// Until a silent agent counts as gone.
+    pub lease: Duration,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self { bids: Duration::from_millis(500), heartbeat: Duration::from_secs(1), lease: Duration::from_secs(5) }
+    }
+}
+
+/// What a Master is told when it is made.
+#[derive(Clone, Debug)]
+pub struct MasterConfig {
+    /// Its own name.
+    pub id: AgentId,
+    /// Which picture.
+    pub work: WorkId,
+    /// How winners are found.
+    pub auction: AuctionRule,
+    /// Zones that an agent has in hand at most: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
+    pub prefetch: u32,
+    /// How long it waits for what.
+    pub timing: Timing,
+}
+
+/// A row that is being written.
+#[derive(Clone, Debug)]
+struct Write {
+    ticket: Ticket,
+    /// What the row shall be, and the revision that it must have before.
+    row: ZoneRow,
+    expected_revision: Revision,
+    then: Then,
+}
+
+/// What follows when a row is written.
+#[derive(Clone, Debug)]
+enum Then {
+    /// The agent gets its order.
+    Order,
+    /// The agent learns that its report is on the blackboard.
+    Receive(Box<FarmMessage>),
+    /// Nothing: the zone is open again.
+    TakenBack,
+}
+
+/// One round of the auction.
+#[derive(Clone, Debug)]
+struct Round {
+    conversation: u64,
+    deadline: Time,
+    offers: Vec<Offer>,
+    awaited: BTreeSet<AgentId>,
+    proposals: BTreeMap<AgentId, Proposal>,
+}
+
+/// The state machine of a Master.
+#[derive(Clone, Debug)]
+pub struct Master {
+    config: MasterConfig,
+    board: Blackboard,
+    /// Rows to put on an empty Blackboard first: what was kept of an interrupted work. By ticket, until written.
+    kept: BTreeMap<Ticket, FarmValue>,
+    /// The watch has told all that there was.
+    caught_up: bool,
+    begun: bool,
+    stopping: bool,
+    finished: bool,
+    ledger: Ledger,
+    roster: Roster,
+    composition: Composition,
+    round: Option<Round>,
+    writes: BTreeMap<ZoneId, Write>,
+    tickets: BTreeMap<Ticket, ZoneId>,
+    /// When the present order of a zone was sent.
+    sent: BTreeMap<ZoneId, Time>,
+    last_number: u64,
+    next_look: Option<Time>,
+}
+
+impl Master {
+    /// A Master that has just been born. It goes on from what it finds on the Blackboard.
+    pub fn new(config: MasterConfig) -> Self {
+        let ledger = Ledger::new(config.auction);
+        Self {
+            config,
+            board: Blackboard::default(),
+            kept: BTreeMap::new(),
+            caught_up: false,
+            begun: false,
+            stopping: false,
+            finished: false,
+            ledger,
+            roster: Roster::default(),
+            composition: Composition::default(),
+            round: None,
+            writes: BTreeMap::new(),
+            tickets: BTreeMap::new(),
+            sent: BTreeMap::new(),
+            last_number: 0,
+            next_look: None,
+        }
+    }
+
+    /// A Master that goes on with a work of which rows were kept, on a Blackboard that is empty.
+    ///
+    /// Zones that were in hand are open again; what is done is done.
+    pub fn recover(config: MasterConfig, work: WorkRow, rows: impl IntoIterator<Item = ZoneRow>) -> Self {
+        let mut master = Self::new(config);
+        let rows = rows.into_iter().map(|row| FarmValue::Zone(row.resumed()));
+        for value in std::iter::once(FarmValue::Work(work)).chain(rows) {
+            let ticket = Ticket(master.number());
+            master.kept.insert(ticket, value);
+        }
+        master
+    }
+
+    /// What it has seen of the Blackboard.
+    pub fn board(&self) -> &Blackboard {
+        &self.board
+    }
+
+    /// Whether all zones are in the film or given up.
+    pub fn is_finished(&self) -> bool {
+        self.finished
+    }
+
+    fn number(&mut self) -> u64 {
+        self.last_number += 1;
+        self.last_number
+    }
+
+    // The Blackboard.
+
+    fn start(&mut self, actions: &mut Vec<FarmAction>) {
+        for (&ticket, value) in &self.kept {
+            actions.push(self.put_kept(ticket, value));
+        }
+        let prefix = work_prefix(self.config.work);
+        actions.push(FarmAction::Store { ticket: WATCH, request: StoreRequest::Watch { prefix } });
+    }
+
+    fn put_kept(&self, ticket: Ticket, value: &FarmValue) -> FarmAction {
+        let key = match value {
+            FarmValue::Zone(row) => zone_key(row.work, row.zone),
+            FarmValue::Work(row) => work_key(row.work),
+            FarmValue::Agent(row) => agent_key(self.config.work, &row.agent),
+        };
+        let (expected_revision, value) = (Revision::ABSENT, value.clone());
+        FarmAction::Store { ticket, request: StoreRequest::CompareAndSet { key, expected_revision, value } }
+    }
+
+    fn handle_store(&mut self, now: Time, ticket: Ticket, reply: StoreReply<FarmValue>, actions: &mut Vec<FarmAction>) {
+        if let Some(value) = self.kept.remove(&ticket) {
+            // Written, or there already; the watch reports it.
+            if reply == StoreReply::Unavailable {
+                actions.push(self.put_kept(ticket, &value));
+                self.kept.insert(ticket, value);
+            }
+            return;
+        }
+        match reply {
+            StoreReply::Changed(entry) => self.see(now, entry, actions),
+            StoreReply::CaughtUp => self.caught_up = true,
+            StoreReply::Written { key, revision } => {
+                if let Some(write) = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone)) {
+                    let value = FarmValue::Zone(write.row.clone());
+                    self.see(now, Entry { key, revision, value }, actions);
+                }
+            }
+            StoreReply::Conflict { entry, .. } => {
+                let Some(zone) = self.tickets.get(&ticket).copied() else { return };
+                if let Some(entry) = entry {
+                    self.see(now, entry, actions);
+                }
+                // Somebody else wrote this row, and not what was to be written.
+                self.end_write(zone);
+            }
+            StoreReply::Unavailable => self.repeat_write(ticket, actions),
+            StoreReply::Got { .. } => {}
+        }
+    }
+
+    /// Takes in a row. It may be the one that is being written, seen by the watch before the answer or instead of it.
+    fn see(&mut self, now: Time, entry: Entry<FarmValue>, actions: &mut Vec<FarmAction>) {
+        let revision = entry.revision;
+        if let FarmValue::Agent(row) = &entry.value {
+            // Known from an earlier life of this Master; its lease begins anew.
+            if self.roster.get(&row.agent).is_none() {
+                self.roster.join(now, row.clone());
+                self.refresh_hands(&row.agent.clone());
+            }
+        }
+        let zone = match &entry.value {
+            FarmValue::Zone(row) => Some(row.clone()),
+            _ => None,
+        };
+        if self.board.see(entry).is_none() {
+            return;
+        }
+        let Some(row) = zone else { return };
+        actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(row.clone())));
+        self.sent.remove(&row.zone);
+        self.composition.set_painted(row.zone, row.state == ZoneState::Done);
+        let write = self.writes.get(&row.zone).filter(|write| revision > write.expected_revision).cloned();
+        match write {
+            Some(write) if write.row == row => {
+                self.end_write(row.zone);
+                self.after_write(now, write, revision, actions);
+            }
+            Some(_) => self.end_write(row.zone),
+            None => self.count(&row),
+        }
+    }
+
+    fn count(&mut self, row: &ZoneRow) {
+        for agent in self.ledger.count(row) {
+            self.refresh_hands(&agent);
+        }
+    }
+
+    fn refresh_hands(&mut self, agent: &AgentId) {
+        if let Some(member) = self.roster.get_mut(agent) {
+            member.hands = self.ledger.hands(agent);
+        }
+    }
+
+    /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
+    fn write(&mut self, row: ZoneRow, then: Then, actions: &mut Vec<FarmAction>) {
+        let Some((expected_revision, _)) = self.board.zone(row.zone) else { return };
+        debug_assert!(!self.writes.contains_key(&row.zone));
+        let ticket = Ticket(self.number());
+        actions.push(FarmAction::Store { ticket, request: self.board.compare_and_set(row.clone()) });
+        self.count(&row);
+        self.tickets.insert(ticket, row.zone);
+        self.writes.insert(row.zone, Write { ticket, row, expected_revision, then });
+    }
+
+    /// The store did not answer, and may have written or not. The same write again finds out.
+    fn repeat_write(&mut self, ticket: Ticket, actions: &mut Vec<FarmAction>) {
+        let Some(zone) = self.tickets.remove(&ticket) else { return };
+        let again = Ticket(self.number());
+        let Some(write) = self.writes.get_mut(&zone) else { return };
+        write.ticket = again;
+        self.tickets.insert(again, zone);
+        let (expected_revision, value) = (write.expected_revision, FarmValue::Zone(write.row.clone()));
+        let key = zone_key(write.row.work, zone);
+        let request = StoreRequest::CompareAndSet { key, expected_revision, value };
+        actions.push(FarmAction::Store { ticket: again, request });
+    }
+
+    /// A write has ended, well or not: from now on the zone counts as the Blackboard has it.
+    fn end_write(&mut self, zone: ZoneId) {
+        if let Some(write) = self.writes.remove(&zone) {
+            self.tickets.remove(&write.ticket);
+        }
+        if let Some((_, row)) = self.board.zone(zone) {
+            let row = row.clone();
+            self.count(&row);
+        }
+    }
+
+    fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
+        match write.then {
+            Then::Order => self.send_order(now, &write.row, fence, actions),
+            Then::Receive(report) => {
+                if let FarmContent::Report(Report { zone, fence, .. }) = report.content {
+                    self.answer(&report, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
+                }
+                if write.row.state == ZoneState::Done {
+                    self.credit(&write.row, actions);
+                }
+            }
+            Then::TakenBack => {}
+        }
+    }
+
+    /// Credit rises or falls in proportion to T_est − T.
+    fn credit(&mut self, row: &ZoneRow, actions: &mut Vec<FarmAction>) {
+        let (Some(estimated), Some(measured)) = (row.time_estimated, row.time_measured) else { return };
+        let Some(member) = row.agent.as_ref().and_then(|agent| self.roster.get_mut(agent)) else { return };
+        member.row.credit = credit_after(member.row.credit, estimated, measured);
+        let row = member.row.clone();
+        self.put_agent(row, actions);
+    }
+
+    fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
+        let (key, ticket) = (agent_key(self.config.work, &row.agent), Ticket(self.number()));
+        let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
+        actions.push(FarmAction::Store { ticket, request });
+    }
+
+    // Messages.
+
+    fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+        if let Some(member) = self.roster.get_mut(&message.sender) {
+            member.heard = now;
+        }
+        match (message.performative, &message.content) {
+            (Performative::Subscribe, FarmContent::Subscription { power, lanes }) => {
+                let before = self.roster.get(&message.sender).map(|member| &member.row);
+                let before = before.or_else(|| self.board.agents().find(|row| row.agent == message.sender));
+                let credit = before.map_or(0.0, |row| row.credit);
+                let lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
+                self.subscribe(
+                    now,
+                    message,
+                    AgentRow { agent: message.sender.clone(), power: *power, lanes, credit },
+                    actions,
+                );
+            }
+            (Performative::Cancel, FarmContent::Unsubscription) => self.dismiss(&message.sender, actions),
+            (Performative::Inform, FarmContent::Alive { power, hands }) => {
+                let Some(member) = self.roster.get_mut(&message.sender) else {
+                    return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
+                };
+                member.row.power = *power;
+                self.repeat_orders(now, &message.sender, hands, actions);
+            }
+            (Performative::Propose, FarmContent::Bids { room, bids }) => {
+                let proposal = Proposal { room: (*room).min(self.config.prefetch), bids: bids.clone() };
+                self.take_bid(message, Some(proposal));
+            }
+            (Performative::Refuse, FarmContent::Nothing) => {
+                if let Some(member) = self.roster.get_mut(&message.sender) {
+                    member.rests_until = now + self.config.timing.heartbeat;
+                }
+                self.take_bid(message, None);
+            }
+            (Performative::Inform | Performative::Failure, FarmContent::Report(report)) => {
+                self.take_report(message, report, actions);
+            }
+            (Performative::Inform, FarmContent::Analyzed(_)) | (Performative::NotUnderstood, _) => {}
+            _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
+        }
+    }
+
+    /// Workflow, steps 1 and 4: the agent is on the list, and is told of the scene when there is one.
+    fn subscribe(&mut self, now: Time, message: &FarmMessage, row: AgentRow, actions: &mut Vec<FarmAction>) {
+        if self.roster.join(now, row.clone()).is_none() {
+            return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
+        }
+        self.refresh_hands(&row.agent);
+        self.answer(message, Performative::Agree, FarmContent::Subscribed, actions);
+        self.introduce(std::slice::from_ref(&row.agent), actions);
+        self.put_agent(row, actions);
+    }
+
+    fn introduce(&self, agents: &[AgentId], actions: &mut Vec<FarmAction>) {
+        if let Some(work) = self.board.work().filter(|_| self.begun && !agents.is_empty()) {
+            let scene = FarmContent::Scene(work.clone());
+            let to = agents.to_vec();
+            let inform = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, scene);
+            actions.push(FarmAction::Send(inform));
+        }
+    }
+
+    /// An agent is gone: what it had in hand is open again.
+    fn dismiss(&mut self, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+        self.roster.leave(agent);
+        if let Some(round) = &mut self.round {
+            round.awaited.remove(agent);
+            round.proposals.remove(agent);
+        }
+        for zone in self.ledger.hands(agent).into_keys() {
+            self.take_back(zone, actions);
+        }
+    }
+
+    fn take_back(&mut self, zone: ZoneId, actions: &mut Vec<FarmAction>) {
+        if let Some((_, row)) = self.board.zone(zone)
+            && row.is_in_hand()
+            && !self.writes.contains_key(&zone)
+        {
+            let row = row.taken_back();
+            self.write(row, Then::TakenBack, actions);
+        }
+    }
+
+    /// An agent does not know of an order that it should have: it was lost on the way, or with the agent's memory.
+    fn repeat_orders(
+        &mut self,
+        now: Time,
+        agent: &AgentId,
+        known: &[(ZoneId, Revision)],
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let grace = self.config.timing.heartbeat;
+        for zone in self.ledger.hands(agent).into_keys() {
+            let Some((revision, row)) = self.board.zone(zone) else { continue };
+            let being_written = self.writes.contains_key(&zone);
+            let on_its_way = self.sent.get(&zone).is_some_and(|&sent| now < sent + grace);
+            if row.is_in_hand() && !being_written && !on_its_way && !known.contains(&(zone, revision)) {
+                let row = row.clone();
+                self.send_order(now, &row, revision, actions);
+            }
+        }
+    }
+
+    fn send_order(&mut self, now: Time, row: &ZoneRow, fence: Revision, actions: &mut Vec<FarmAction>) {
+        let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
+        let order = Order { work: work.clone(), row: row.clone(), fence };
+        let (performative, protocol, content) = if row.state == ZoneState::Profiling {
+            (Performative::Request, protocol::REQUEST, FarmContent::Profile(order))
+        } else {
+            (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
+        };
+        let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
+        actions.push(FarmAction::Send(asking(order, fence.0, None)));
+        self.sent.insert(row.zone, now);
+    }
+
+    fn answer(
+        &self,
+        to: &FarmMessage,
+        performative: Performative,
+        content: FarmContent,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        actions.push(FarmAction::Send(answer(to, &self.config.id, performative, content)));
+    }
+
+    // Results.
+
+    fn take_report(&mut self, message: &FarmMessage, report: &Report, actions: &mut Vec<FarmAction>) {
+        let (zone, fence) = (report.zone, report.fence);
+        let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
+        let Some((revision, row)) = self.board.zone(zone) else {
+            return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);
+        };
+        if self.writes.contains_key(&zone) {
+            // The agent will repeat it.
+            return;
+        }
+        if row.result.is_some_and(|result| result.fence == fence) {
+            return self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
+        }
+        if !row.is_in_hand() || revision != fence || row.agent.as_ref() != Some(&message.sender) {
+            return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
+        }
+        let after = match &report.outcome {
+            Err(reason) => {
+                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
+                Ok(row.taken_back())
+            }
+            Ok(painting) => self.accepted(row, fence, painting),
+        };
+        match after {
+            Ok(row) => self.write(row, Then::Receive(Box::new(message.clone())), actions),
+            Err(reason) => {
+                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "report refused");
+                let row = row.taken_back();
+                self.answer(message, Performative::Disconfirm, refuse(reason), actions);
+                self.write(row, Then::TakenBack, actions);
+            }
+        }
+    }
+
+    /// The zone's row after a valid report.
+    fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
+        let Some(work) = self.board.work() else { return Err("there is no work") };
+        let Painting { choice, result, time_measured, time_left } = *painting;
+        let unchanged = Choice::unchanged(&work.settings);
+        let within = choice.samples >= 1
+            && choice.samples <= unchanged.samples
+            && choice.tunables.max_depth <= unchanged.tunables.max_depth
+            && choice.tunables.light_samples <= unchanged.tunables.light_samples;
+        if result.fence != fence {
+            return Err("the samples were made under another order");
+        }
+        if work.settings.optimization.rule_input().is_none() && choice != unchanged || !within {
+            return Err("the settings are not what the user allows");
+        }
+        if row.choice.is_some_and(|chosen| chosen != choice) {
+            return Err("the settings are not what was chosen for the zone");
+        }
+        let done = result.samples == choice.samples;
+        if result.samples > choice.samples || row.state == ZoneState::Awarded && !done || result.samples == 0 {
+            return Err("the number of samples is wrong");
+        }
+        let profiling = row.state == ZoneState::Profiling;
+        let after = ZoneRow { choice: Some(choice), result: Some(result), ..row.clone() };
+        Ok(match (profiling, done) {
+            (true, false) => ZoneRow { state: ZoneState::Profiled, time_estimated: Some(time_left), ..after },
+            // All samples were profiling: there was nothing to estimate.
+            (true, true) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
+            (false, _) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
+        })
+    }
+
+    fn composed(&mut self, zone: ZoneId, outcome: Result<(), String>, actions: &mut Vec<FarmAction>) {
+        let asked = self.composition.composed(zone, outcome.is_ok());
+        let Err(reason) = outcome else { return };
+        tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
+        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| asked && row.state == ZoneState::Done) {
+            // Paint it again, with the settings that its neighbours' bands were made for.
+            let attempt = row.attempt + 1;
+            let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };
+            let row = ZoneRow { state, attempt, result: None, time_measured: None, ..row.clone() };
+            self.write(row, Then::TakenBack, actions);
+        }
+    }
+
+    // Giving out work.
+
+    /// Everything that follows from what is known. Called after each event.
+    fn advance(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        if !self.caught_up || !self.board.is_complete() || self.finished {
+            return;
+        }
+        if !self.begun {
+            self.begin(actions);
+        }
+        if self.begun && !self.stopping {
+            self.give_out_profiles(actions);
+            if self.round.as_ref().is_some_and(|round| round.awaited.is_empty() || round.deadline <= now) {
+                self.close_round(now, actions);
+            }
+            if self.round.is_none() {
+                self.open_round(now, actions);
+            }
+        }
+        if self.begun {
+            self.compose(actions);
+            self.finish(actions);
+        }
+    }
+
+    fn begin(&mut self, actions: &mut Vec<FarmAction>) {
+        let Some(work) = self.board.work().cloned() else { return };
+        let rects: Vec<_> = self.board.zones().map(|row| row.rect).collect();
+        let in_order = rects.is_sorted_by_key(|rect| (rect.y0, rect.x0));
+        if !in_order || !Partition::covers(work.settings.frame, &rects) {
+            let reason = "the zones on the blackboard are no partition of the frame".to_owned();
+            actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
+            actions.push(FarmAction::Stop);
+            self.finished = true;
+            return;
+        }
+        self.begun = true;
+        actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
+        self.introduce(&self.roster.names(), actions);
+    }
+
+    fn give_out_profiles(&mut self, actions: &mut Vec<FarmAction>) {
+        while let Some(zone) = self.ledger.next_unseen() {
+            let Some(agent) = self.roster.freest(PROFILE_WINDOW) else { return };
+            let Some((_, row)) = self.board.zone(zone) else { return };
+            if self.writes.contains_key(&zone) {
+                return;
+            }
+            let row = ZoneRow { state: ZoneState::Profiling, agent: Some(agent), ..row.clone() };
+            self.write(row, Then::Order, actions);
+        }
+    }
+
+    fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        if self.ledger.open.is_empty() {
+            return;
+        }
+        let bidders = self.roster.bidders(now, self.config.prefetch as usize, BIDDERS_MAX);
+        if bidders.is_empty() {
+            return;
+        }
+        let (conversation, offers) = (self.number(), self.ledger.open.offers());
+        let deadline = now + self.config.timing.bids;
+        let to = bidders.iter().cloned().collect();
+        let content = FarmContent::Offers(offers.clone());
+        let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
+        actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
+        self.round = Some(Round { conversation, deadline, offers, awaited: bidders, proposals: BTreeMap::new() });
+    }
+
+    fn take_bid(&mut self, message: &FarmMessage, proposal: Option<Proposal>) {
+        let Some(round) = self.round.as_mut().filter(|round| round.conversation == message.conversation_id) else {
+            return;
+        };
+        if round.awaited.remove(&message.sender)
+            && let Some(proposal) = proposal
+        {
+            round.proposals.insert(message.sender.clone(), proposal);
+        }
+    }
+
+    fn close_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        let Some(mut round) = self.round.take() else { return };
+        // Silence is a refusal.
+        for agent in &round.awaited {
+            if let Some(member) = self.roster.get_mut(agent) {
+                member.rests_until = now + self.config.timing.heartbeat;
+            }
+        }
+        let contenders = self.roster.contenders();
+        let end = expected_end(&contenders, self.ledger.open.time_estimated());
+        let still_open = |offer: &Offer| {
+            let row = self.board.zone(offer.zone);
+            row.is_some_and(|(_, row)| row.state == ZoneState::Profiled) && !self.writes.contains_key(&offer.zone)
+        };
+        round.offers.retain(still_open);
+        let winners = award(self.config.auction, &round.offers, &round.proposals, &contenders, end);
+        let lucky: BTreeSet<&AgentId> = winners.iter().map(|(_, agent)| agent).collect();
+        let losers: Vec<AgentId> = round.proposals.keys().filter(|agent| !lucky.contains(agent)).cloned().collect();
+        for agent in &losers {
+            if let Some(member) = self.roster.get_mut(agent) {
+                // Asked again when things have changed, and not in a circle.
+                member.rests_until = now + self.config.timing.bids / 4;
+            }
+        }
+        if !losers.is_empty() {
+            let nothing = FarmContent::Nothing;
+            let me = &self.config.id;
+            let reject = message(Performative::RejectProposal, protocol::CONTRACT_NET, me, losers, nothing);
+            actions.push(FarmAction::Send(asking(reject, round.conversation, None)));
+        }
+        for (zone, agent) in winners {
+            let Some((_, row)) = self.board.zone(zone) else { continue };
+            let row = ZoneRow { state: ZoneState::Awarded, agent: Some(agent), ..row.clone() };
+            self.write(row, Then::Order, actions);
+        }
+    }
+
+    fn compose(&mut self, actions: &mut Vec<FarmAction>) {
+        while self.composition.composing_count() < COMPOSING_MAX {
+            let all_chosen = self.board.work().is_some_and(|w| w.zone_count as usize == self.ledger.chosen_count());
+            let Some((zone, mask)) = self.composition.next(&self.board, all_chosen) else { return };
+            let Some(result) = self.board.zone(zone).and_then(|(_, row)| row.result) else { return };
+            actions.push(FarmAction::Effect(FarmEffect::Compose { zone, result, mask }));
+        }
+    }
+
+    /// Workflow, step 8: the picture is whole.
+    fn finish(&mut self, actions: &mut Vec<FarmAction>) {
+        let Some(work) = self.board.work() else { return };
+        if self.ledger.settled_count() < work.zone_count as usize || !self.writes.is_empty() {
+            return;
+        }
+        let failed: Vec<ZoneId> =
+            self.board.zones().filter(|row| row.state == ZoneState::Failed).map(|row| row.zone).collect();
+        if self.composition.composed_count() + failed.len() < work.zone_count as usize {
+            return;
+        }
+        self.finished = true;
+        actions.push(FarmAction::Effect(FarmEffect::Finish { failed }));
+        let to = self.roster.names();
+        if !to.is_empty() {
+            let end = FarmContent::LifeCycle(LifeCycle::Terminate);
+            let request = message(Performative::Request, protocol::REQUEST, &self.config.id, to, end);
+            actions.push(FarmAction::Send(request));
+        }
+        actions.push(FarmAction::Stop);
+    }
+
+    /// Looks for those who have fallen silent.
+    fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        self.next_look = Some(now + self.config.timing.heartbeat);
+        let lease = self.config.timing.lease;
+        if now.elapsed() > lease {
+            for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {
+                tracing::info!(%agent, "agent fell silent");
+                self.dismiss(&agent, actions);
+            }
+        }
+        let strangers: Vec<AgentId> =
+            self.ledger.holders().filter(|agent| self.roster.get(agent).is_none()).cloned().collect();
+        for agent in strangers {
+            for zone in self.ledger.hands(&agent).into_keys() {
+                self.take_back(zone, actions);
+            }
+        }
+    }
+
+    fn assert_invariants(&self) {
+        self.ledger.assert_invariants();
+        self.composition.assert_invariants();
+        assert_eq!(self.tickets.len(), self.writes.len(), "each write has one open ticket");
+    }
+}
+
+impl StateMachine for Master {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        match event {
+            FarmEvent::Start => {
+                self.start(actions);
+                self.next_look = Some(now + self.config.timing.heartbeat);
+            }
+            FarmEvent::Message(message) => self.handle_message(now, &message, actions),
+            FarmEvent::Store { ticket, reply } => self.handle_store(now, ticket, reply, actions),
+            FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => self.composed(zone, outcome, actions),
+            FarmEvent::Completed(FarmCompletion::Stop) => {
+                self.stopping = true;
+                self.round = None;
+            }
+            FarmEvent::Completed(_) | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
+        }
+        if self.next_look.is_some_and(|at| at <= now) {
+            self.look(now, actions);
+        }
+        self.advance(now, actions);
+        self.assert_invariants();
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        let round = self.round.as_ref().map(|round| round.deadline);
+        [self.next_look, round].into_iter().flatten().min()
+    }
+}

@@ -1,0 +1,321 @@
+//! Rows and tiles as bytes: what the journal holds. Version 1, little endian, no padding.
+
+use std::time::Duration;
+
+use bottega_agents::{AgentId, Revision, bus::BlobId};
+use bottega_engines::Tunables;
+use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+
+use crate::{
+    Choice, InputRanges, Interval, Optimization, ResultRef, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+};
+
+/// The longest name that is written or read.
+const NAME_BYTES_MAX: usize = 1 << 10;
+
+/// What was read is not what was written.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what} cannot be read from {length} bytes")]
+pub struct WireError {
+    /// What should have been there.
+    pub what: &'static str,
+    /// In how many bytes.
+    pub length: usize,
+}
+
+/// Digest of a tile: of its place, its layout and the bits of its sums.
+pub fn digest(tile: &Tile) -> BlobId {
+    let mut hasher = blake3::Hasher::new();
+    let mut head = Vec::new();
+    put_tile_head(tile, &mut head);
+    hasher.update(&head);
+    let mut bytes = [0; 4 << 10];
+    for sums in tile.sums().chunks(bytes.len() / 4) {
+        for (to, sum) in bytes.chunks_exact_mut(4).zip(sums) {
+            to.copy_from_slice(&sum.to_le_bytes());
+        }
+        hasher.update(&bytes[..4 * sums.len()]);
+    }
+    BlobId(*hasher.finalize().as_bytes())
+}
+
+/// Appends bytes that [`get_tile`] reads.
+pub(crate) fn put_tile(tile: &Tile, bytes: &mut Vec<u8>) {
+    put_tile_head(tile, bytes);
+    bytes.extend(tile.sums().iter().flat_map(|sum| sum.to_le_bytes()));
+}
+
+fn put_tile_head(tile: &Tile, bytes: &mut Vec<u8>) {
+    put_rect(&tile.rect(), bytes);
+    bytes.push(tile.layout().aovs().iter().fold(0, |bits, aov| bits | 1 << aov as u8));
+}
+
+pub(crate) fn get_tile(reader: &mut Reader<'_>) -> Result<Tile, WireError> {
+    let rect = reader.rect()?;
+    let bits = reader.u8()?;
+    let aovs: AovSet = Aov::ALL.into_iter().filter(|&aov| bits & (1 << aov as u8) != 0).collect();
+    let layout = Layout::new(aovs);
+    // Nothing is allocated for more than is there.
+    let wanted = rect.area().saturating_mul(4 * layout.stride() as u64);
+    let sums = reader.bytes(usize::try_from(wanted).unwrap_or(usize::MAX))?;
+    let mut tile = Tile::new(rect, layout);
+    for (sum, bytes) in tile.sums_mut().iter_mut().zip(sums.chunks_exact(4)) {
+        *sum = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    }
+    Ok(tile)
+}
+
+pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
+    put_u64(row.work.0, bytes);
+    put_u32(row.zone.0, bytes);
+    put_rect(&row.rect, bytes);
+    put_f64(row.complexity, bytes);
+    put_f64(row.neighbor_difference, bytes);
+    put_option(row.time_estimated, bytes, put_duration);
+    put_option(row.time_measured, bytes, put_duration);
+    put_option(row.agent.as_ref(), bytes, |agent, bytes| {
+        let name = &agent.name.as_bytes()[..agent.name.floor_char_boundary(NAME_BYTES_MAX)];
+        put_u32(name.len() as u32, bytes);
+        bytes.extend(name);
+    });
+    bytes.push(row.state as u8);
+    put_u32(row.attempt, bytes);
+    put_option(row.choice, bytes, |choice, bytes| {
+        let Choice { tunables: Tunables { max_depth, light_samples }, samples, band } = choice;
+        [max_depth, light_samples, samples, band].into_iter().for_each(|value| put_u32(value, bytes));
+    });
+    put_option(row.result, bytes, |result, bytes| {
+        put_u64(result.fence.0, bytes);
+        put_u32(result.samples, bytes);
+        bytes.extend(result.digest.0);
+    });
+}
+
+pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
+    Ok(ZoneRow {
+        work: WorkId(reader.u64()?),
+        zone: ZoneId(reader.u32()?),
+        rect: reader.rect()?,
+        complexity: reader.finite()?,
+        neighbor_difference: reader.finite()?,
+        time_estimated: reader.option(Reader::duration)?,
+        time_measured: reader.option(Reader::duration)?,
+        agent: reader.option(Reader::agent)?,
+        state: reader.state()?,
+        attempt: reader.u32()?,
+        choice: reader.option(Reader::choice)?,
+        result: reader.option(Reader::result)?,
+    })
+}
+
+pub(crate) fn put_work(row: &WorkRow, bytes: &mut Vec<u8>) {
+    let WorkSettings { picture, frame, samples, tunables, optimization } = row.settings;
+    put_u64(row.work.0, bytes);
+    put_rect(&picture, bytes);
+    put_rect(&frame, bytes);
+    [samples, tunables.max_depth, tunables.light_samples].into_iter().for_each(|value| put_u32(value, bytes));
+    bytes.push(optimization as u8);
+    put_u32(row.zone_count, bytes);
+    let InputRanges { complexity, neighbor_difference, size } = row.ranges;
+    for Interval { min, max } in [complexity, neighbor_difference, size] {
+        put_f64(min, bytes);
+        put_f64(max, bytes);
+    }
+}
+
+pub(crate) fn get_work(reader: &mut Reader<'_>) -> Result<WorkRow, WireError> {
+    let work = WorkId(reader.u64()?);
+    let (picture, frame) = (reader.rect()?, reader.rect()?);
+    let samples = reader.u32()?;
+    let tunables = Tunables { max_depth: reader.u32()?, light_samples: reader.u32()? };
+    let level = usize::from(reader.u8()?);
+    let optimization = *Optimization::ALL.get(level).ok_or_else(|| reader.error("optimization level"))?;
+    let zone_count = reader.u32()?;
+    let mut interval = || Ok(Interval { min: reader.finite()?, max: reader.finite()? });
+    let ranges = InputRanges { complexity: interval()?, neighbor_difference: interval()?, size: interval()? };
+    let settings = WorkSettings { picture, frame, samples, tunables, optimization };
+    Ok(WorkRow { work, settings, zone_count, ranges })
+}
+
+fn put_u32(value: u32, bytes: &mut Vec<u8>) {
+    bytes.extend(value.to_le_bytes());
+}
+
+fn put_u64(value: u64, bytes: &mut Vec<u8>) {
+    bytes.extend(value.to_le_bytes());
+}
+
+fn put_f64(value: f64, bytes: &mut Vec<u8>) {
+    bytes.extend(value.to_le_bytes());
+}
+
+fn put_rect(rect: &Rect, bytes: &mut Vec<u8>) {
+    [rect.x0, rect.y0, rect.x1, rect.y1].into_iter().for_each(|value| put_u32(value, bytes));
+}
+
+fn put_duration(value: Duration, bytes: &mut Vec<u8>) {
+    put_u64(u64::try_from(value.as_nanos()).unwrap_or(u64::MAX), bytes);
+}
+
+fn put_option<T>(value: Option<T>, bytes: &mut Vec<u8>, put: impl FnOnce(T, &mut Vec<u8>)) {
+    bytes.push(u8::from(value.is_some()));
+    if let Some(value) = value {
+        put(value, bytes);
+    }
+}
+
+/// Takes values from the front of some bytes.
+pub(crate) struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self(bytes)
+    }
+
+    fn error(&self, what: &'static str) -> WireError {
+        WireError { what, length: self.0.len() }
+    }
+
+    fn bytes(&mut self, count: usize) -> Result<&'a [u8], WireError> {
+        let (taken, left) = self.0.split_at_checked(count).ok_or_else(|| self.error("a block of bytes"))?;
+        self.0 = left;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
+        let bytes = self.bytes(N)?;
+        bytes.try_into().map_err(|_| self.error("a number"))
+    }
+
+    pub(crate) fn u8(&mut self) -> Result<u8, WireError> {
+        Ok(u8::from_le_bytes(self.array()?))
+    }
+
+    fn u32(&mut self) -> Result<u32, WireError> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    fn u64(&mut self) -> Result<u64, WireError> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    fn finite(&mut self) -> Result<f64, WireError> {
+        let value = f64::from_le_bytes(self.array()?);
+        if value.is_finite() { Ok(value) } else { Err(self.error("a finite number")) }
+    }
+
+    fn rect(&mut self) -> Result<Rect, WireError> {
+        let (x0, y0, x1, y1) = (self.u32()?, self.u32()?, self.u32()?, self.u32()?);
+        if x0 <= x1 && y0 <= y1 { Ok(Rect { x0, y0, x1, y1 }) } else { Err(self.error("a rectangle")) }
+    }
+
+    fn duration(&mut self) -> Result<Duration, WireError> {
+        Ok(Duration::from_nanos(self.u64()?))
+    }
+
+    fn agent(&mut self) -> Result<AgentId, WireError> {
+        let length = self.u32()? as usize;
+        let name = self.bytes(length.min(NAME_BYTES_MAX + 1))?;
+        let name = std::str::from_utf8(name).ok().filter(|name| name.len() <= NAME_BYTES_MAX);
+        name.map(AgentId::new).ok_or_else(|| self.error("a name"))
+    }
+
+    fn state(&mut self) -> Result<ZoneState, WireError> {
+        use ZoneState::{Awarded, Done, Failed, Open, Profiled, Profiling};
+        let index = usize::from(self.u8()?);
+        let states = [Open, Profiling, Profiled, Awarded, Done, Failed];
+        states.get(index).copied().ok_or_else(|| self.error("the state of a zone"))
+    }
+
+    fn choice(&mut self) -> Result<Choice, WireError> {
+        let tunables = Tunables { max_depth: self.u32()?, light_samples: self.u32()? };
+        Ok(Choice { tunables, samples: self.u32()?, band: self.u32()? })
+    }
+
+    fn result(&mut self) -> Result<ResultRef, WireError> {
+        Ok(ResultRef { fence: Revision(self.u64()?), samples: self.u32()?, digest: BlobId(self.array()?) })
+    }
+
+    fn option<T>(&mut self, get: impl FnOnce(&mut Self) -> Result<T, WireError>) -> Result<Option<T>, WireError> {
+        match self.u8()? {
+            0 => Ok(None),
+            1 => get(self).map(Some),
+            _ => Err(self.error("an optional value")),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    pub(crate) fn rows() -> impl Strategy<Value = ZoneRow> {
+        let times = (proptest::option::of(0u64..1 << 40), proptest::option::of(0u64..1 << 40));
+        let choice = proptest::option::of((0u32..99, 0u32..9, 1u32..999, 0u32..64));
+        let result = proptest::option::of((0u64..999, 1u32..999, any::<[u8; 32]>()));
+        let place = (0u32..999, 0u32..99, 0u32..99, 1u32..99, 1u32..99);
+        (place, -1e9f64..1e9, times, "[a-z@ä]{0,20}", 0usize..6, choice, result).prop_map(
+            |((zone, x, y, width, height), complexity, times, name, state, choice, result)| {
+                let states = [
+                    ZoneState::Open,
+                    ZoneState::Profiling,
+                    ZoneState::Profiled,
+                    ZoneState::Awarded,
+                    ZoneState::Done,
+                    ZoneState::Failed,
+                ];
+                let rect = Rect::new(x, y, x + width, y + height);
+                ZoneRow {
+                    time_estimated: times.0.map(Duration::from_nanos),
+                    time_measured: times.1.map(Duration::from_nanos),
+                    agent: (!name.is_empty()).then(|| AgentId::new(name)),
+                    state: states[state],
+                    choice: choice.map(|(max_depth, light_samples, samples, band)| Choice {
+                        tunables: Tunables { max_depth, light_samples },
+                        samples,
+                        band,
+                    }),
+                    result: result.map(|(fence, samples, digest)| ResultRef {
+                        fence: Revision(fence),
+                        samples,
+                        digest: BlobId(digest),
+                    }),
+                    ..ZoneRow::open(WorkId(7), ZoneId(zone), rect, complexity, 0.5)
+                }
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn a_row_is_read_as_it_was_written(row in rows()) {
+            let mut bytes = Vec::new();
+            put_zone(&row, &mut bytes);
+            let mut reader = Reader::new(&bytes);
+            prop_assert_eq!(get_zone(&mut reader), Ok(row));
+            prop_assert!(reader.0.is_empty());
+        }
+
+        #[test]
+        fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            _ = get_zone(&mut Reader::new(&bytes));
+            _ = get_work(&mut Reader::new(&bytes));
+            _ = get_tile(&mut Reader::new(&bytes));
+        }
+    }
+
+    #[test]
+    fn a_tile_is_read_as_it_was_written_and_its_digest_sees_one_bit() {
+        let layout = Layout::new([Aov::Albedo, Aov::Cost].into_iter().collect());
+        let mut tile = Tile::new(Rect::new(3, 4, 9, 7), layout);
+        tile.sums_mut().iter_mut().enumerate().for_each(|(i, sum)| *sum = i as f32 * 0.3 - 2.0);
+        let mut bytes = Vec::new();
+        put_tile(&tile, &mut bytes);
+        assert_eq!(get_tile(&mut Reader::new(&bytes)), Ok(tile.clone()));
+        let before = digest(&tile);
+        tile.sums_mut()[17] = f32::from_bits(tile.sums()[17].to_bits() ^ 1);
+        assert_ne!(digest(&tile), before);
+    }
+}

@@ -1,0 +1,185 @@
+//! A fake engine: pixels are a function of pixel and sample alone, zones are painted by threads of its own.
+
+use std::{
+    collections::VecDeque,
+    sync::{
+        Arc, Condvar, Mutex,
+        atomic::{AtomicU64, AtomicUsize, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneTask};
+use bottega_image::{AovSet, Layout, SampleValues, Tile};
+
+type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+
+struct Shared {
+    queue: Mutex<(VecDeque<(ZoneTask, Done)>, bool)>,
+    filled: Condvar,
+    cancelled: AtomicU64,
+    /// Tasks that still shall fail.
+    failures: AtomicUsize,
+    samples: AtomicU64,
+    /// Work a sample, to make painting take its time.
+    weight: u32,
+}
+
+/// The fake.
+pub(crate) struct FakeEngine {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+pub(crate) fn layout() -> Layout {
+    Layout::new(AovSet::NONE)
+}
+
+pub(crate) fn tunables() -> Tunables {
+    Tunables { max_depth: 8, light_samples: 1 }
+}
+
+/// What a sample of a pixel is worth: any function of these alone.
+fn radiance(x: u32, y: u32, sample: u32, tunables: Tunables, weight: u32) -> f32 {
+    let mut bits = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ sample.wrapping_mul(0xc2b2_ae35);
+    for _ in 0..=weight + tunables.max_depth {
+        bits = (bits ^ (bits >> 15)).wrapping_mul(0x2c1b_3c6d).rotate_left(7);
+    }
+    (bits >> 8) as f32 / (1 << 24) as f32
+}
+
+fn paint(shared: &Shared, task: ZoneTask, generation: u64) -> Painted {
+    let mut tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout()));
+    let mut complete = true;
+    let mut count = 0;
+    'rows: for y in task.rect.y0..task.rect.y1 {
+        for x in task.rect.x0..task.rect.x1 {
+            if shared.cancelled.load(Ordering::Relaxed) != generation {
+                complete = false;
+                break 'rows;
+            }
+            for sample in task.samples.clone() {
+                let value = radiance(x, y, sample, task.tunables, shared.weight);
+                tile.add(
+                    x,
+                    y,
+                    &SampleValues { radiance: [value, value * 0.5, 0.25], alpha: 1.0, ..Default::default() },
+                );
+                count += 1;
+            }
+        }
+    }
+    shared.samples.fetch_add(count, Ordering::Relaxed);
+    let busy = Duration::from_nanos(count * u64::from(10 + shared.weight));
+    Painted { tile, busy, complete }
+}
+
+fn work(shared: &Shared) {
+    loop {
+        let (task, done) = {
+            let mut queue = shared.queue.lock().unwrap();
+            loop {
+                if let Some(next) = queue.0.pop_front() {
+                    break next;
+                }
+                if queue.1 {
+                    return;
+                }
+                queue = shared.filled.wait(queue).unwrap();
+            }
+        };
+        let generation = shared.cancelled.load(Ordering::Relaxed);
+        let fails = shared.failures.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok();
+        if fails {
+            let (rect, reason) = (task.rect, "it was told to".to_owned());
+            done(Err(EngineError::Zone { engine: "fake".to_owned(), rect, reason }));
+        } else {
+            done(Ok(paint(shared, task, generation)));
+        }
+    }
+}
+
+impl FakeEngine {
+    pub(crate) fn new(threads: usize, weight: u32) -> Self {
+        let shared = Arc::new(Shared {
+            queue: Mutex::default(),
+            filled: Condvar::new(),
+            cancelled: AtomicU64::new(0),
+            failures: AtomicUsize::new(0),
+            samples: AtomicU64::new(0),
+            weight,
+        });
+        let spawn = |_| {
+            let shared = Arc::clone(&shared);
+            thread::spawn(move || work(&shared))
+        };
+        Self { threads: (0..threads).map(spawn).collect(), shared }
+    }
+
+    #[allow(dead_code, reason = "not every test of this folder asks")]
+    pub(crate) fn fail(self, tasks: usize) -> Self {
+        self.shared.failures.store(tasks, Ordering::Relaxed);
+        self
+    }
+
+    #[allow(dead_code, reason = "not every test of this folder asks")]
+    pub(crate) fn samples_painted(&self) -> u64 {
+        self.shared.samples.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for FakeEngine {
+    fn drop(&mut self) {
+        self.shared.queue.lock().unwrap().1 = true;
+        self.shared.filled.notify_all();
+        for thread in self.threads.drain(..) {
+            // The last reference may be let go by one of them.
+            if thread.thread().id() != thread::current().id() {
+                thread.join().unwrap();
+            }
+        }
+    }
+}
+
+/// A survey with a complex lower right corner.
+pub(crate) fn survey(width: u32, height: u32) -> Survey {
+    let pixel = |x: u32, y: u32| SurveyPixel {
+        steps: 5.0 + 60.0 * (f64::from(x * y) / f64::from(width * height)) as f32,
+        recursion_levels: if 2 * x > width && 2 * y > height { 5.0 } else { 0.0 },
+        path_length: 2.0,
+        ..SurveyPixel::default()
+    };
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| pixel(x, y))).collect();
+    Survey { width, height, pixels }
+}
+
+impl RenderEngine for FakeEngine {
+    fn describe(&self) -> EngineDescription {
+        EngineDescription {
+            name: "fake".to_owned(),
+            has_max_depth: true,
+            has_light_samples: true,
+            resumes_samples: true,
+            exact_by_pixel: true,
+        }
+    }
+
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
+        Ok(survey(width, height))
+    }
+
+    fn start(&self, task: ZoneTask, done: Done) {
+        self.shared.queue.lock().unwrap().0.push_back((task, done));
+        self.shared.filled.notify_one();
+    }
+
+    fn cancel(&self) {
+        self.shared.cancelled.fetch_add(1, Ordering::Relaxed);
+        let waiting = std::mem::take(&mut self.shared.queue.lock().unwrap().0);
+        for (task, done) in waiting {
+            let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout()));
+            done(Ok(Painted { tile, busy: Duration::ZERO, complete: false }));
+        }
+    }
+}

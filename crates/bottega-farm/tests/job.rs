@@ -1,0 +1,224 @@
+//! Whole jobs over a fake engine, in this process.
+
+mod common;
+
+use std::{
+    io::{self, Write},
+    sync::{Arc, Mutex},
+};
+
+use bottega_farm::{
+    AuctionRule, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level, Observer,
+    Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
+};
+use bottega_image::{Film, Rect};
+
+use common::{FakeEngine, layout, tunables};
+
+fn settings() -> JobSettings {
+    JobSettings { agents: 3, processors: 2, ..JobSettings::new(97, 61, 24, tunables(), layout()) }
+}
+
+fn paint(settings: &JobSettings) -> JobReport {
+    run(settings, Arc::new(FakeEngine::new(2, 0)), Arc::new(()), &StopSwitch::new(), None, None).unwrap()
+}
+
+fn bits(film: &Film) -> Vec<[u32; 4]> {
+    film.rect().pixels().map(|(x, y)| film.color(x, y).map(f32::to_bits)).collect()
+}
+
+#[test]
+fn the_film_has_the_same_bits_for_any_agents_level_and_auction() {
+    let reference = paint(&JobSettings { agents: 1, level: Level::Whole, ..settings() });
+    assert!(!reference.stopped && reference.failed.is_empty() && reference.rows.len() == 1);
+    for agents in [1, 2, 7] {
+        for level in Level::ALL {
+            for auction in [AuctionRule::Paper, AuctionRule::FinishingTime] {
+                let report = paint(&JobSettings { agents, level, auction, ..settings() });
+                assert!(report.rows.iter().all(|row| row.state == ZoneState::Done));
+                assert_eq!(bits(&report.film), bits(&reference.film), "{agents} agents, {level:?}, {auction:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_crop_window_is_that_part_of_the_whole() {
+    let whole = paint(&settings());
+    let crop = Rect::new(13, 7, 60, 52);
+    let part = paint(&JobSettings { crop, ..settings() });
+    assert_eq!(part.film.rect(), crop);
+    for (x, y) in crop.pixels() {
+        assert_eq!(part.film.color(x, y), whole.film.color(x, y));
+    }
+}
+
+#[test]
+fn profiling_throws_no_sample_away() {
+    let engine = Arc::new(FakeEngine::new(2, 0));
+    let settings = settings();
+    run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    assert_eq!(engine.samples_painted(), 97 * 61 * 24);
+}
+
+#[test]
+fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
+    let settings = JobSettings { optimization: Optimization::VeryBig, ..settings() };
+    let engine = Arc::new(FakeEngine::new(2, 0));
+    let one = JobSettings { agents: 1, ..settings.clone() };
+    // One agent has other zones than three, unless they are told how many.
+    let report = run(&one, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    assert!(engine.samples_painted() < 97 * 61 * 24 * 9 / 10, "{}", engine.samples_painted());
+    assert!(report.rows.iter().any(|row| row.choice.is_some_and(|choice| choice.band > 0)));
+    let again = paint(&JobSettings { agents: 2, ..settings });
+    assert_eq!(again.rows.len(), report.rows.len());
+    assert_eq!(bits(&again.film), bits(&report.film));
+}
+
+#[test]
+fn a_zone_that_fails_is_painted_by_the_next_agent() {
+    let engine = Arc::new(FakeEngine::new(2, 0).fail(7));
+    let report = run(&settings(), engine, Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    assert!(report.failed.is_empty());
+    assert_eq!(report.rows.iter().map(|row| row.attempt).sum::<u32>(), 7);
+    assert_eq!(bits(&report.film), bits(&paint(&settings()).film));
+}
+
+#[test]
+fn zones_that_always_fail_are_given_up_and_named() {
+    let engine = Arc::new(FakeEngine::new(1, 0).fail(usize::MAX));
+    let report = run(&settings(), engine, Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    assert_eq!(report.failed.len(), report.rows.len());
+    assert!(!report.stopped);
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused() {
+    let refused = |settings: JobSettings| {
+        run(&settings, Arc::new(FakeEngine::new(1, 0)), Arc::new(()), &StopSwitch::new(), None, None).unwrap_err()
+    };
+    assert!(matches!(refused(JobSettings { crop: Rect::new(5, 5, 5, 9), ..settings() }), JobError::Crop { .. }));
+    assert!(matches!(refused(JobSettings { crop: Rect::of_size(98, 61), ..settings() }), JobError::Crop { .. }));
+    assert!(matches!(refused(JobSettings { samples: 0, ..settings() }), JobError::Count { what: "samples", .. }));
+    assert!(matches!(refused(JobSettings { agents: 0, ..settings() }), JobError::Count { what: "agents", .. }));
+    assert!(matches!(refused(JobSettings { experts: Vec::new(), ..settings() }), JobError::Count { .. }));
+}
+
+#[test]
+fn a_picture_of_one_pixel_is_a_picture() {
+    let settings = JobSettings { agents: 5, ..JobSettings::new(1, 1, 1, tunables(), layout()) };
+    assert!(paint(&settings).film.is_painted(0, 0));
+}
+
+/// A journal in memory.
+#[derive(Clone, Default)]
+struct Paper(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Paper {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Paper {
+    fn kept(&self) -> Option<Kept> {
+        Journal::read(&self.0.lock().unwrap()[..]).unwrap().kept
+    }
+}
+
+/// Presses the switch when so many zones are done.
+struct StopAfter(usize, StopSwitch);
+
+impl Observer for StopAfter {
+    fn progress(&self, progress: &Progress) {
+        if progress.zones_done >= self.0 {
+            self.1.request();
+        }
+    }
+}
+
+#[test]
+fn a_stopped_job_goes_on_to_the_same_bits() {
+    let settings = settings();
+    let whole = run(&settings, Arc::new(FakeEngine::new(2, 40)), Arc::new(()), &StopSwitch::new(), None, None);
+    let whole = bits(&whole.unwrap().film);
+    for after in [0, 1, 3] {
+        let paper = Paper::default();
+        let stop = StopSwitch::new();
+        let journal = JournalWriter::create(paper.clone(), "fake").unwrap();
+        let observer = Arc::new(StopAfter(after, stop.clone()));
+        let engine = Arc::new(FakeEngine::new(2, 40));
+        let report = run(&settings, engine, observer, &stop, Some(Box::new(journal)), None).unwrap();
+        assert!(report.stopped, "stopped after {after}");
+        let kept = paper.kept();
+        let done_before = kept.iter().flat_map(|kept| &kept.rows).filter(|row| row.state == ZoneState::Done).count();
+        assert!(done_before >= after && done_before < report.rows.len().max(1), "{done_before} {after}");
+        let (engine, journal) = (Arc::new(FakeEngine::new(2, 40)), JournalWriter::append(paper.clone()));
+        let all = 97 * 61 * 24;
+        let resumed =
+            run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), Some(Box::new(journal)), kept).unwrap();
+        assert!(!resumed.stopped);
+        assert!(after == 0 || engine.samples_painted() < all, "what was done is not done again");
+        assert_eq!(bits(&resumed.film), whole);
+        // The journal of the whole gives the whole back without painting.
+        let engine = Arc::new(FakeEngine::new(1, 40));
+        let again = run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), None, paper.kept()).unwrap();
+        assert_eq!(engine.samples_painted(), 0);
+        assert_eq!(bits(&again.film), whole);
+    }
+}
+
+#[test]
+fn what_was_kept_of_other_settings_is_refused() {
+    let paper = Paper::default();
+    let journal = JournalWriter::create(paper.clone(), "fake").unwrap();
+    let engine = Arc::new(FakeEngine::new(1, 0));
+    run(&settings(), engine.clone(), Arc::new(()), &StopSwitch::new(), Some(Box::new(journal)), None).unwrap();
+    let other = JobSettings { samples: 25, ..settings() };
+    let refused = run(&other, engine, Arc::new(()), &StopSwitch::new(), None, paper.kept());
+    assert!(matches!(refused, Err(JobError::OtherWork)));
+}
+
+/// Writes down what it is told.
+#[derive(Default)]
+struct Witness {
+    analyzed: Mutex<Option<(Arc<ImportanceMap>, usize)>>,
+    progress: Mutex<Vec<Progress>>,
+    rows: Mutex<Vec<ZoneRow>>,
+}
+
+impl Observer for Witness {
+    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        *self.analyzed.lock().unwrap() = Some((Arc::clone(map), partition.zones().len()));
+    }
+
+    fn zone_changed(&self, row: &ZoneRow) {
+        self.rows.lock().unwrap().push(row.clone());
+    }
+
+    fn progress(&self, progress: &Progress) {
+        self.progress.lock().unwrap().push(*progress);
+    }
+}
+
+#[test]
+fn an_observer_sees_map_rows_and_honest_progress() {
+    let witness = Arc::new(Witness::default());
+    let engine = Arc::new(FakeEngine::new(2, 0));
+    let report = run(&settings(), engine, witness.clone(), &StopSwitch::new(), None, None).unwrap();
+    let zones = witness.analyzed.lock().unwrap().as_ref().map(|(_, zones)| *zones);
+    assert_eq!(zones, Some(report.rows.len()));
+    let progress = witness.progress.lock().unwrap();
+    let last = progress.last().unwrap();
+    assert_eq!((last.zones_done, last.samples_done, last.cost_done), (report.rows.len(), 97 * 61 * 24, 1.0));
+    assert!(progress.is_sorted_by_key(|progress| progress.samples_done));
+    let profiled = witness.rows.lock().unwrap().iter().filter(|row| row.state == ZoneState::Profiled).count();
+    assert_eq!(profiled, report.rows.len());
+    let per_zone = report.messages as f64 / report.rows.len() as f64;
+    assert!(per_zone < 20.0, "{per_zone} messages a zone");
+}
