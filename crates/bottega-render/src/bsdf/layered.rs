@@ -147,17 +147,17 @@ impl Bsdf {
     /// Whether some light is spread over solid angles: what `eval` and `pdf` tell of.
     pub fn has_non_delta(&self) -> bool {
         let rough_base = !self.base.interface.ggx.is_smooth() && !self.base.interface.is_black();
-        rough_base
-            || self.base.has_cosine()
-            || self.sheen.is_some()
-            || self.coat.is_some_and(|coat| !coat.ggx.is_smooth())
+        let rough_coat = self.coat.is_some_and(|coat| !coat.ggx.is_smooth());
+        // From within, coat and sheen only weaken what goes through.
+        let above = !self.base.inside && (self.sheen.is_some() || rough_coat);
+        rough_base || self.base.has_cosine() || above
     }
 
     /// Perceptual roughness of the sharpest lobe that this surface has: 0 for a mirror, 1 where there are only diffuse
     /// ones.
     pub fn roughness(&self) -> f32 {
         let base = if self.base.interface.is_black() { 1.0 } else { self.base.interface.ggx.alpha().sqrt() };
-        self.coat.map_or(base, |coat| base.min(coat.ggx.alpha().sqrt()))
+        self.coat.filter(|_| !self.base.inside).map_or(base, |coat| base.min(coat.ggx.alpha().sqrt()))
     }
 
     /// Sums of all lobes but Dirac ones.

@@ -2,8 +2,8 @@
 //!
 //! They are integrated once, when the first material is met, with fixed nodes in a fixed order, so that every run has
 //! the same bits. All are functions of the cosine μ to the normal (nodes even in √μ, where they bend most) and of the
-//! perceptual roughness (nodes even in its root: at grazing angles it is α / μ that counts); means over the cosine-weighted hemisphere are those of the *interpolated* tables, so that
-//! lobes normalized with them balance exactly.
+//! perceptual roughness (nodes even in its root: at grazing angles it is α / μ that counts). Means over the
+//! cosine-weighted hemisphere are those of the *interpolated* tables, so that lobes normalized with them balance exactly.
 
 use std::fmt;
 use std::sync::OnceLock;

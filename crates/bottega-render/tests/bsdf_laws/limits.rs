@@ -54,6 +54,16 @@ fn smooth_glass_reflects_by_fresnel_and_refracts_by_snell() {
 }
 
 #[test]
+fn seen_from_within_a_coat_spreads_no_light() {
+    let coated = SurfaceParams { coat: 1.0, coat_roughness: 0.5, ..GLASS };
+    let (outside, within) = (Bsdf::new(&coated), Bsdf::new(&SurfaceParams { front: false, ..coated }));
+    assert!(outside.has_non_delta() && within.is_delta_only());
+    assert_eq!(within.eval(at(0.9, 0.0), at(0.8, 1.0)), Spectrum::ZERO);
+    let sample = within.sample(at(0.9, 0.0), 0.9, [0.5; 2]).unwrap();
+    assert!(sample.is_delta() && sample.wi.z < 0.0);
+}
+
+#[test]
 fn nearly_smooth_surfaces_look_like_smooth_ones() {
     let kinds = [
         GLASS,
