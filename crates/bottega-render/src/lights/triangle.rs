@@ -12,7 +12,7 @@ use crate::{
 
 /// A triangle that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling
 /// is as good, cheaper and more precise.
-const SOLID_ANGLE_MIN: f32 = 0.05;
+const SOLID_ANGLE_MIN: f32 = 0.25;
 
 /// The corners in world space.
 #[inline]
