@@ -19,6 +19,8 @@ pub struct LoadOptions {
     pub environment_rotation: f32,
     /// Multiplies that picture.
     pub environment_intensity: f32,
+    /// Whether a scene without any light gets a neutral sky.
+    pub add_sky: bool,
     /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
     pub max_image_pixels: u64,
     /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
@@ -31,6 +33,7 @@ impl Default for LoadOptions {
             environment: None,
             environment_rotation: 0.0,
             environment_intensity: 1.0,
+            add_sky: true,
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
         }
@@ -83,7 +86,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if let Some(environment) = &options.environment {
         add_environment(&mut scene, environment, options, &budget, &mut digest)?;
     }
-    if !scene.has_light() {
+    if options.add_sky && !scene.has_light() {
         warnings.add("", "the scene has no light; a neutral sky shines on it");
         sky::add(&mut scene);
     }

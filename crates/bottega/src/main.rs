@@ -1,1 +1,49 @@
-fn main() {}
+//! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
+#![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
+
+mod analyze;
+mod bench;
+mod cli;
+mod devices;
+mod diff;
+mod error;
+mod info;
+mod keeping;
+mod render;
+mod reporter;
+mod scene;
+
+use std::{io, process::ExitCode};
+
+use clap::{CommandFactory, Parser};
+use cli::{Cli, Command};
+use error::CliError;
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| "warn".into()),
+        )
+        .with_writer(io::stderr)
+        .init();
+    let outcome = match Cli::parse().command {
+        Command::Render(args) => render::run(&args),
+        Command::Analyze(args) => analyze::run(&args),
+        Command::Diff(args) => diff::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut io::stdout());
+            Ok(ExitCode::SUCCESS)
+        }
+    };
+    outcome.unwrap_or_else(report)
+}
+
+/// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.
+fn report(error: CliError) -> ExitCode {
+    let code = if error.is_usage() { 2 } else { 1 };
+    eprintln!("{:?}", miette::Report::new(error));
+    ExitCode::from(code)
+}

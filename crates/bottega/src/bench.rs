@@ -1,0 +1,113 @@
+//! `bottega bench`: figures of this program on this machine.
+
+use std::{
+    path::Path,
+    process::ExitCode,
+    sync::{Arc, mpsc},
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{BuiltinEngine, BuiltinOptions, EngineError, RenderEngine, Tunables, ZoneTask};
+use bottega_image::{AovSet, Layout, Rect};
+use bottega_kernels::bench as kernels;
+use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_scene::LoadOptions;
+use serde_json::{Value, json};
+
+use crate::{
+    cli::{BenchArgs, BenchCommand},
+    devices::processors,
+    error::CliError,
+    scene::shown,
+};
+
+/// Primary rays of a built-in scene: its square.
+const RAYS_SIDE: u32 = 512;
+
+/// Pixels of a picture whose paths are counted: its square.
+const PATHS_SIDE: u32 = 256;
+
+/// Samples a pixel of one repetition.
+const PATHS_SAMPLES: u32 = 16;
+
+pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
+    let BenchCommand::Rays { scenes, repeat, json } = &args.what;
+    let rays = kernels::run(RAYS_SIDE, usize::from(*repeat), processors())
+        .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
+    let paths = scenes.iter().map(|scene| paths(scene, *repeat)).collect::<Result<Vec<_>, _>>()?;
+    if *json {
+        let rays: Vec<Value> = rays
+            .iter()
+            .flat_map(|(scene, rows)| rows.iter().map(|row| row_as_json(&scene.name, row)))
+            .collect();
+        println!("{}", json!({"rays": rays, "paths": paths}));
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!("rays on one thread, one at a time\n");
+    for (scene, rows) in &rays {
+        println!("{}", kernels::table(scene, rows));
+    }
+    for scene in paths {
+        println!("{}: {} Mpaths/s on one thread, {} on {}", scene["scene"], scene["one"], scene["all"], scene["threads"]);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn row_as_json(scene: &str, row: &kernels::Row) -> Value {
+    let mrays: serde_json::Map<String, Value> =
+        kernels::KINDS.iter().zip(row.mrays).map(|(kind, rate)| ((*kind).to_owned(), json!(rate))).collect();
+    json!({
+        "scene": scene,
+        "kernel": row.name,
+        "mrays_per_second": mrays,
+        "build_seconds": row.build_time.as_secs_f64(),
+        "bytes_per_triangle": row.bytes_per_triangle,
+    })
+}
+
+/// Camera paths a second on one thread and on all, in turn; medians.
+fn paths(scene: &Path, repeat: u16) -> Result<Value, CliError> {
+    let loaded = bottega_scene::load(scene, &LoadOptions::default())?;
+    let threads = processors();
+    let options = PrepareOptions { threads, ..PrepareOptions::default() };
+    let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?);
+    let (mut one, mut all) = (Vec::new(), Vec::new());
+    for _ in 0..repeat {
+        one.push(paint(&prepared, 1)?);
+        all.push(paint(&prepared, threads)?);
+    }
+    let rate = |times: &mut Vec<Duration>| {
+        times.sort();
+        let samples = f64::from(PATHS_SIDE * PATHS_SIDE * PATHS_SAMPLES);
+        (samples / times[times.len() / 2].as_secs_f64() / 1e3).round() / 1e3
+    };
+    Ok(json!({"scene": shown(scene), "threads": threads, "one": rate(&mut one), "all": rate(&mut all)}))
+}
+
+fn paint(scene: &Arc<PreparedScene>, threads: usize) -> Result<Duration, CliError> {
+    let settings = PathSettings::default();
+    let options = BuiltinOptions {
+        view: View { camera: 0, width: PATHS_SIDE, height: PATHS_SIDE },
+        settings,
+        layout: Layout::new(AovSet::NONE),
+        threads,
+    };
+    let engine = BuiltinEngine::new(Arc::clone(scene), options, Vec::new());
+    let (sender, receiver) = mpsc::channel();
+    let task = ZoneTask {
+        rect: Rect::of_size(PATHS_SIDE, PATHS_SIDE),
+        samples: 0..PATHS_SAMPLES,
+        tunables: Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples },
+        tile: None,
+    };
+    let start = Instant::now();
+    // The receiver outlives the engine's report.
+    engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
+    let lost = || EngineError::Zone {
+        engine: "builtin".to_owned(),
+        rect: Rect::of_size(PATHS_SIDE, PATHS_SIDE),
+        reason: "it did not report".to_owned(),
+    };
+    receiver.recv().map_err(|_| lost())??;
+    Ok(start.elapsed())
+}

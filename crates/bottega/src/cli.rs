@@ -1,0 +1,394 @@
+//! What the command line takes. Everything here is checked before any work begins.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use bottega_image::{Aov, Rect};
+use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+
+/// A physically based renderer whose work is shared out by agents.
+#[derive(Debug, Parser)]
+#[command(
+    name = "bottega",
+    version,
+    after_help = "Start with:\n  bottega render scene.glb -o picture.png\n  bottega render --help"
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Paint a picture of a scene.
+    Render(RenderArgs),
+    /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
+    Analyze(AnalyzeArgs),
+    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ.
+    Diff(DiffArgs),
+    /// Say what is in a scene file.
+    Info(InfoArgs),
+    /// Measure this machine and this program.
+    Bench(BenchArgs),
+    /// List the devices that can take part in rendering.
+    Devices(DevicesArgs),
+    /// Print completions for a shell.
+    #[command(after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega")]
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Which scene, which camera, how large: what `render` and `analyze` share.
+#[derive(Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// The scene: a .glb or .gltf file.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene: PathBuf,
+    /// Size of the picture in pixels; default: as high as 720, as wide as the camera says.
+    #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = "Picture")]
+    pub(crate) size: Option<Size>,
+    /// The camera, by name or by number from 0; default: the file's first.
+    #[arg(long, value_name = "NAME", help_heading = "Picture")]
+    pub(crate) camera: Option<String>,
+    /// Light from all around: an .hdr, .exr or .png picture of the whole sphere, or one radiance as R,G,B.
+    #[arg(long, value_name = "FILE|R,G,B", value_parser = parse_environment, help_heading = "Light")]
+    pub(crate) env: Option<EnvironmentArg>,
+    /// Turn the environment about the vertical axis.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Light")]
+    pub(crate) env_rotate: f32,
+    /// Multiply the environment's light.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_factor, help_heading = "Light")]
+    pub(crate) env_strength: f32,
+    /// Processors to use; default: all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
+    pub(crate) threads: Option<u16>,
+    /// How the picture is cut: 0 not at all, 1 by importance, 2 joined, 3 balanced.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Work")]
+    pub(crate) level: u8,
+    /// Which measure makes the importance map.
+    #[arg(long, value_enum, default_value_t = ImportanceArg::Predicted, help_heading = "Work")]
+    pub(crate) importance: ImportanceArg,
+    /// Print one JSON object a line instead of text for people.
+    #[arg(long, help_heading = "Output")]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// The picture to write: .exr (linear light, all values) or .png (tone-mapped).
+    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) output: PathBuf,
+
+    /// Samples a pixel.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 22), help_heading = "Quality")]
+    pub(crate) spp: u32,
+    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=4096), help_heading = "Quality")]
+    pub(crate) max_depth: u32,
+    /// Light samples at each bounce.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Quality")]
+    pub(crate) light_samples: u32,
+    /// Let the agents' expert rules trade quality for time, zone by zone.
+    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
+    pub(crate) optimize: OptimizeArg,
+    /// The expert rules, as FCL text; default: the built-in ones. Give it several times and agents carry them in turn.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
+    pub(crate) rules: Vec<PathBuf>,
+    /// How light is followed.
+    #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
+    pub(crate) integrator: IntegratorArg,
+    /// How samples are spread over a pixel.
+    #[arg(long, value_enum, default_value_t = FilterArg::BlackmanHarris, help_heading = "Quality")]
+    pub(crate) filter: FilterArg,
+    /// Another seed gives other noise; the same seed the same picture, bit for bit.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Quality")]
+    pub(crate) seed: u64,
+
+    /// Paint only this part of the picture; each pixel is the same as in the whole.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture")]
+    pub(crate) crop: Option<Rect>,
+    /// More values a pixel, as layers of the EXR file: albedo,normal,depth,samples,cost.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_aov, help_heading = "Output")]
+    pub(crate) aov: Vec<Aov>,
+    /// Brighten (+) or darken (-) a PNG by so many stops.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse_stops, help_heading = "Output")]
+    pub(crate) exposure: f32,
+    /// How a PNG's highlights are brought into range.
+    #[arg(long, value_enum, default_value_t = ToneArg::Agx, help_heading = "Output")]
+    pub(crate) tonemap: ToneArg,
+    /// How a PNG's values are stored.
+    #[arg(long, value_enum, default_value_t = EncodingArg::Srgb, help_heading = "Output")]
+    pub(crate) encoding: EncodingArg,
+    /// Write 16-bit instead of 32-bit values into an EXR file.
+    #[arg(long, help_heading = "Output")]
+    pub(crate) half: bool,
+    /// Write an EXR file in tiles instead of scan lines.
+    #[arg(long, help_heading = "Output")]
+    pub(crate) tiled: bool,
+
+    /// Render Agents that share the work; default: one for every two processors.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
+    pub(crate) agents: Option<u16>,
+    /// Let a GPU take part where it can (the look at the scene): part of its name, see `bottega devices`.
+    #[arg(long, value_name = "NAME", help_heading = "Work")]
+    pub(crate) gpu: Option<String>,
+    /// Go on with a picture that was interrupted.
+    #[arg(long, help_heading = "Work")]
+    pub(crate) resume: bool,
+    /// Serve a live view of the work on this address, such as 127.0.0.1:8080.
+    #[arg(long, value_name = "ADDRESS", help_heading = "Output")]
+    pub(crate) dashboard: Option<SocketAddr>,
+    /// Write every message between the agents to this file.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Say nothing but errors.
+    #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AnalyzeArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Folder for importance.png, zones.png, cost.png and analysis.json.
+    #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    pub(crate) output: PathBuf,
+    /// Agents that the zones are meant for; default: one for every two processors.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
+    pub(crate) agents: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DiffArgs {
+    /// The picture to judge: EXR, PNG or HDR.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) picture: PathBuf,
+    /// The picture that it should equal.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) reference: PathBuf,
+    /// Write where they differ (FLIP, dark: equal, bright: different) as a PNG.
+    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    pub(crate) output: Option<PathBuf>,
+    /// Exit with 1 when the mean FLIP error is above this.
+    #[arg(long, value_name = "FLIP")]
+    pub(crate) fail_above: Option<f32>,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// The scene: a .glb or .gltf file.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene: PathBuf,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) what: BenchCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// Rays per second by kind of ray, and paths per second.
+    Rays {
+        /// Scenes to measure; whose paths a second are measured beside the rays of built-in ones.
+        #[arg(value_hint = ValueHint::FilePath)]
+        scenes: Vec<PathBuf>,
+        /// Repetitions, interleaved; the median is printed.
+        #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]
+        repeat: u16,
+        /// Print one JSON object instead of text for people.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DevicesArgs {
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OptimizeArg {
+    /// Every zone at exactly the settings asked for.
+    Off,
+    /// Very small savings.
+    Vs,
+    /// Small savings.
+    S,
+    /// Normal savings.
+    N,
+    /// Big savings.
+    B,
+    /// Very big savings.
+    Vb,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImportanceArg {
+    /// Predicted cost, from what a small path-traced look at the scene took.
+    Predicted,
+    /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IntegratorArg {
+    /// Path tracing.
+    Path,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FilterArg {
+    /// Sharp and clean: the default.
+    BlackmanHarris,
+    /// Softer.
+    Gaussian,
+    /// Softer still at the edges.
+    Tent,
+    /// Just the pixel itself: for comparisons.
+    Box,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ToneArg {
+    /// Like film: colours fade to white.
+    Agx,
+    /// Contrasty, after the Academy's reference.
+    Aces,
+    /// As it is; what is above 1 is cut off.
+    Linear,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EncodingArg {
+    /// For screens.
+    Srgb,
+    /// Linear light.
+    Linear,
+}
+
+/// Width and height of a picture, both at least 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+/// Where light from all around comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum EnvironmentArg {
+    Picture(PathBuf),
+    Constant([f32; 3]),
+}
+
+/// Neither side may be longer than this.
+const SIDE_MAX: u32 = 1 << 16;
+
+/// No picture may have more pixels than this: with all AOVs that is some 15 GB.
+const PIXELS_MAX: u64 = 1 << 28;
+
+fn parse_size(text: &str) -> Result<Size, String> {
+    let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
+    let side = |text: &str| match text.trim().parse::<u32>() {
+        Ok(side @ 1..=SIDE_MAX) => Ok(side),
+        Ok(_) => Err(format!("each side must be from 1 to {SIDE_MAX}")),
+        Err(_) => Err(format!("`{text}` is not a number of pixels")),
+    };
+    let size = Size { width: side(width)?, height: side(height)? };
+    if u64::from(size.width) * u64::from(size.height) > PIXELS_MAX {
+        return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
+    }
+    Ok(size)
+}
+
+fn parse_rect(text: &str) -> Result<Rect, String> {
+    let numbers: Vec<u32> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number of pixels")))
+        .collect::<Result<_, String>>()?;
+    match numbers[..] {
+        [x0, y0, x1, y1] if x0 < x1 && y0 < y1 => Ok(Rect::new(x0, y0, x1, y1)),
+        [..] if numbers.len() == 4 => Err("it must have x0 < x1 and y0 < y1".to_owned()),
+        _ => Err("four numbers x0,y0,x1,y1 are needed; x1 and y1 lie one past the part".to_owned()),
+    }
+}
+
+fn parse_environment(text: &str) -> Result<EnvironmentArg, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|value| value.is_finite() && *value >= 0.0) => {
+            Ok(EnvironmentArg::Constant([r, g, b]))
+        }
+        Some(_) => Err("a radiance is three numbers from 0 up, such as 0.5,0.6,0.8".to_owned()),
+        None => Ok(EnvironmentArg::Picture(PathBuf::from(text))),
+    }
+}
+
+fn parse_aov(text: &str) -> Result<Aov, String> {
+    Aov::ALL.into_iter().find(|aov| aov.name() == text.trim()).ok_or_else(|| {
+        format!("there are {}", Aov::ALL.map(Aov::name).join(", "))
+    })
+}
+
+fn parse_factor(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(factor) if factor.is_finite() && factor >= 0.0 => Ok(factor),
+        _ => Err("a number from 0 up is needed".to_owned()),
+    }
+}
+
+fn parse_stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if stops.abs() <= 40.0 => Ok(stops),
+        _ => Err("a number from -40 to 40 is needed".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_checked() {
+        assert_eq!(parse_size("640x480"), Ok(Size { width: 640, height: 480 }));
+        for absurd in ["", "x", "0x0", "640", "640x", "-1x5", "99999999999x1", "65537x1", "65536x65536", "1e3x5"] {
+            assert!(parse_size(absurd).is_err(), "{absurd}");
+        }
+    }
+
+    #[test]
+    fn crops_are_checked() {
+        assert_eq!(parse_rect("1, 2,3,4"), Ok(Rect::new(1, 2, 3, 4)));
+        for absurd in ["", "1,2,3", "1,2,1,4", "3,2,1,4", "1,2,3,4,5", "a,b,c,d", "-1,0,1,1"] {
+            assert!(parse_rect(absurd).is_err(), "{absurd}");
+        }
+    }
+
+    #[test]
+    fn an_environment_is_a_file_or_a_radiance() {
+        assert_eq!(parse_environment("1,0.5,0"), Ok(EnvironmentArg::Constant([1.0, 0.5, 0.0])));
+        assert_eq!(parse_environment("sky.hdr"), Ok(EnvironmentArg::Picture("sky.hdr".into())));
+        assert!(parse_environment("1,2").is_err());
+        assert!(parse_environment("1,-2,0").is_err());
+        assert!(parse_environment("nan,0,0").is_err());
+    }
+}

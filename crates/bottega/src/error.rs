@@ -1,0 +1,103 @@
+//! What can go wrong in the command line, told with a remedy.
+
+use std::path::PathBuf;
+
+use bottega_engines::EngineError;
+use bottega_farm::{ExpertError, JobError, JournalError};
+use bottega_gpu::GpuError;
+use bottega_image::ImageError;
+use bottega_render::RenderError;
+use bottega_scene::SceneError;
+use bottega_web::ServeError;
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// The crates' errors, and those of the command line itself.
+#[derive(Debug, Error, Diagnostic)]
+pub(crate) enum CliError {
+    #[error("cannot use the scene")]
+    Scene(#[source] SceneError),
+    #[error("cannot use the picture")]
+    Image(#[source] ImageError),
+    #[error("cannot prepare the scene for rendering")]
+    Prepare(#[source] RenderError),
+    #[error("the engine failed")]
+    Engine(#[source] EngineError),
+    #[error("the work failed")]
+    Job(#[source] JobError),
+    #[error("cannot use the GPU")]
+    Gpu(#[source] GpuError),
+    #[error("cannot serve the live view")]
+    Serve(#[source] ServeError),
+    #[error("cannot use the rules in `{}`", .path.display())]
+    Rules { path: PathBuf, source: ExpertError },
+    #[error("cannot go on with `{}`", .path.display())]
+    Journal { path: PathBuf, source: JournalError },
+    #[error("cannot write `{}`", .path.display())]
+    Write { path: PathBuf, source: std::io::Error },
+    #[error("cannot read `{}`", .path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{problem}")]
+    Usage {
+        problem: String,
+        #[help]
+        remedy: String,
+    },
+    #[error("{problem}")]
+    Failed {
+        problem: String,
+        #[help]
+        remedy: String,
+    },
+}
+
+impl CliError {
+    /// What was asked for cannot be; as opposed to: it was tried and failed.
+    pub(crate) fn is_usage(&self) -> bool {
+        matches!(self, Self::Usage { .. })
+    }
+
+    pub(crate) fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Usage { problem: problem.into(), remedy: remedy.into() }
+    }
+
+    pub(crate) fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Failed { problem: problem.into(), remedy: remedy.into() }
+    }
+}
+
+impl From<SceneError> for CliError {
+    fn from(source: SceneError) -> Self {
+        Self::Scene(source)
+    }
+}
+
+impl From<ImageError> for CliError {
+    fn from(source: ImageError) -> Self {
+        Self::Image(source)
+    }
+}
+
+impl From<RenderError> for CliError {
+    fn from(source: RenderError) -> Self {
+        Self::Prepare(source)
+    }
+}
+
+impl From<EngineError> for CliError {
+    fn from(source: EngineError) -> Self {
+        Self::Engine(source)
+    }
+}
+
+impl From<GpuError> for CliError {
+    fn from(source: GpuError) -> Self {
+        Self::Gpu(source)
+    }
+}
+
+impl From<ServeError> for CliError {
+    fn from(source: ServeError) -> Self {
+        Self::Serve(source)
+    }
+}

@@ -1,0 +1,122 @@
+//! The journal beside a picture: what is painted survives an interruption, and `--resume` goes on from it.
+
+use std::{
+    fs::{File, OpenOptions},
+    io::{BufReader, Seek, SeekFrom},
+    path::{Path, PathBuf},
+};
+
+use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
+
+use crate::{cli::RenderArgs, error::CliError, scene::Subject};
+
+/// Where a work is kept, and what is kept of it already.
+pub(crate) struct Keeping {
+    pub(crate) path: PathBuf,
+    pub(crate) store: Box<dyn ZoneStore>,
+    pub(crate) kept: Option<Kept>,
+}
+
+impl Keeping {
+    /// Begins the journal of `output`, or goes on with the one that is there.
+    pub(crate) fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, CliError> {
+        let mut path = output.as_os_str().to_owned();
+        path.push(".bottega-journal");
+        let path = PathBuf::from(path);
+        if resume { Self::resume(path, name) } else { Self::create(path, name) }
+    }
+
+    fn create(path: PathBuf, name: &str) -> Result<Self, CliError> {
+        let write = |source| CliError::Write { path: path.clone(), source };
+        let file = File::create(&path).map_err(write)?;
+        let store = Box::new(JournalWriter::create(file, name).map_err(write)?);
+        Ok(Self { path, store, kept: None })
+    }
+
+    fn resume(path: PathBuf, name: &str) -> Result<Self, CliError> {
+        let file = match OpenOptions::new().read(true).write(true).open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(CliError::failed(
+                    format!("there is nothing to go on with: no `{}`", path.display()),
+                    "leave out --resume to start anew; the journal lies beside the picture while it is unfinished",
+                ));
+            }
+            Err(source) => return Err(CliError::Read { path, source }),
+        };
+        let journal = Journal::read(BufReader::new(&file))
+            .map_err(|source| CliError::Journal { path: path.clone(), source })?;
+        if journal.name != name {
+            return Err(CliError::failed(
+                format!("`{}` is of another picture: {}", path.display(), difference(&journal.name, name)),
+                "give the same scene and options as then, or leave out --resume to start anew",
+            ));
+        }
+        let write = |source| CliError::Write { path: path.clone(), source };
+        // What an interrupted write left at the end is cut off.
+        file.set_len(journal.sound_bytes).map_err(write)?;
+        let mut file = file;
+        file.seek(SeekFrom::End(0)).map_err(write)?;
+        Ok(Self { path, store: Box::new(JournalWriter::append(file)), kept: journal.kept })
+    }
+}
+
+/// What makes the picture what it is: two works with the same name give the same bits. How many agents and threads take
+/// part is not in it, so that another machine may go on.
+pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettings) -> String {
+    [
+        format!("version={}", env!("CARGO_PKG_VERSION")),
+        format!("scene={}", subject.scene().digest),
+        format!("camera={}", subject.view.camera),
+        format!("size={}x{}", settings.width, settings.height),
+        format!("crop={}", settings.crop),
+        format!("spp={}", settings.samples),
+        format!("max-depth={}", args.max_depth),
+        format!("light-samples={}", args.light_samples),
+        format!("seed={}", args.seed),
+        format!("integrator={:?}", args.integrator),
+        format!("filter={:?}", args.filter),
+        format!("optimize={}", settings.optimization),
+        format!("env={:?}", args.scene.env),
+        format!("env-rotate={}", args.scene.env_rotate),
+        format!("env-strength={}", args.scene.env_strength),
+        format!("aov={:?}", args.aov),
+    ]
+    .join("; ")
+}
+
+/// The first thing in which two names differ.
+fn difference(kept: &str, wanted: &str) -> String {
+    let differing = kept.split("; ").zip(wanted.split("; ")).find(|(kept, wanted)| kept != wanted);
+    differing.map_or_else(|| "it differs".to_owned(), |(kept, wanted)| format!("it has {kept}, not {wanted}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_journal_of_another_picture_is_refused_by_what_differs() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let output = folder.path().join("picture.exr");
+        drop(Keeping::begin(&output, "scene=a; spp=4", false).map_err(drop).expect("a new journal"));
+        assert!(Keeping::begin(&output, "scene=a; spp=4", true).is_ok());
+        let error = Keeping::begin(&output, "scene=a; spp=8", true).map(|_| ()).expect_err("another picture");
+        assert!(error.to_string().contains("it has spp=4, not spp=8"), "{error}");
+    }
+
+    #[test]
+    fn without_a_journal_there_is_nothing_to_go_on_with() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let error = Keeping::begin(&folder.path().join("picture.exr"), "", true).map(|_| ()).expect_err("no journal");
+        assert!(error.to_string().contains("nothing to go on with"), "{error}");
+    }
+
+    #[test]
+    fn something_else_in_the_journals_place_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let output = folder.path().join("picture.png");
+        std::fs::write(folder.path().join("picture.png.bottega-journal"), b"not a journal at all").expect("written");
+        assert!(matches!(Keeping::begin(&output, "", true), Err(CliError::Journal { .. })));
+    }
+}

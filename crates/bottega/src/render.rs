@@ -1,0 +1,295 @@
+//! `bottega render`: a scene in, a picture out.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::Arc,
+};
+
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
+use bottega_farm::{
+    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch,
+};
+use bottega_image::{
+    AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, ToneMap,
+    check_writable, write_exr, write_png,
+};
+use bottega_render::{Filter, PathSettings};
+use bottega_web::{Dashboard, wire::Event};
+
+use crate::{
+    cli::{EncodingArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, RenderArgs, ToneArg},
+    error::CliError,
+    keeping::{Keeping, name_of},
+    reporter::{Reporter, Voice, duration},
+    scene::{Subject, agents, shown, threads},
+};
+
+/// Exit code of a work that the user stopped.
+const INTERRUPTED: u8 = 130;
+
+pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
+    // Everything that can be wrong is found out before the first sample.
+    let format = check_writable(&args.output)?;
+    let experts = experts(&args.rules)?;
+    let reporter = Arc::new(reporter(args)?);
+    let subject = Subject::load(&args.scene)?;
+    for warning in &subject.warnings {
+        reporter.warn(warning.to_string());
+    }
+    let settings = job_settings(args, &subject, experts)?;
+    let name = name_of(args, &subject, &settings);
+    let keeping = Keeping::begin(&args.output, &name, args.resume)?;
+    let engine = Arc::new(engine(args, &subject, &settings)?);
+    started(&reporter, args, &subject, &settings);
+
+    let stop = StopSwitch::new();
+    stop_on_signal(&stop)?;
+    let report = bottega_farm::run(
+        &settings,
+        Arc::clone(&engine) as _,
+        Arc::clone(&reporter) as _,
+        &stop,
+        Some(keeping.store),
+        keeping.kept,
+    )
+    .map_err(failed)?;
+    reporter.finish();
+    if engine.dropped_count() > 0 {
+        reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
+    }
+    let metadata = metadata(args, &subject, &settings, &report);
+    write(args, format, &report.film, &metadata)?;
+    end(args, &reporter, &settings, &report, &keeping.path)
+}
+
+/// Which voice, dashboard and trace.
+fn reporter(args: &RenderArgs) -> Result<Reporter, CliError> {
+    let voice = match (args.scene.json, args.quiet) {
+        (true, _) => Voice::Json,
+        (_, true) => Voice::Quiet,
+        _ => Voice::Bar,
+    };
+    let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
+    let reporter = Reporter::new(voice, dashboard.clone(), args.trace.as_deref())?;
+    if let Some(dashboard) = dashboard {
+        reporter.say(&format!("live view: http://{}", dashboard.address()));
+    }
+    Ok(reporter)
+}
+
+/// The rules of the agents.
+pub(crate) fn experts(paths: &[PathBuf]) -> Result<Vec<Expert>, CliError> {
+    if paths.is_empty() {
+        return Ok(vec![Expert::path_tracing()]);
+    }
+    paths
+        .iter()
+        .map(|path| {
+            let text = fs::read_to_string(path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+            Expert::parse(&text).map_err(|source| CliError::Rules { path: path.clone(), source })
+        })
+        .collect()
+}
+
+fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, CliError> {
+    let frame = subject.frame();
+    let crop = args.crop.unwrap_or(frame);
+    if !frame.encloses(&crop) {
+        return Err(CliError::usage(
+            format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
+            "x1 and y1 may be at most the picture's width and height",
+        ));
+    }
+    let threads = threads(&args.scene);
+    let tunables = Tunables { max_depth: args.max_depth, light_samples: args.light_samples };
+    let layout = Layout::new(args.aov.iter().copied().collect::<AovSet>());
+    Ok(JobSettings {
+        crop,
+        level: level(args.scene.level),
+        optimization: optimization(args.optimize),
+        agents: agents(args.agents, threads),
+        experts,
+        processors: threads,
+        importance: importance(args.scene.importance),
+        ..JobSettings::new(frame.width(), frame.height(), args.spp, tunables, layout)
+    })
+}
+
+fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
+    let IntegratorArg::Path = args.integrator;
+    let settings = PathSettings {
+        seed: args.seed,
+        max_depth: args.max_depth,
+        light_samples: args.light_samples,
+        filter: filter(args.filter),
+        ..PathSettings::default()
+    };
+    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };
+    let devices = crate::devices::gpu(args.gpu.as_deref(), subject.scene())?;
+    Ok(BuiltinEngine::new(Arc::clone(&subject.prepared), options, devices))
+}
+
+pub(crate) fn level(level: u8) -> Level {
+    Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
+}
+
+pub(crate) fn importance(importance: ImportanceArg) -> ImportanceFunction {
+    match importance {
+        ImportanceArg::Predicted => ImportanceFunction::PredictedCost,
+        ImportanceArg::Paper => ImportanceFunction::Paper,
+    }
+}
+
+fn optimization(optimize: OptimizeArg) -> Optimization {
+    match optimize {
+        OptimizeArg::Off => Optimization::Off,
+        OptimizeArg::Vs => Optimization::VerySmall,
+        OptimizeArg::S => Optimization::Small,
+        OptimizeArg::N => Optimization::Normal,
+        OptimizeArg::B => Optimization::Big,
+        OptimizeArg::Vb => Optimization::VeryBig,
+    }
+}
+
+fn filter(filter: FilterArg) -> Filter {
+    match filter {
+        FilterArg::BlackmanHarris => Filter::default(),
+        FilterArg::Gaussian => Filter::Gaussian { radius: 1.5, sigma: 0.5 },
+        FilterArg::Tent => Filter::Tent { radius: 1.0 },
+        FilterArg::Box => Filter::Box,
+    }
+}
+
+/// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.
+fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
+    let stop = stop.clone();
+    ctrlc::set_handler(move || {
+        if stop.is_requested() {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+        stop.request();
+    })
+    .map_err(|error| CliError::failed(format!("cannot watch for Ctrl-C: {error}"), "this is unexpected; report it"))
+}
+
+fn failed(error: JobError) -> CliError {
+    match error {
+        JobError::OtherWork => CliError::failed(
+            "the interrupted picture was made with other settings",
+            "give the same options as then, or leave out --resume to start anew",
+        ),
+        error => CliError::Job(error),
+    }
+}
+
+fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: &JobSettings) {
+    let crop = settings.crop;
+    reporter.say(&format!(
+        "{}: {} triangles; {}x{} pixels, {} samples each, {} agents on {} processors",
+        shown(&args.scene.scene),
+        subject.scene().triangle_count(),
+        crop.width(),
+        crop.height(),
+        settings.samples,
+        settings.agents,
+        settings.processors,
+    ));
+    reporter.tell(Event::Started {
+        version: 1,
+        scene: shown(&args.scene.scene),
+        output: shown(&args.output),
+        width: settings.width,
+        height: settings.height,
+        crop: [crop.x0, crop.y0, crop.x1, crop.y1],
+        samples_per_pixel: settings.samples,
+        agents: settings.agents,
+        threads: settings.processors,
+        seed: args.seed,
+    });
+}
+
+/// What a picture says of how it was made.
+fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
+    let mut metadata = Metadata::new();
+    metadata.set("scene", shown(&args.scene.scene));
+    metadata.set("scene_digest", &*subject.scene().digest);
+    metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
+    metadata.set("samples_per_pixel", settings.samples.to_string());
+    metadata.set("max_depth", args.max_depth.to_string());
+    metadata.set("light_samples", args.light_samples.to_string());
+    metadata.set("seed", args.seed.to_string());
+    metadata.set("integrator", "path");
+    metadata.set("filter", format!("{:?}", args.filter));
+    metadata.set("optimize", settings.optimization.to_string());
+    metadata.set("level", args.scene.level.to_string());
+    metadata.set("agents", settings.agents.to_string());
+    metadata.set("threads", settings.processors.to_string());
+    metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
+    metadata.set("complete", (!report.stopped).to_string());
+    metadata
+}
+
+fn write(args: &RenderArgs, format: OutputFormat, film: &Film, metadata: &Metadata) -> Result<(), CliError> {
+    match format {
+        OutputFormat::Exr => {
+            let depth = if args.half { HalfOrFloat::Half } else { HalfOrFloat::Float };
+            write_exr(&args.output, film, metadata, ExrOptions { depth, tiled: args.tiled, ..ExrOptions::default() })?;
+        }
+        OutputFormat::Png => {
+            let tone = match args.tonemap {
+                ToneArg::Agx => ToneMap::Agx,
+                ToneArg::Aces => ToneMap::Aces,
+                ToneArg::Linear => ToneMap::Linear,
+            };
+            let encoding = match args.encoding {
+                EncodingArg::Srgb => Encoding::Srgb,
+                EncodingArg::Linear => Encoding::Linear,
+            };
+            let options = PngOptions { exposure_stops: args.exposure, tone, encoding, ..PngOptions::default() };
+            write_png(&args.output, film, &options, metadata)?;
+        }
+    }
+    Ok(())
+}
+
+/// Tells how it ended. The journal goes only when the picture is complete.
+fn end(
+    args: &RenderArgs,
+    reporter: &Reporter,
+    settings: &JobSettings,
+    report: &JobReport,
+    journal: &Path,
+) -> Result<ExitCode, CliError> {
+    let total = report.times.total.as_secs_f64();
+    let painting = report.times.painting.as_secs_f64() / settings.processors as f64;
+    let output = shown(&args.output);
+    let samples = report.rows.iter().map(|row| row.size() * u64::from(row.samples_done())).sum::<u64>();
+    if report.stopped {
+        let wanted = settings.crop.area() * u64::from(settings.samples);
+        let done = samples as f64 / wanted as f64;
+        reporter.say(&format!("stopped; {output} holds what is painted. Go on with the same command and --resume."));
+        reporter.tell(Event::Interrupted { output, seconds: total, done });
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    if !report.failed.is_empty() {
+        return Err(CliError::failed(
+            format!("{} zones could not be painted; {output} lacks them", report.failed.len()),
+            "see the messages above; --resume tries them again",
+        ));
+    }
+    // Left over it would only mislead; that it cannot be removed does not spoil the picture.
+    if let Err(error) = fs::remove_file(journal) {
+        reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+    }
+    let overhead = (1.0 - painting / total).max(0.0);
+    reporter.say(&format!(
+        "{output} in {}: {:.2} M samples/s, {:.1} % of the processors' time spent painting",
+        duration(report.times.total),
+        samples as f64 / total / 1e6,
+        100.0 * (1.0 - overhead),
+    ));
+    reporter.tell(Event::Finished { output, seconds: total, samples, utilization: 1.0 - overhead, overhead });
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,114 @@
+//! Scene, camera and size, as the options say.
+
+use std::{path::Path, sync::Arc};
+
+use bottega_image::Rect;
+use bottega_render::{PrepareOptions, PreparedScene, View};
+use bottega_scene::{Environment, LoadOptions, Projection, Scene, Spectrum, Warning};
+use glam::Quat;
+
+use crate::{
+    cli::{EnvironmentArg, SceneArgs, Size},
+    devices::processors,
+    error::CliError,
+};
+
+/// Height of a picture of which only the shape is known.
+const DEFAULT_HEIGHT: u32 = 720;
+
+/// A scene ready to be painted.
+pub(crate) struct Subject {
+    pub(crate) prepared: Arc<PreparedScene>,
+    pub(crate) view: View,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+impl Subject {
+    pub(crate) fn load(args: &SceneArgs) -> Result<Self, CliError> {
+        let (scene, warnings) = load(args)?;
+        let camera = camera_index(&scene, args.camera.as_deref())?;
+        let size = args.size.unwrap_or_else(|| default_size(&scene, camera));
+        let options = PrepareOptions { threads: threads(args), ..PrepareOptions::default() };
+        let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &options)?);
+        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings })
+    }
+
+    pub(crate) fn scene(&self) -> &Scene {
+        self.prepared.scene()
+    }
+
+    /// All pixels of the picture.
+    pub(crate) fn frame(&self) -> Rect {
+        Rect::of_size(self.view.width, self.view.height)
+    }
+}
+
+/// Processors that the options allow.
+pub(crate) fn threads(args: &SceneArgs) -> usize {
+    args.threads.map_or_else(processors, usize::from)
+}
+
+/// Agents for so many processors, where the user did not say.
+pub(crate) fn agents(asked: Option<u16>, threads: usize) -> usize {
+    asked.map_or(threads.div_ceil(2), usize::from)
+}
+
+/// The name of a file as people write it.
+pub(crate) fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
+    let world_from_environment = Quat::from_rotation_y(args.env_rotate.to_radians());
+    let mut options = LoadOptions::default();
+    match &args.env {
+        Some(EnvironmentArg::Picture(path)) => {
+            options.environment = Some(path.clone());
+            options.environment_rotation = args.env_rotate.to_radians();
+            options.environment_intensity = args.env_strength;
+        }
+        Some(EnvironmentArg::Constant(_)) => options.add_sky = false,
+        None => {}
+    }
+    let loaded = bottega_scene::load(&args.scene, &options)?;
+    let mut scene = loaded.scene;
+    match &args.env {
+        Some(EnvironmentArg::Constant(radiance)) => {
+            let factor = Spectrum::from_array(*radiance) * args.env_strength;
+            scene.environment = Some(Environment { image: None, factor, world_from_environment });
+        }
+        None => {
+            if let Some(environment) = &mut scene.environment {
+                environment.factor *= args.env_strength;
+                environment.world_from_environment = world_from_environment * environment.world_from_environment;
+            }
+        }
+        Some(EnvironmentArg::Picture(_)) => {}
+    }
+    Ok((scene, loaded.warnings))
+}
+
+fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, CliError> {
+    let Some(asked) = asked else { return Ok(0) };
+    let by_name = scene.cameras.iter().position(|camera| camera.name == asked);
+    let by_number = asked.parse().ok().filter(|&index: &usize| index < scene.cameras.len());
+    by_name.or(by_number).ok_or_else(|| {
+        let names: Vec<String> = scene
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(index, camera)| format!("{index} {:?}", camera.name))
+            .collect();
+        CliError::usage(format!("there is no camera `{asked}`"), format!("the scene has: {}", names.join(", ")))
+    })
+}
+
+fn default_size(scene: &Scene, camera: usize) -> Size {
+    let camera = &scene.cameras[camera];
+    let aspect = camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
+        Projection::Perspective { .. } => 16.0 / 9.0,
+        Projection::Orthographic { .. } => 1.0,
+    });
+    let width = (DEFAULT_HEIGHT as f32 * aspect.clamp(0.05, 20.0)).round() as u32;
+    Size { width: width.max(1), height: DEFAULT_HEIGHT }
+}

@@ -1,0 +1,128 @@
+//! Bad input gets a clear error that names the file, the place and the remedy, and an exit code: 2 for what was asked
+//! wrongly, 1 for what failed. Never a panic.
+
+mod support;
+
+use std::{fs, process::Output};
+
+use support::{run, scenes, succeed, text};
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The program must end with `code` and tell all of `words`.
+fn fails(arguments: &[&str], code: i32, words: &[&str]) {
+    let output = run(arguments);
+    let told = told(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+    for word in words {
+        assert!(told.contains(word), "{arguments:?} does not tell {word:?}: {told}");
+    }
+    assert!(!told.contains("panicked"), "{told}");
+}
+
+#[test]
+fn wrong_usage_is_told_before_any_work() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("picture.png");
+    let picture = text(&picture);
+    fails(&["render", "cornell-box.glb"], 2, &["--output"]);
+    for (option, value) in [
+        ("--size", "0x0"),
+        ("--size", "99999999999x1"),
+        ("--size", "65536x65536"),
+        ("--size", "-5x5"),
+        ("--spp", "0"),
+        ("--agents", "0"),
+        ("--threads", "0"),
+        ("--level", "4"),
+        ("--optimize", "most"),
+        ("--aov", "beauty"),
+        ("--crop", "5,5,5,9"),
+        ("--exposure", "nan"),
+        ("--env", "1,-1,0"),
+    ] {
+        fails(&["render", "cornell-box.glb", "-o", picture, &format!("{option}={value}")], 2, &[option]);
+    }
+    fails(&["render", "cornell-box.glb", "-o", picture, "--size", "8x8", "--crop", "0,0,9,8"], 2, &["crop", "8x8"]);
+    fails(&["render", "goblets.glb", "-o", picture, "--camera", "nobody"], 2, &["nobody", "camera"]);
+    assert!(!folder.path().join("picture.png").exists());
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_found_before_rendering() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_str().expect("Unicode").to_owned();
+    for (output, word) in [
+        (at("missing/picture.exr"), "does not exist"),
+        (at("picture.jpeg"), "jpeg"),
+        (at("picture"), "extension"),
+        (folder.path().join("").to_str().expect("Unicode").to_owned(), "picture"),
+    ] {
+        let arguments = ["render", "goblets.glb", "-o", &output, "--spp", "4000000", "--size", "4096x4096"];
+        let output = run(&arguments);
+        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+        if word != "picture" {
+            assert!(told(&output).contains(word), "{}", told(&output));
+        }
+    }
+}
+
+#[test]
+fn a_scene_that_is_none_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("picture.png");
+    let glb = fs::read(scenes().join("cornell-box.glb")).expect("a scene");
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).expect("written");
+        path
+    };
+    let cases = [
+        folder.path().join("missing.glb"),
+        folder.path().to_owned(),
+        write("empty.glb", b""),
+        write("magic.glb", b"PK\x03\x04 something else entirely"),
+        write("head.glb", &glb[..10]),
+        write("json.glb", &glb[..200]),
+        write("half.glb", &glb[..glb.len() / 2]),
+        write("empty.gltf", b""),
+        write("text.gltf", b"{\"asset\": {\"version\": \"2.0\"}"),
+        write("list.gltf", b"[1, 2, 3]"),
+    ];
+    for scene in &cases {
+        let name = scene.file_name().expect("a name").to_str().expect("Unicode");
+        fails(&["render", text(scene), "-o", text(&picture), "--spp", "1"], 1, &[name]);
+        fails(&["info", text(scene)], 1, &[name]);
+    }
+    let unknown = br#"{"asset":{"version":"2.0"},"extensionsRequired":["ACME_teleport"],"extensionsUsed":["ACME_teleport"]}"#;
+    fails(&["info", text(&write("unknown.gltf", unknown))], 1, &["ACME_teleport"]);
+}
+
+#[test]
+fn pictures_of_different_sizes_are_not_compared() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (a, b) = (folder.path().join("a.png"), folder.path().join("b.png"));
+    succeed(&["render", "cornell-box.glb", "-o", text(&a), "--size", "8x8", "--spp", "1", "--quiet"]);
+    succeed(&["render", "cornell-box.glb", "-o", text(&b), "--size", "9x8", "--spp", "1", "--quiet"]);
+    fails(&["diff", text(&a), text(&b)], 2, &["8x8", "9x8"]);
+    fails(&["diff", text(&a), "missing.exr"], 1, &["missing.exr"]);
+}
+
+#[test]
+fn rules_with_a_mistake_are_told_with_their_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rules = folder.path().join("mine.fcl");
+    fs::write(&rules, "FUNCTION_BLOCK x\nVAR_INPUT\n  complexity REAL;\nEND_VAR\nEND_FUNCTION_BLOCK\n").expect("written");
+    let picture = folder.path().join("picture.png");
+    let arguments = ["render", "cornell-box.glb", "-o", text(&picture), "--rules", text(&rules), "--optimize", "n"];
+    fails(&arguments, 1, &["mine.fcl", "3"]);
+}
+
+#[test]
+fn resume_without_anything_to_resume_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("picture.exr");
+    fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to go on with", "--resume"]);
+}

@@ -1,0 +1,118 @@
+//! A picture depends on scene, settings and seed; not on who paints it.
+
+mod support;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader},
+    path::Path,
+    process::Stdio,
+};
+
+use proptest::prelude::*;
+use support::{bottega, scenes, succeed, text};
+
+const SIZE: &str = "48x36";
+
+/// The pixels of an EXR file, bit by bit: the metadata tells how long it took.
+fn bits(path: &Path) -> Vec<[u32; 3]> {
+    let picture = bottega_image::read_picture(path).expect("a picture");
+    picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+fn painted(folder: &Path, name: &str, more: &[&str]) -> Vec<[u32; 3]> {
+    let output = folder.join(name);
+    let mut arguments = vec!["render", "goblets.glb", "-o", text(&output), "--size", SIZE, "--spp", "24", "--quiet"];
+    arguments.extend(more);
+    succeed(&arguments);
+    assert!(!folder.join(format!("{name}.bottega-journal")).exists(), "a complete picture needs no journal");
+    bits(&output)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_picture_does_not_depend_on_who_paints_it(
+        agents in prop::sample::select(vec!["1", "2", "7"]),
+        level in prop::sample::select(vec!["0", "1", "2", "3"]),
+        threads in prop::sample::select(vec!["1", "2"]),
+        seed in 0u64..1000,
+    ) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let seed = seed.to_string();
+        let reference = painted(folder.path(), "a.exr", &["--agents", "1", "--level", "0", "--threads", "1", "--seed", &seed]);
+        let other =
+            painted(folder.path(), "b.exr", &["--agents", agents, "--level", level, "--threads", threads, "--seed", &seed]);
+        prop_assert_eq!(reference, other);
+    }
+}
+
+#[test]
+fn another_seed_gives_another_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let a = painted(folder.path(), "a.exr", &["--seed", "1"]);
+    let b = painted(folder.path(), "b.exr", &["--seed", "2"]);
+    assert_ne!(a, b);
+}
+
+#[test]
+fn a_crop_equals_that_part_of_the_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    painted(folder.path(), "whole.exr", &[]);
+    painted(folder.path(), "crop.exr", &["--crop", "11,5,40,29", "--agents", "2"]);
+    let whole = bottega_image::read_picture(folder.path().join("whole.exr")).expect("a picture");
+    let crop = bottega_image::read_picture(folder.path().join("crop.exr")).expect("a picture");
+    assert_eq!(crop.size(), (29, 24));
+    for y in 0..24 {
+        for x in 0..29 {
+            assert_eq!(crop.pixel(x, y).map(f32::to_bits), whole.pixel(x + 11, y + 5).map(f32::to_bits), "{x},{y}");
+        }
+    }
+}
+
+/// Starts a long picture, stops it when some of it is painted, and returns how it ended.
+#[cfg(unix)]
+fn interrupt(arguments: &[&str]) -> std::process::ExitStatus {
+    let mut child = bottega(arguments).arg("--json").stdout(Stdio::piped()).spawn().expect("the program starts");
+    let lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    let mut stopped = false;
+    for line in lines.map_while(Result::ok) {
+        if !stopped && line.contains(r#""state":"done""#) {
+            let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+            assert!(status.expect("kill runs").success());
+            stopped = true;
+        }
+    }
+    child.wait().expect("the program ends")
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_picture_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = ["--size", "64x48", "--spp", "1500", "--max-depth", "8"];
+    let (whole, parts) = (folder.path().join("whole.exr"), folder.path().join("parts.exr"));
+    let scene = scenes().join("goblets.glb");
+    let command = |output: &'_ Path| -> Vec<String> {
+        let start = ["render", text(&scene), "-o", text(output)];
+        start.iter().chain(&settings).map(|&argument| argument.to_owned()).collect()
+    };
+    let as_refs = |owned: &[String]| owned.iter().map(String::as_str).map(str::to_owned).collect::<Vec<_>>();
+    let interrupted = as_refs(&command(&parts));
+    let arguments: Vec<&str> = interrupted.iter().map(String::as_str).collect();
+    let status = interrupt(&arguments);
+    assert_eq!(status.code(), Some(130), "it was stopped before its end");
+    assert!(parts.exists(), "what is painted is written");
+    assert!(folder.path().join("parts.exr.bottega-journal").exists(), "and kept");
+
+    let mut resumed = arguments.clone();
+    resumed.extend(["--resume", "--quiet", "--agents", "3"]);
+    succeed(&resumed);
+    let quiet = command(&whole);
+    let mut arguments: Vec<&str> = quiet.iter().map(String::as_str).collect();
+    arguments.push("--quiet");
+    succeed(&arguments);
+    assert_eq!(bits(&whole), bits(&parts));
+    assert!(fs::metadata(folder.path().join("parts.exr.bottega-journal")).is_err(), "nothing is left behind");
+}

@@ -1,0 +1,37 @@
+//! The program as a user runs it.
+#![allow(dead_code, reason = "not every test file needs all of it")]
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+/// The program, in the folder of the scenes.
+pub fn bottega(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bottega"));
+    command.args(arguments).current_dir(scenes());
+    command
+}
+
+/// Runs the program to its end.
+pub fn run(arguments: &[&str]) -> Output {
+    bottega(arguments).output().expect("the program starts")
+}
+
+/// Runs the program, which must succeed.
+pub fn succeed(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?} failed: {told}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// The scenes of the repository.
+pub fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")
+}
+
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("a path in Unicode")
+}
