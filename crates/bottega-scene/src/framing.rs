@@ -5,8 +5,8 @@ use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use crate::model::corners;
 use crate::{Camera, Projection, Scene};
 
-/// The field of view of a framing camera, from edge to edge of the shorter side.
-const FRAMING_FOV: f32 = 40.0 * std::f32::consts::PI / 180.0;
+/// Half the field of view of a framing camera, from the middle to the edge of the shorter side: 20°, in radians.
+const HALF_FOV: f64 = std::f64::consts::PI / 9.0;
 
 /// Air around what is framed: the share by which the camera stands back.
 const FRAMING_MARGIN: f32 = 1.08;
@@ -60,8 +60,10 @@ fn frame(toward_camera: Vec3, (min, max): (Vec3, Vec3), points: impl Iterator<It
     let x = up.cross(z).normalize();
     let y = z.cross(x);
     let aspect = if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 };
-    let tan = (0.5 * FRAMING_FOV).tan();
-    let (tan_x, tan_y) = if aspect > 1.0 { (tan * aspect, tan) } else { (tan, tan / aspect) };
+    // In double precision, and rounded: platforms differ in the last bit of their tangents.
+    let tan = HALF_FOV.tan();
+    let tan_upper = if aspect > 1.0 { tan } else { tan / f64::from(aspect) };
+    let (tan_x, tan_y) = (tan_upper as f32 * aspect, tan_upper as f32);
 
     let center = 0.5 * min + 0.5 * max;
     // The distance from the centre at which the camera sees a point just so.
@@ -77,7 +79,7 @@ fn frame(toward_camera: Vec3, (min, max): (Vec3, Vec3), points: impl Iterator<It
     Camera {
         name: "framing".into(),
         world_from_camera: Affine3A { matrix3: rotation, translation: Vec3A::from(center + z * distance) },
-        projection: Projection::Perspective { vertical_fov: 2.0 * tan_y.atan() },
+        projection: Projection::Perspective { vertical_fov: (2.0 * tan_upper.atan()) as f32 },
         aspect: None,
         lens_radius: 0.0,
         focus_distance: distance,
