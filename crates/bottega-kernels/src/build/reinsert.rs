@@ -224,3 +224,37 @@ impl Links {
         Some(nodes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::bins;
+    use super::*;
+    use crate::bench::Random;
+    use glam::Vec3;
+
+    #[test]
+    fn the_tree_gets_cheaper_and_keeps_every_item_in_its_box() {
+        let mut random = Random::new(5);
+        let mut boxes = Vec::new();
+        for id in 0..3000 {
+            let center = Vec3::new(random.unit(), random.unit() * 0.1, random.unit());
+            boxes.push(Aabb::around(center, if id % 9 == 0 { 0.2 * random.unit() } else { 0.005 }));
+        }
+        let mut items: Vec<Item> = boxes.iter().enumerate().map(|(id, b)| Item::new(b, id as u32)).collect();
+        let before = bins::build(&mut items, 4, false);
+        let area = |nodes: &[Binary]| nodes.iter().map(|node| node.bounds.half_area()).sum::<f32>();
+        let cost = area(&before);
+        let after = optimize(before, &mut items).expect("not too deep");
+        assert!(area(&after) < 0.98 * cost, "{} against {cost}", area(&after));
+        let mut ids: Vec<u32> = items.iter().map(Item::id).collect();
+        ids.sort_unstable();
+        assert!(ids.iter().copied().eq(0..3000));
+        for node in &after {
+            for item in &items[node.first as usize..(node.first + node.count) as usize] {
+                let b = boxes[item.id() as usize];
+                assert!(b.min.cmpge(node.bounds.min).all() && b.max.cmple(node.bounds.max).all());
+            }
+        }
+        assert_eq!(after[0].count, 3000);
+    }
+}
