@@ -477,10 +477,12 @@ impl Master {
             // The agent will repeat it.
             return;
         }
-        if row.result.is_some_and(|result| result.fence == fence) {
+        let valid = row.is_in_hand() && revision == fence && row.agent.as_ref() == Some(&message.sender);
+        if !valid && row.result.is_some_and(|result| result.fence == fence) {
+            // It is on the blackboard already; the confirmation was lost.
             return self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
         }
-        if !row.is_in_hand() || revision != fence || row.agent.as_ref() != Some(&message.sender) {
+        if !valid {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
         }
         let after = match &report.outcome {
