@@ -247,6 +247,9 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(row.clone())));
         self.sent.remove(&row.zone);
         self.composition.set_painted(row.zone, row.state == ZoneState::Done);
+        if !row.is_in_hand() {
+            self.roster.ask_again();
+        }
         let write = self.writes.get(&row.zone).filter(|write| revision > write.expected_revision).cloned();
         match write {
             Some(write) if write.row == row => {
@@ -468,6 +471,10 @@ impl Master {
     // Results.
 
     fn take_report(&mut self, message: &FarmMessage, report: &Report, actions: &mut Vec<FarmAction>) {
+        if !self.begun {
+            // Not all rows are known yet: the agent will repeat it.
+            return;
+        }
         let (zone, fence) = (report.zone, report.fence);
         let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
         let Some((revision, row)) = self.board.zone(zone) else {
@@ -637,7 +644,7 @@ impl Master {
                 member.rests_until = now + self.config.timing.heartbeat;
             }
         }
-        let contenders = self.roster.contenders();
+        let contenders = self.roster.contenders(now);
         let end = expected_end(&contenders, self.ledger.open.time_estimated());
         let still_open = |offer: &Offer| {
             let row = self.board.zone(offer.zone);
@@ -650,7 +657,7 @@ impl Master {
         for agent in &losers {
             if let Some(member) = self.roster.get_mut(agent) {
                 // Asked again when things have changed, and not in a circle.
-                member.rests_until = now + self.config.timing.bids / 4;
+                member.passed_over = true;
             }
         }
         if !losers.is_empty() {
@@ -700,6 +707,7 @@ impl Master {
     /// Looks for those who have fallen silent.
     fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
+        self.roster.ask_again();
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {

@@ -90,10 +90,11 @@ impl RenderAgent {
             (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(message, offers, actions),
             (Performative::Request, FarmContent::Profile(order))
             | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(message, order, actions),
-            (Performative::Confirm, FarmContent::Received { zone, fence })
-            | (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
-                if self.unanswered.get(zone).is_some_and(|report| report.fence == *fence) {
-                    self.unanswered.remove(zone);
+            (Performative::Confirm, FarmContent::Received { zone, fence }) => _ = self.answered(*zone, *fence),
+            (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
+                if self.answered(*zone, *fence) {
+                    // Should the order come again, the Master wants the zone after all.
+                    self.newest.remove(zone);
                 }
             }
             (Performative::Request, FarmContent::LifeCycle(change)) => match change {
@@ -104,6 +105,15 @@ impl RenderAgent {
             (Performative::RejectProposal | Performative::NotUnderstood, _) => {}
             _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
         }
+    }
+
+    /// Whether this answers a report that waits for one.
+    fn answered(&mut self, zone: ZoneId, fence: Revision) -> bool {
+        let waits = self.unanswered.get(&zone).is_some_and(|report| report.fence == fence);
+        if waits {
+            self.unanswered.remove(&zone);
+        }
+        waits
     }
 
     /// Workflow, step 5: each agent gets the 3D model from the repository.
