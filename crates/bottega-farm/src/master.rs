@@ -81,8 +81,8 @@ struct Write {
 /// What follows when a row is written.
 #[derive(Clone, Debug)]
 enum Then {
-    /// The agent gets its order.
-    Order,
+    /// The agent gets its order, in this conversation.
+    Order(u64),
     /// The agent learns that its report is on the blackboard.
     Receive(Box<FarmMessage>),
     /// Nothing: the zone is open again.
@@ -310,7 +310,7 @@ impl Master {
 
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
-            Then::Order => self.send_order(now, &write.row, fence, actions),
+            Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
             Then::Receive(report) => {
                 if let FarmContent::Report(Report { zone, fence, .. }) = report.content {
                     self.answer(&report, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
@@ -439,13 +439,20 @@ impl Master {
             let being_written = self.writes.contains_key(&zone);
             let on_its_way = self.sent.get(&zone).is_some_and(|&sent| now < sent + grace);
             if row.is_in_hand() && !being_written && !on_its_way && !known.contains(&(zone, revision)) {
-                let row = row.clone();
-                self.send_order(now, &row, revision, actions);
+                let (row, conversation) = (row.clone(), self.number());
+                self.send_order(now, &row, revision, conversation, actions);
             }
         }
     }
 
-    fn send_order(&mut self, now: Time, row: &ZoneRow, fence: Revision, actions: &mut Vec<FarmAction>) {
+    fn send_order(
+        &mut self,
+        now: Time,
+        row: &ZoneRow,
+        fence: Revision,
+        conversation: u64,
+        actions: &mut Vec<FarmAction>,
+    ) {
         let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
         let order = Order { work: work.clone(), row: row.clone(), fence };
         let (performative, protocol, content) = if row.state == ZoneState::Profiling {
@@ -454,7 +461,7 @@ impl Master {
             (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
         };
         let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
-        actions.push(FarmAction::Send(asking(order, fence.0, None)));
+        actions.push(FarmAction::Send(asking(order, conversation, None)));
         self.sent.insert(row.zone, now);
     }
 
@@ -604,7 +611,8 @@ impl Master {
                 return;
             }
             let row = ZoneRow { state: ZoneState::Profiling, agent: Some(agent), ..row.clone() };
-            self.write(row, Then::Order, actions);
+            let conversation = self.number();
+            self.write(row, Then::Order(conversation), actions);
         }
     }
 
@@ -669,7 +677,7 @@ impl Master {
         for (zone, agent) in winners {
             let Some((_, row)) = self.board.zone(zone) else { continue };
             let row = ZoneRow { state: ZoneState::Awarded, agent: Some(agent), ..row.clone() };
-            self.write(row, Then::Order, actions);
+            self.write(row, Then::Order(round.conversation), actions);
         }
     }
 

@@ -342,35 +342,35 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         105.000 analyst -> master  inform #0
         105.000 master -> agent-0  inform #0
         105.000 master -> agent-1  inform #0
-        107.000 master -> agent-0  request #7
-        107.000 master -> agent-0  request #8
-        107.000 master -> agent-1  request #9
-        215.765 agent-0 -> master  inform #8
-        216.765 master -> agent-0  cfp #7
-        216.765 master -> agent-1  cfp #7
-        217.765 agent-0 -> master  propose #7
-        217.765 agent-1 -> master  propose #7
-        218.765 master -> agent-0  confirm #8
-        218.765 master -> agent-1  reject-proposal #7
-        220.765 master -> agent-0  accept-proposal #11
-        295.059 agent-0 -> master  inform #7
-        296.059 master -> agent-0  cfp #10
-        297.059 agent-0 -> master  propose #10
-        298.059 master -> agent-0  confirm #7
+        107.000 master -> agent-0  request #3
+        107.000 master -> agent-0  request #5
+        107.000 master -> agent-1  request #7
+        215.765 agent-0 -> master  inform #5
+        216.765 master -> agent-0  cfp #10
+        216.765 master -> agent-1  cfp #10
+        217.765 agent-0 -> master  propose #10
+        217.765 agent-1 -> master  propose #10
+        218.765 master -> agent-0  confirm #5
+        218.765 master -> agent-1  reject-proposal #10
+        220.765 master -> agent-0  accept-proposal #10
+        295.059 agent-0 -> master  inform #3
+        296.059 master -> agent-0  cfp #13
+        297.059 agent-0 -> master  propose #13
+        298.059 master -> agent-0  confirm #3
         300.059 master -> agent-0  accept-proposal #13
-        394.117 agent-1 -> master  inform #9
-        395.117 master -> agent-1  cfp #13
-        396.117 agent-1 -> master  propose #13
-        397.117 master -> agent-1  confirm #9
-        399.117 master -> agent-1  accept-proposal #15
-        662.021 agent-0 -> master  inform #11
-        665.021 master -> agent-0  confirm #11
+        394.117 agent-1 -> master  inform #7
+        395.117 master -> agent-1  cfp #16
+        396.117 agent-1 -> master  propose #16
+        397.117 master -> agent-1  confirm #7
+        399.117 master -> agent-1  accept-proposal #16
+        662.021 agent-0 -> master  inform #10
+        665.021 master -> agent-0  confirm #10
         1021.000 agent-0 -> master  inform #0
         1021.000 agent-1 -> master  inform #0
         1207.328 agent-0 -> master  inform #13
         1210.328 master -> agent-0  confirm #13
-        1844.485 agent-1 -> master  inform #15
-        1847.485 master -> agent-1  confirm #15
+        1844.485 agent-1 -> master  inform #16
+        1847.485 master -> agent-1  confirm #16
         1847.485 master crashes"#]]
     .assert_eq(&trace);
 }
