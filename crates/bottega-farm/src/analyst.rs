@@ -36,7 +36,7 @@ pub struct AnalystConfig {
     pub partition: PartitionSettings,
 }
 
-/// The size of the survey of a picture: its shape, about one cell to [`SURVEY_CELL_SIDE_MIN`]² pixels, bounded.
+/// The size of the survey of a picture: its shape, a cell to 4 × 4 pixels, but at most 2¹⁴ cells.
 pub fn survey_size(picture: &Rect) -> (u32, u32) {
     let fit = (picture.area() as f64 / SURVEY_CELLS_MAX as f64).sqrt();
     let cell = fit.max(f64::from(SURVEY_CELL_SIDE_MIN));

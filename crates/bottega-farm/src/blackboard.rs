@@ -132,7 +132,10 @@ impl ZoneRow {
             ZoneState::Failed => ZoneState::Open,
             settled => settled,
         };
-        Self { state, attempt: 0, agent: self.agent.clone().filter(|_| state == ZoneState::Done), ..self.clone() }
+        let agent = self.agent.clone().filter(|_| state == ZoneState::Done);
+        // Revisions begin anew with the Blackboard: an old token must never be taken for a new one.
+        let result = self.result.map(|result| ResultRef { fence: Revision::ABSENT, ..result });
+        Self { state, attempt: 0, agent, result, ..self.clone() }
     }
 }
 

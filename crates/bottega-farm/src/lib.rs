@@ -1,5 +1,16 @@
 //! The farm of MAGarRO (Gonzalez-Morcillo et al., *A MultiAgent System for Physically based Rendering Optimization*):
-//! Analyst, importance map, partition, Blackboard, Master, Render Agents, auction, adaptation and composition.
+//! which agent paints which part of the picture, and how hard must it try there?
+//!
+//! - [`Analyst`] makes the [`ImportanceMap`] and the [`Partition`], and puts a row for each zone on the [`Blackboard`].
+//! - [`Master`] knows the agents, has the zones profiled, auctions them, takes the results and has them composed.
+//! - [`RenderAgent`] measures itself, bids, asks its [`Expert`] what a zone is worth, and has it painted.
+//! - [`run`] runs all of them in this process over a [`RenderEngine`](bottega_engines::RenderEngine).
+//!
+//! The decision that shaped it: the agents are state machines, and what they must not forget stands on the Blackboard
+//! and nowhere else. Every order is a compare-and-set on a zone's row, whose revision the result must carry. So any
+//! agent, the Master too, may die at any moment, and no pixel is lost or composed twice.
+//!
+//! Not here: sockets, clocks, files ([`run`] has threads, and time from the platform); what a sample is.
 
 mod adaptation;
 mod agent;

@@ -7,8 +7,10 @@
 //! must carry; a report under an older one is refused. So a zone that was taken from a silent agent and given to another
 //! is accepted once, whoever is first to finish under a valid token.
 
+mod allot;
 mod composition;
 mod ledger;
+mod results;
 mod roster;
 
 use std::{
@@ -81,8 +83,8 @@ struct Write {
 /// What follows when a row is written.
 #[derive(Clone, Debug)]
 enum Then {
-    /// The agent gets its order.
-    Order,
+    /// The agent gets its order, in this conversation.
+    Order(u64),
     /// The agent learns that its report is on the blackboard.
     Receive(Box<FarmMessage>),
     /// Nothing: the zone is open again.
@@ -247,6 +249,9 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(row.clone())));
         self.sent.remove(&row.zone);
         self.composition.set_painted(row.zone, row.state == ZoneState::Done);
+        if !row.is_in_hand() {
+            self.roster.ask_again();
+        }
         let write = self.writes.get(&row.zone).filter(|write| revision > write.expected_revision).cloned();
         match write {
             Some(write) if write.row == row => {
@@ -307,7 +312,7 @@ impl Master {
 
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
-            Then::Order => self.send_order(now, &write.row, fence, actions),
+            Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
             Then::Receive(report) => {
                 if let FarmContent::Report(Report { zone, fence, .. }) = report.content {
                     self.answer(&report, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
@@ -436,13 +441,20 @@ impl Master {
             let being_written = self.writes.contains_key(&zone);
             let on_its_way = self.sent.get(&zone).is_some_and(|&sent| now < sent + grace);
             if row.is_in_hand() && !being_written && !on_its_way && !known.contains(&(zone, revision)) {
-                let row = row.clone();
-                self.send_order(now, &row, revision, actions);
+                let (row, conversation) = (row.clone(), self.number());
+                self.send_order(now, &row, revision, conversation, actions);
             }
         }
     }
 
-    fn send_order(&mut self, now: Time, row: &ZoneRow, fence: Revision, actions: &mut Vec<FarmAction>) {
+    fn send_order(
+        &mut self,
+        now: Time,
+        row: &ZoneRow,
+        fence: Revision,
+        conversation: u64,
+        actions: &mut Vec<FarmAction>,
+    ) {
         let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
         let order = Order { work: work.clone(), row: row.clone(), fence };
         let (performative, protocol, content) = if row.state == ZoneState::Profiling {
@@ -451,7 +463,7 @@ impl Master {
             (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
         };
         let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
-        actions.push(FarmAction::Send(asking(order, fence.0, None)));
+        actions.push(FarmAction::Send(asking(order, conversation, None)));
         self.sent.insert(row.zone, now);
     }
 
@@ -465,239 +477,10 @@ impl Master {
         actions.push(FarmAction::Send(answer(to, &self.config.id, performative, content)));
     }
 
-    // Results.
-
-    fn take_report(&mut self, message: &FarmMessage, report: &Report, actions: &mut Vec<FarmAction>) {
-        let (zone, fence) = (report.zone, report.fence);
-        let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
-        let Some((revision, row)) = self.board.zone(zone) else {
-            return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);
-        };
-        if self.writes.contains_key(&zone) {
-            // The agent will repeat it.
-            return;
-        }
-        if row.result.is_some_and(|result| result.fence == fence) {
-            return self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
-        }
-        if !row.is_in_hand() || revision != fence || row.agent.as_ref() != Some(&message.sender) {
-            return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
-        }
-        let after = match &report.outcome {
-            Err(reason) => {
-                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
-                Ok(row.taken_back())
-            }
-            Ok(painting) => self.accepted(row, fence, painting),
-        };
-        match after {
-            Ok(row) => self.write(row, Then::Receive(Box::new(message.clone())), actions),
-            Err(reason) => {
-                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "report refused");
-                let row = row.taken_back();
-                self.answer(message, Performative::Disconfirm, refuse(reason), actions);
-                self.write(row, Then::TakenBack, actions);
-            }
-        }
-    }
-
-    /// The zone's row after a valid report.
-    fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
-        let Some(work) = self.board.work() else { return Err("there is no work") };
-        let Painting { choice, result, time_measured, time_left } = *painting;
-        let unchanged = Choice::unchanged(&work.settings);
-        let within = choice.samples >= 1
-            && choice.samples <= unchanged.samples
-            && choice.tunables.max_depth <= unchanged.tunables.max_depth
-            && choice.tunables.light_samples <= unchanged.tunables.light_samples;
-        if result.fence != fence {
-            return Err("the samples were made under another order");
-        }
-        if work.settings.optimization.rule_input().is_none() && choice != unchanged || !within {
-            return Err("the settings are not what the user allows");
-        }
-        if row.choice.is_some_and(|chosen| chosen != choice) {
-            return Err("the settings are not what was chosen for the zone");
-        }
-        let done = result.samples == choice.samples;
-        if result.samples > choice.samples || row.state == ZoneState::Awarded && !done || result.samples == 0 {
-            return Err("the number of samples is wrong");
-        }
-        let profiling = row.state == ZoneState::Profiling;
-        let after = ZoneRow { choice: Some(choice), result: Some(result), ..row.clone() };
-        Ok(match (profiling, done) {
-            (true, false) => ZoneRow { state: ZoneState::Profiled, time_estimated: Some(time_left), ..after },
-            // All samples were profiling: there was nothing to estimate.
-            (true, true) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
-            (false, _) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
-        })
-    }
-
-    fn composed(&mut self, zone: ZoneId, outcome: Result<(), String>, actions: &mut Vec<FarmAction>) {
-        let asked = self.composition.composed(zone, outcome.is_ok());
-        let Err(reason) = outcome else { return };
-        tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
-        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| asked && row.state == ZoneState::Done) {
-            // Paint it again, with the settings that its neighbours' bands were made for.
-            let attempt = row.attempt + 1;
-            let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };
-            let row = ZoneRow { state, attempt, result: None, time_measured: None, ..row.clone() };
-            self.write(row, Then::TakenBack, actions);
-        }
-    }
-
-    // Giving out work.
-
-    /// Everything that follows from what is known. Called after each event.
-    fn advance(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if !self.caught_up || !self.board.is_complete() || self.finished {
-            return;
-        }
-        if !self.begun {
-            self.begin(actions);
-        }
-        if self.begun && !self.stopping {
-            self.give_out_profiles(actions);
-            if self.round.as_ref().is_some_and(|round| round.awaited.is_empty() || round.deadline <= now) {
-                self.close_round(now, actions);
-            }
-            if self.round.is_none() {
-                self.open_round(now, actions);
-            }
-        }
-        if self.begun {
-            self.compose(actions);
-            self.finish(actions);
-        }
-    }
-
-    fn begin(&mut self, actions: &mut Vec<FarmAction>) {
-        let Some(work) = self.board.work().cloned() else { return };
-        let rects: Vec<_> = self.board.zones().map(|row| row.rect).collect();
-        let in_order = rects.is_sorted_by_key(|rect| (rect.y0, rect.x0));
-        if !in_order || !Partition::covers(work.settings.frame, &rects) {
-            let reason = "the zones on the blackboard are no partition of the frame".to_owned();
-            actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
-            actions.push(FarmAction::Stop);
-            self.finished = true;
-            return;
-        }
-        self.begun = true;
-        actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
-        self.introduce(&self.roster.names(), actions);
-    }
-
-    fn give_out_profiles(&mut self, actions: &mut Vec<FarmAction>) {
-        while let Some(zone) = self.ledger.next_unseen() {
-            let Some(agent) = self.roster.freest(PROFILE_WINDOW) else { return };
-            let Some((_, row)) = self.board.zone(zone) else { return };
-            if self.writes.contains_key(&zone) {
-                return;
-            }
-            let row = ZoneRow { state: ZoneState::Profiling, agent: Some(agent), ..row.clone() };
-            self.write(row, Then::Order, actions);
-        }
-    }
-
-    fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if self.ledger.open.is_empty() {
-            return;
-        }
-        let bidders = self.roster.bidders(now, self.config.prefetch as usize, BIDDERS_MAX);
-        if bidders.is_empty() {
-            return;
-        }
-        let (conversation, offers) = (self.number(), self.ledger.open.offers());
-        let deadline = now + self.config.timing.bids;
-        let to = bidders.iter().cloned().collect();
-        let content = FarmContent::Offers(offers.clone());
-        let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
-        actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
-        self.round = Some(Round { conversation, deadline, offers, awaited: bidders, proposals: BTreeMap::new() });
-    }
-
-    fn take_bid(&mut self, message: &FarmMessage, proposal: Option<Proposal>) {
-        let Some(round) = self.round.as_mut().filter(|round| round.conversation == message.conversation_id) else {
-            return;
-        };
-        if round.awaited.remove(&message.sender)
-            && let Some(proposal) = proposal
-        {
-            round.proposals.insert(message.sender.clone(), proposal);
-        }
-    }
-
-    fn close_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let Some(mut round) = self.round.take() else { return };
-        // Silence is a refusal.
-        for agent in &round.awaited {
-            if let Some(member) = self.roster.get_mut(agent) {
-                member.rests_until = now + self.config.timing.heartbeat;
-            }
-        }
-        let contenders = self.roster.contenders();
-        let end = expected_end(&contenders, self.ledger.open.time_estimated());
-        let still_open = |offer: &Offer| {
-            let row = self.board.zone(offer.zone);
-            row.is_some_and(|(_, row)| row.state == ZoneState::Profiled) && !self.writes.contains_key(&offer.zone)
-        };
-        round.offers.retain(still_open);
-        let winners = award(self.config.auction, &round.offers, &round.proposals, &contenders, end);
-        let lucky: BTreeSet<&AgentId> = winners.iter().map(|(_, agent)| agent).collect();
-        let losers: Vec<AgentId> = round.proposals.keys().filter(|agent| !lucky.contains(agent)).cloned().collect();
-        for agent in &losers {
-            if let Some(member) = self.roster.get_mut(agent) {
-                // Asked again when things have changed, and not in a circle.
-                member.rests_until = now + self.config.timing.bids / 4;
-            }
-        }
-        if !losers.is_empty() {
-            let nothing = FarmContent::Nothing;
-            let me = &self.config.id;
-            let reject = message(Performative::RejectProposal, protocol::CONTRACT_NET, me, losers, nothing);
-            actions.push(FarmAction::Send(asking(reject, round.conversation, None)));
-        }
-        for (zone, agent) in winners {
-            let Some((_, row)) = self.board.zone(zone) else { continue };
-            let row = ZoneRow { state: ZoneState::Awarded, agent: Some(agent), ..row.clone() };
-            self.write(row, Then::Order, actions);
-        }
-    }
-
-    fn compose(&mut self, actions: &mut Vec<FarmAction>) {
-        while self.composition.composing_count() < COMPOSING_MAX {
-            let all_chosen = self.board.work().is_some_and(|w| w.zone_count as usize == self.ledger.chosen_count());
-            let Some((zone, mask)) = self.composition.next(&self.board, all_chosen) else { return };
-            let Some(result) = self.board.zone(zone).and_then(|(_, row)| row.result) else { return };
-            actions.push(FarmAction::Effect(FarmEffect::Compose { zone, result, mask }));
-        }
-    }
-
-    /// Workflow, step 8: the picture is whole.
-    fn finish(&mut self, actions: &mut Vec<FarmAction>) {
-        let Some(work) = self.board.work() else { return };
-        if self.ledger.settled_count() < work.zone_count as usize || !self.writes.is_empty() {
-            return;
-        }
-        let failed: Vec<ZoneId> =
-            self.board.zones().filter(|row| row.state == ZoneState::Failed).map(|row| row.zone).collect();
-        if self.composition.composed_count() + failed.len() < work.zone_count as usize {
-            return;
-        }
-        self.finished = true;
-        actions.push(FarmAction::Effect(FarmEffect::Finish { failed }));
-        let to = self.roster.names();
-        if !to.is_empty() {
-            let end = FarmContent::LifeCycle(LifeCycle::Terminate);
-            let request = message(Performative::Request, protocol::REQUEST, &self.config.id, to, end);
-            actions.push(FarmAction::Send(request));
-        }
-        actions.push(FarmAction::Stop);
-    }
-
     /// Looks for those who have fallen silent.
     fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
+        self.roster.ask_again();
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {

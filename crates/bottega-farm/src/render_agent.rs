@@ -37,6 +37,8 @@ struct Hand {
     order: Order,
     choice: Choice,
     begun: bool,
+    /// In which it was given.
+    conversation: u64,
 }
 
 /// The state machine of one Render Agent.
@@ -51,8 +53,8 @@ pub struct RenderAgent {
     work: Option<WorkRow>,
     fetched: bool,
     hands: BTreeMap<ZoneId, Hand>,
-    /// Reports that the Master has not answered.
-    unanswered: BTreeMap<ZoneId, Report>,
+    /// Reports that the Master has not answered, with their conversations.
+    unanswered: BTreeMap<ZoneId, (Report, u64)>,
     /// The newest token seen of each zone: an order that arrives late or twice is not taken again.
     newest: BTreeMap<ZoneId, Revision>,
     next_heartbeat: Option<Time>,
@@ -90,10 +92,11 @@ impl RenderAgent {
             (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(message, offers, actions),
             (Performative::Request, FarmContent::Profile(order))
             | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(message, order, actions),
-            (Performative::Confirm, FarmContent::Received { zone, fence })
-            | (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
-                if self.unanswered.get(zone).is_some_and(|report| report.fence == *fence) {
-                    self.unanswered.remove(zone);
+            (Performative::Confirm, FarmContent::Received { zone, fence }) => _ = self.answered(*zone, *fence),
+            (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
+                if self.answered(*zone, *fence) {
+                    // Should the order come again, the Master wants the zone after all.
+                    self.newest.remove(zone);
                 }
             }
             (Performative::Request, FarmContent::LifeCycle(change)) => match change {
@@ -104,6 +107,15 @@ impl RenderAgent {
             (Performative::RejectProposal | Performative::NotUnderstood, _) => {}
             _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
         }
+    }
+
+    /// Whether this answers a report that waits for one.
+    fn answered(&mut self, zone: ZoneId, fence: Revision) -> bool {
+        let waits = self.unanswered.get(&zone).is_some_and(|(report, _)| report.fence == fence);
+        if waits {
+            self.unanswered.remove(&zone);
+        }
+        waits
     }
 
     /// Workflow, step 5: each agent gets the 3D model from the repository.
@@ -147,8 +159,8 @@ impl RenderAgent {
             Some(newest) if *newest > order.fence => return,
             Some(newest) if *newest == order.fence => {
                 // The report was lost, or this order was doubled on the way.
-                if let Some(report) = self.unanswered.get(&zone) {
-                    actions.push(FarmAction::Send(self.report_message(report.clone())));
+                if let Some((report, conversation)) = self.unanswered.get(&zone) {
+                    actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
                 }
                 return;
             }
@@ -158,7 +170,7 @@ impl RenderAgent {
         self.unanswered.remove(&zone);
         // A zone that was profiled keeps its settings, whoever paints it.
         let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
-        let mut hand = Hand { order: order.clone(), choice, begun: false };
+        let mut hand = Hand { order: order.clone(), choice, begun: false, conversation: message.conversation_id };
         if self.fetched {
             hand.begin(self.power(), actions);
         }
@@ -195,13 +207,12 @@ impl RenderAgent {
             }
         });
         let report = Report { zone, fence, outcome };
-        actions.push(FarmAction::Send(self.report_message(report.clone())));
-        self.unanswered.insert(zone, report);
+        actions.push(FarmAction::Send(self.report_message(report.clone(), hand.conversation)));
+        self.unanswered.insert(zone, (report, hand.conversation));
     }
 
-    fn report_message(&self, report: Report) -> FarmMessage {
+    fn report_message(&self, report: Report, conversation: u64) -> FarmMessage {
         let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
-        let conversation = report.fence.0;
         let to = vec![self.config.master.clone()];
         let report = FarmContent::Report(report);
         asking(message(performative, protocol::CONTRACT_NET, &self.config.id, to, report), conversation, None)
@@ -223,13 +234,13 @@ impl RenderAgent {
             return self.subscribe(actions);
         }
         let in_hand = self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence));
-        let reported = self.unanswered.iter().map(|(&zone, report)| (zone, report.fence));
+        let reported = self.unanswered.iter().map(|(&zone, (report, _))| (zone, report.fence));
         let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
         let to = vec![self.config.master.clone()];
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
         actions.push(FarmAction::Send(alive));
-        for report in self.unanswered.values() {
-            actions.push(FarmAction::Send(self.report_message(report.clone())));
+        for (report, conversation) in self.unanswered.values() {
+            actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
         }
     }
 

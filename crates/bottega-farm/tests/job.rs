@@ -222,3 +222,28 @@ fn an_observer_sees_map_rows_and_honest_progress() {
     let per_zone = report.messages as f64 / report.rows.len() as f64;
     assert!(per_zone < 20.0, "{per_zone} messages a zone");
 }
+
+#[derive(Default)]
+struct Teller(Mutex<String>);
+
+impl Observer for Teller {
+    fn message(&self, now: bottega_agents::Time, message: &bottega_farm::FarmMessage) {
+        use std::fmt::Write;
+        let (from, word, content) = (&message.sender, message.performative, &message.content);
+        let to: Vec<String> = message.receivers.iter().map(ToString::to_string).collect();
+        _ = writeln!(self.0.lock().unwrap(), "{:?} {from} -> {to:?} {word} {content:?}", now.elapsed());
+    }
+}
+
+#[test]
+#[ignore = "prints the conversation of the slowest of many jobs"]
+fn the_slowest_conversation() {
+    let jobs = (0..60).map(|i| {
+        let teller = Arc::new(Teller::default());
+        let settings = JobSettings { agents: 1 + i % 7, level: Level::ALL[i % 4], ..settings() };
+        let report = run(&settings, Arc::new(FakeEngine::new(2, 0)), teller.clone(), &StopSwitch::new(), None, None);
+        (report.unwrap().times, teller)
+    });
+    let (times, teller) = jobs.max_by_key(|(times, _)| times.total).unwrap();
+    eprintln!("{}{times:?}", teller.0.lock().unwrap());
+}

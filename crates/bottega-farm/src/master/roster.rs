@@ -18,8 +18,10 @@ pub(super) struct Member {
     pub(super) row: AgentRow,
     /// When it last said something.
     pub(super) heard: Time,
-    /// Not asked before: it refused, or was passed over.
+    /// Not asked before: it refused, or said nothing.
     pub(super) rests_until: Time,
+    /// It bid and won nothing: not asked again until something has changed.
+    pub(super) passed_over: bool,
     /// Its zones with T_est, those too whose award is being written.
     pub(super) hands: BTreeMap<ZoneId, Duration>,
 }
@@ -41,7 +43,7 @@ impl Roster {
         if self.members.len() >= MEMBERS_MAX {
             return None;
         }
-        let member = Member { row, heard: now, rests_until: Time::ZERO, hands: BTreeMap::new() };
+        let member = Member { row, heard: now, rests_until: Time::ZERO, passed_over: false, hands: BTreeMap::new() };
         self.members.insert(member.row.agent.clone(), member);
         Some(true)
     }
@@ -77,17 +79,24 @@ impl Roster {
 
     /// Who may bid: those with fewer than `window` zones in hand who do not rest, the least laden first.
     pub(super) fn bidders(&self, now: Time, window: usize, count_max: usize) -> BTreeSet<AgentId> {
-        let may_bid = |member: &&Member| member.hands.len() < window && member.rests_until <= now;
+        let may_bid =
+            |member: &&Member| member.hands.len() < window && member.rests_until <= now && !member.passed_over;
         let mut free: Vec<(Duration, &AgentId)> =
             self.members.values().filter(may_bid).map(|member| (member.load(), &member.row.agent)).collect();
         free.sort();
         free.into_iter().take(count_max).map(|(_, agent)| agent.clone()).collect()
     }
 
-    /// What an auction must know of all.
-    pub(super) fn contenders(&self) -> BTreeMap<AgentId, Contender> {
+    /// What an auction must know of all who could take a zone, now or when they have room.
+    pub(super) fn contenders(&self, now: Time) -> BTreeMap<AgentId, Contender> {
         let contender = |member: &Member| Contender { row: member.row.clone(), load: member.load() };
-        self.members.iter().map(|(agent, member)| (agent.clone(), contender(member))).collect()
+        let willing = self.members.iter().filter(|(_, member)| member.rests_until <= now);
+        willing.map(|(agent, member)| (agent.clone(), contender(member))).collect()
+    }
+
+    /// Something has changed: who was passed over may bid again.
+    pub(super) fn ask_again(&mut self) {
+        self.members.values_mut().for_each(|member| member.passed_over = false);
     }
 }
 

@@ -1,5 +1,7 @@
 //! A fake engine: pixels are a function of pixel and sample alone, zones are painted by threads of its own.
 
+mod survey;
+
 use std::{
     collections::VecDeque,
     sync::{
@@ -10,8 +12,10 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneTask};
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneTask};
 use bottega_image::{AovSet, Layout, SampleValues, Tile};
+
+pub(crate) use survey::{survey, tunables};
 
 type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
@@ -34,10 +38,6 @@ pub(crate) struct FakeEngine {
 
 pub(crate) fn layout() -> Layout {
     Layout::new(AovSet::NONE)
-}
-
-pub(crate) fn tunables() -> Tunables {
-    Tunables { max_depth: 8, light_samples: 1 }
 }
 
 /// What a sample of a pixel is worth: any function of these alone.
@@ -117,13 +117,11 @@ impl FakeEngine {
         Self { threads: (0..threads).map(spawn).collect(), shared }
     }
 
-    #[allow(dead_code, reason = "not every test of this folder asks")]
     pub(crate) fn fail(self, tasks: usize) -> Self {
         self.shared.failures.store(tasks, Ordering::Relaxed);
         self
     }
 
-    #[allow(dead_code, reason = "not every test of this folder asks")]
     pub(crate) fn samples_painted(&self) -> u64 {
         self.shared.samples.load(Ordering::Relaxed)
     }
@@ -140,18 +138,6 @@ impl Drop for FakeEngine {
             }
         }
     }
-}
-
-/// A survey with a complex lower right corner.
-pub(crate) fn survey(width: u32, height: u32) -> Survey {
-    let pixel = |x: u32, y: u32| SurveyPixel {
-        steps: 5.0 + 60.0 * (f64::from(x * y) / f64::from(width * height)) as f32,
-        recursion_levels: if 2 * x > width && 2 * y > height { 5.0 } else { 0.0 },
-        path_length: 2.0,
-        ..SurveyPixel::default()
-    };
-    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| pixel(x, y))).collect();
-    Survey { width, height, pixels }
 }
 
 impl RenderEngine for FakeEngine {

@@ -1,0 +1,291 @@
+//! What a Master does with messages that are late, doubled, out of sequence or simply wrong.
+
+#[path = "common/survey.rs"]
+mod survey;
+
+use std::time::Duration;
+
+use bottega_agents::{
+    AclMessage, Action, AgentId, Event, Performative, Revision, StateMachine, Time, bus::BlobId, store::MemoryStore,
+};
+use bottega_engines::Tunables;
+use bottega_farm::{
+    AdaptationRule, AuctionRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
+    FarmMessage, FarmValue, ImportanceFunction, Level, LifeCycle, Master, MasterConfig, ONTOLOGY, Optimization, Order,
+    Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report, ResultRef, Timing, WorkId,
+    WorkSettings, ZoneId, ZoneState, analyze,
+};
+use bottega_image::Rect;
+use proptest::prelude::*;
+
+use survey::{survey, tunables};
+
+/// A Master over a store of its own. What it sends and begins is written down.
+struct Stage {
+    master: Master,
+    store: MemoryStore<FarmValue>,
+    sent: Vec<FarmMessage>,
+    composed: Vec<ZoneId>,
+}
+
+fn settings() -> WorkSettings {
+    let frame = Rect::of_size(64, 64);
+    WorkSettings { picture: frame, frame, samples: 40, tunables: tunables(), optimization: Optimization::Off }
+}
+
+impl Stage {
+    fn new() -> Self {
+        let (work, settings) = (WorkId(1), settings());
+        let partition = PartitionSettings::for_agents(Level::Divided, 2, settings.frame);
+        let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition).unwrap();
+        let config = MasterConfig {
+            id: AgentId::new("master"),
+            work,
+            auction: AuctionRule::FinishingTime,
+            prefetch: 2,
+            timing: Timing::default(),
+        };
+        let master = Master::recover(config, all.work, all.rows);
+        let mut stage = Self { master, store: MemoryStore::default(), sent: Vec::new(), composed: Vec::new() };
+        stage.feed(Event::Start);
+        stage
+    }
+
+    fn feed(&mut self, event: FarmEvent) {
+        let mut events = vec![event];
+        while !events.is_empty() {
+            let mut actions = Vec::new();
+            self.master.handle(Time::since_start(Duration::from_secs(1)), events.remove(0), &mut actions);
+            for action in actions {
+                match action {
+                    Action::Send(message) => self.sent.push(message),
+                    Action::Store { ticket, request } => {
+                        let mut replies = Vec::new();
+                        self.store.handle((), ticket, request, &mut replies);
+                        let replies = replies.into_iter();
+                        events.extend(replies.map(|it| Event::Store { ticket: it.ticket, reply: it.reply }));
+                    }
+                    Action::Effect(FarmEffect::Compose { zone, .. }) => self.composed.push(zone),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    fn tell(&mut self, from: &str, performative: Performative, content: FarmContent) {
+        self.feed(Event::Message(message(from, performative, content)));
+    }
+
+    fn subscribe(&mut self, name: &str) {
+        let content = FarmContent::Subscription { power: RelativePower::REFERENCE, lanes: 1.0 };
+        self.tell(name, Performative::Subscribe, content);
+    }
+
+    /// The first order that was sent to an agent.
+    fn order(&self, agent: &str) -> Order {
+        let to = AgentId::new(agent);
+        let orders = self.sent.iter().filter(|message| message.receivers.contains(&to));
+        let order = |message: &FarmMessage| match &message.content {
+            FarmContent::Profile(order) | FarmContent::Award(order) => Some(order.clone()),
+            _ => None,
+        };
+        orders.filter_map(order).next().expect("an order")
+    }
+
+    fn last_word(&self) -> Performative {
+        self.sent.last().expect("an answer").performative
+    }
+
+    fn state(&self, zone: ZoneId) -> ZoneState {
+        self.master.board().zone(zone).expect("a zone").1.state
+    }
+}
+
+fn message(from: &str, performative: Performative, content: FarmContent) -> FarmMessage {
+    AclMessage {
+        performative,
+        sender: AgentId::new(from),
+        receivers: vec![AgentId::new("master")],
+        content,
+        language: "bottega-typed",
+        ontology: ONTOLOGY,
+        protocol: "fipa-contract-net",
+        conversation_id: 1,
+        reply_with: 1,
+        in_reply_to: 0,
+        reply_by: None,
+    }
+}
+
+fn painting(order: &Order, samples: u32) -> Painting {
+    Painting {
+        choice: Choice::unchanged(&order.work.settings),
+        result: ResultRef { fence: order.fence, samples, digest: BlobId([1; 32]) },
+        time_measured: Duration::from_millis(5),
+        time_left: Duration::from_millis(95),
+    }
+}
+
+fn report(order: &Order, painting: Painting) -> FarmContent {
+    FarmContent::Report(Report { zone: order.row.zone, fence: order.fence, outcome: Ok(painting) })
+}
+
+#[test]
+fn a_good_report_is_confirmed_and_its_double_too_without_effect() {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    let order = stage.order("a");
+    for _ in 0..2 {
+        stage.tell("a", Performative::Inform, report(&order, painting(&order, 2)));
+        assert_eq!(stage.state(order.row.zone), ZoneState::Profiled);
+        let confirmed = |message: &&FarmMessage| message.performative == Performative::Confirm;
+        assert!(stage.sent.iter().rev().take(3).any(|message| confirmed(&message)));
+    }
+    assert_eq!(stage.master.board().zone(order.row.zone).unwrap().1.attempt, 0);
+}
+
+#[test]
+fn a_report_under_an_old_or_foreign_order_is_refused() {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    let order = stage.order("a");
+    let mut old = order.clone();
+    old.fence = Revision(order.fence.0 - 1);
+    stage.tell("a", Performative::Inform, report(&old, painting(&old, 2)));
+    assert_eq!((stage.last_word(), stage.state(order.row.zone)), (Performative::Disconfirm, ZoneState::Profiling));
+    stage.tell("stranger", Performative::Inform, report(&order, painting(&order, 2)));
+    assert_eq!((stage.last_word(), stage.state(order.row.zone)), (Performative::Disconfirm, ZoneState::Profiling));
+    let mut nowhere = order.clone();
+    nowhere.row.zone = ZoneId(4_000_000);
+    stage.tell("a", Performative::Inform, report(&nowhere, painting(&nowhere, 2)));
+    assert_eq!(stage.last_word(), Performative::Disconfirm);
+}
+
+#[test]
+fn settings_and_samples_that_nobody_allowed_are_refused_and_the_zone_is_open_again() {
+    type Spoil = fn(&mut Painting);
+    let spoils: [Spoil; 5] = [
+        |it| it.choice.samples = 39,
+        |it| it.choice.tunables = Tunables { max_depth: 9, light_samples: 1 },
+        |it| it.result.samples = 41,
+        |it| it.result.samples = 0,
+        |it| it.result.fence = Revision(99),
+    ];
+    for spoil in spoils {
+        let mut stage = Stage::new();
+        stage.subscribe("a");
+        let order = stage.order("a");
+        let mut spoiled = painting(&order, 2);
+        spoil(&mut spoiled);
+        stage.tell("a", Performative::Inform, report(&order, spoiled));
+        assert!(stage.sent.iter().any(|message| message.performative == Performative::Disconfirm), "{spoiled:?}");
+        let row = stage.master.board().zone(order.row.zone).unwrap().1;
+        assert_eq!(row.attempt, 1);
+        assert!(row.result.is_none());
+    }
+}
+
+#[test]
+fn a_zone_that_was_given_to_another_is_not_taken_from_the_first() {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    let first = stage.order("a");
+    stage.tell("a", Performative::Cancel, FarmContent::Unsubscription);
+    stage.subscribe("b");
+    let (revision, row) = stage.master.board().zone(first.row.zone).unwrap();
+    assert!(row.agent == Some(AgentId::new("b")) && revision > first.fence);
+    stage.tell("a", Performative::Inform, report(&first, painting(&first, 2)));
+    assert_eq!(stage.last_word(), Performative::Disconfirm);
+    assert_eq!(stage.state(first.row.zone), ZoneState::Profiling);
+}
+
+#[test]
+fn a_message_out_of_place_is_not_understood() {
+    let mut stage = Stage::new();
+    stage.tell("a", Performative::Request, FarmContent::LifeCycle(LifeCycle::Terminate));
+    assert_eq!(stage.last_word(), Performative::NotUnderstood);
+    // Nobody answers that one, or two agents would go on for ever.
+    let before = stage.sent.len();
+    stage.tell("a", Performative::NotUnderstood, FarmContent::Nothing);
+    assert_eq!(stage.sent.len(), before);
+}
+
+fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
+    let fence = order.fence.0;
+    prop_oneof![
+        (any::<f64>(), any::<f64>())
+            .prop_map(|(power, lanes)| FarmContent::Subscription { power: RelativePower::new(power), lanes }),
+        Just(FarmContent::Subscribed),
+        Just(FarmContent::Unsubscription),
+        Just(FarmContent::Nothing),
+        (0u32..6, 0u32..6, any::<u64>()).prop_map(|(room, zone, nanos)| FarmContent::Bids {
+            room,
+            bids: vec![Bid { zone: ZoneId(zone), finish: Duration::from_nanos(nanos) }],
+        }),
+        (0u32..6, 0..fence + 20, 0u32..50, any::<bool>()).prop_map(move |(zone, fence, samples, well)| {
+            let (zone, fence) = (ZoneId(zone), Revision(fence));
+            let order = Order { fence, ..order.clone() };
+            let outcome = if well { Ok(painting(&order, samples)) } else { Err("no".to_owned()) };
+            FarmContent::Report(Report { zone, fence, outcome })
+        }),
+        prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|hands| FarmContent::Alive {
+            power: RelativePower::REFERENCE,
+            hands: hands.into_iter().map(|(zone, fence)| (ZoneId(zone), Revision(fence))).collect(),
+        }),
+        Just(FarmContent::LifeCycle(LifeCycle::Suspend)),
+        prop::collection::vec(0u32..9, 0..4).prop_map(|zones| FarmContent::Offers(
+            zones
+                .into_iter()
+                .map(|zone| bottega_farm::Offer {
+                    zone: ZoneId(zone),
+                    complexity: f64::NAN,
+                    time_estimated: Duration::MAX,
+                })
+                .collect()
+        )),
+    ]
+}
+
+fn any_message() -> impl Strategy<Value = FarmMessage> {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    let performative = prop::sample::select(Performative::ALL.to_vec());
+    let usual = prop::sample::select(vec![Performative::Inform, Performative::Propose, Performative::Subscribe]);
+    (prop_oneof![performative, usual], prop::sample::select(vec!["a", "b", "c"]), contents(stage.order("a")))
+        .prop_map(|(performative, from, content)| message(from, performative, content))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    #[test]
+    fn no_messages_break_a_master(messages in prop::collection::vec(any_message(), 0..40)) {
+        let mut stage = Stage::new();
+        stage.subscribe("a");
+        for message in messages {
+            stage.feed(Event::Message(message));
+        }
+        let mut composed = stage.composed.clone();
+        composed.sort();
+        composed.dedup();
+        prop_assert_eq!(composed.len(), stage.composed.len(), "no zone is composed twice");
+    }
+
+    #[test]
+    fn no_messages_break_an_agent(messages in prop::collection::vec(any_message(), 0..40)) {
+        let mut agent = RenderAgent::new(RenderAgentConfig {
+            id: AgentId::new("agent"),
+            master: AgentId::new("master"),
+            adaptation: AdaptationRule::Paper,
+            prefetch: 2,
+            heartbeat: Duration::from_secs(1),
+            expert: Expert::path_tracing(),
+        });
+        let mut actions: Vec<FarmAction> = Vec::new();
+        let benchmarked = FarmCompletion::Benchmarked { power: RelativePower::REFERENCE, lanes: f64::NAN };
+        agent.handle(Time::ZERO, Event::Start, &mut actions);
+        agent.handle(Time::ZERO, Event::Completed(benchmarked), &mut actions);
+        for message in messages {
+            agent.handle(Time::ZERO, Event::Message(message), &mut actions);
+        }
+    }
+}
