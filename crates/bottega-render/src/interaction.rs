@@ -17,7 +17,7 @@ use crate::{
 const CLEARANCE: f32 = 64.0 / 8_388_608.0;
 
 /// A point of a surface, seen from a direction.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Interaction {
     /// World space, on the surface.
     pub(crate) p: Vec3,

@@ -64,7 +64,7 @@ fn paint(
     let rect = Rect::of_size(view.width, view.height);
     let layout = Layout::new(bottega_image::AovSet::NONE);
     let mut film = Film::new(rect, layout);
-    let settings = Arc::new(settings.clone());
+    let settings = Arc::new(*settings);
     let start = Instant::now();
     let mut dropped_count = 0;
     for block in rect.blocks(32) {
