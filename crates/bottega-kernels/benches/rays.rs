@@ -146,11 +146,13 @@ fn main() {
     }
     let mut ratios = Vec::new();
     for scene in &scenes {
-        let own = |name: &str, precision| {
-            Own::build(name, scene, &BuildOptions { threads, precision, ..BuildOptions::default() })
-                .expect("the scene is sound")
+        let own = |name: &str, precision, optimize| {
+            let options = BuildOptions { threads, precision, optimize, ..BuildOptions::default() };
+            Own::build(name, scene, &options).expect("the scene is sound")
         };
-        let (robust, fast) = (own("bottega robust", Precision::Robust), own("bottega fast", Precision::Fast));
+        let (robust, fast) =
+            (own("bottega robust", Precision::Robust, true), own("bottega fast", Precision::Fast, true));
+        let quick = own("bottega quick build", Precision::Robust, false);
         let rays = RaySets::new(robust.accel(), scene, side);
         let mut peers = Vec::new();
         for (preset, params) in
@@ -162,14 +164,14 @@ fn main() {
             peers.push(Peer::build(&format!("obvhs bvh2 {preset}"), scene, params, false));
             peers.push(Peer::build(&format!("obvhs cwbvh {preset}"), scene, params, true));
         }
-        let mut kernels: Vec<&dyn RayKernel> = vec![&robust, &fast];
+        let mut kernels: Vec<&dyn RayKernel> = vec![&robust, &fast, &quick];
         kernels.extend(peers.iter().map(|peer| peer as &dyn RayKernel));
         let rows = measure(scene, &rays, &kernels, repetitions);
         if alone {
             println!("{}", table(scene, &rows));
             continue;
         }
-        let best = |kind: usize| rows[2..].iter().map(|row| row.mrays[kind]).fold(0.0, f64::max);
+        let best = |kind: usize| rows[3..].iter().map(|row| row.mrays[kind]).fold(0.0, f64::max);
         let ratio: [f64; 4] = std::array::from_fn(|kind| rows[0].mrays[kind] / best(kind));
         println!("{}  robust / best peer: {ratio:.2?}\n", table(scene, &rows));
         ratios.push(ratio);

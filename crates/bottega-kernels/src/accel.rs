@@ -56,11 +56,14 @@ pub struct BuildOptions {
     /// A mesh with several instances is copied into the world, as one with a single instance is, when all copies together
     /// have no more triangles than this: the detour through a tree of its own costs a ray more than this costs memory.
     pub flatten_triangles: usize,
+    /// Whether to improve the tree after it is built: rays are up to 20 % faster in scenes of many separate objects, the build
+    /// takes up to twice as long.
+    pub optimize: bool,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { threads: 0, precision: Precision::Robust, flatten_triangles: 4096 }
+        Self { threads: 0, precision: Precision::Robust, flatten_triangles: 4096, optimize: true }
     }
 }
 
@@ -341,7 +344,7 @@ mod tests {
                     Vec3::new(size, 1.0, -size), glam::Quat::from_rotation_y(size), by)))
                 .collect();
             let precision = if robust { Precision::Robust } else { Precision::Fast };
-            let options = BuildOptions { precision, threads: 1, flatten_triangles: 0 };
+            let options = BuildOptions { precision, threads: 1, flatten_triangles: 0, ..BuildOptions::default() };
             let spheres = [SphereGeometry { center: sphere.0, radius: sphere.1 }];
             let build = || Accel::build(&[mesh], &instances, &spheres, &options).unwrap();
             let (own, portable) = (build(), build().portable());

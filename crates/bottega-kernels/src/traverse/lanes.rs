@@ -46,3 +46,26 @@ pub(crate) trait Lanes: Copy {
         order: u32,
     );
 }
+
+/// Three numbers, each over all lanes. (A function and no closure in `map`: only functions can be forced inline, and what is
+/// not inlined into the traversal is compiled without the vector unit.)
+#[inline(always)]
+pub(crate) fn splat3<S: Lanes>(s: S, [x, y, z]: [f32; 3]) -> [S::F; 3] {
+    [s.splat(x), s.splat(y), s.splat(z)]
+}
+
+/// a × b
+#[inline(always)]
+pub(crate) fn cross<S: Lanes>(s: S, a: &[S::F; 3], b: &[S::F; 3]) -> [S::F; 3] {
+    [
+        s.mul_sub(a[1], b[2], s.mul(a[2], b[1])),
+        s.mul_sub(a[2], b[0], s.mul(a[0], b[2])),
+        s.mul_sub(a[0], b[1], s.mul(a[1], b[0])),
+    ]
+}
+
+/// a · b
+#[inline(always)]
+pub(crate) fn dot<S: Lanes>(s: S, a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
+    s.mul_add(a[0], b[0], s.mul_add(a[1], b[1], s.mul(a[2], b[2])))
+}

@@ -1,6 +1,6 @@
 //! What is computed once a ray: scales and shifts of the slab tests, and the shear of the triangle test.
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, splat3};
 use super::triangle;
 use crate::tree::{TriangleBlock, WIDTH};
 
@@ -98,12 +98,12 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
     #[inline(always)]
     pub(crate) fn new(s: S, setup: &Setup, floor: f32) -> Self {
         Self {
-            near_scale: setup.near_scale.map(|x| s.splat(x)),
-            near_shift: setup.near_shift.map(|x| s.splat(x)),
-            far_scale: setup.far_scale.map(|x| s.splat(x)),
-            far_shift: setup.far_shift.map(|x| s.splat(x)),
+            near_scale: splat3(s, setup.near_scale),
+            near_shift: splat3(s, setup.near_shift),
+            far_scale: splat3(s, setup.far_scale),
+            far_shift: splat3(s, setup.far_shift),
             floor: s.splat(floor),
-            side: std::array::from_fn(|axis| setup.octant >> axis & 1),
+            side: [setup.octant & 1, setup.octant >> 1 & 1, setup.octant >> 2 & 1],
             triangle: triangle::WideRay::new::<ROBUST>(s, setup),
         }
     }
