@@ -4,11 +4,15 @@
 //! imported, so that whoever renders it meets no index out of range, no NaN and no singular matrix. It holds no
 //! acceleration structure and draws no random number: those belong to `bottega-kernels` and `bottega-render`.
 //!
+//! The same bytes make the same scene, bit for bit, on every platform and with any number of threads: results are kept
+//! in the order of the file, and what needs a sine or a logarithm is computed in double precision and rounded.
+//!
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
 
 mod camera;
 mod error;
 mod file;
+mod framing;
 mod gltf;
 mod image;
 mod light;

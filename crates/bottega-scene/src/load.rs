@@ -61,6 +61,9 @@ pub struct Metadata {
 
 /// Reads a scene. The format is known by the first bytes, or by the extension of the name.
 ///
+/// Lights keep the numbers of the file: of glTF, candela counts as W·sr⁻¹, lux as W·m⁻², and the emissive factor as
+/// radiance, so that all of them keep their balance.
+///
 /// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
 /// guessed or left out is in the warnings.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
@@ -90,6 +93,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     }
     scene.digest = digest.finalize().to_hex().to_string();
     scene.validate()?;
+    let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
+    tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
     Ok(Loaded { scene, warnings: warnings.finish(), metadata })
 }
 
@@ -136,10 +141,12 @@ impl Scene {
     /// - `rotation`: turns it about the y axis, counter-clockwise seen from above, in radians.
     pub fn set_environment(&mut self, image: Image, intensity: f32, rotation: f32) {
         self.images.push(image);
+        // In double precision, and rounded: platforms differ in the last bit of their sines.
+        let (sin, cos) = (0.5 * f64::from(rotation)).sin_cos();
         self.environment = Some(Environment {
             image: Some(ImageId(self.images.len() as u32 - 1)),
             factor: Spectrum::splat(intensity),
-            world_from_environment: Quat::from_rotation_y(rotation),
+            world_from_environment: Quat::from_xyzw(0.0, sin as f32, 0.0, cos as f32),
         });
     }
 }

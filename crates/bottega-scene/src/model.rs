@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::{Camera, Environment, Image, Light, Material};
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
+/// Importers leave out texture coordinates and tangents that no texture of the material asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// The name in the file; may be empty.
@@ -84,13 +85,14 @@ pub(crate) fn is_placeable(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -
         && max.max_element() <= COORDINATE_MAX
 }
 
+/// The corners of a box.
+pub(crate) fn corners((min, max): (Vec3, Vec3)) -> impl Iterator<Item = Vec3> {
+    (0..8u32).map(move |index| Vec3::select(glam::BVec3::new(index & 1 == 0, index & 2 == 0, index & 4 == 0), min, max))
+}
+
 /// The bounds of a transformed box.
-fn transformed_bounds((min, max): (Vec3, Vec3), world_from_object: &Affine3A) -> (Vec3, Vec3) {
-    let corner = |index: u32| {
-        let pick = |axis: u32| if index >> axis & 1 == 0 { min[axis as usize] } else { max[axis as usize] };
-        world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
-    };
-    (0..8).map(corner).fold(EMPTY, grow)
+fn transformed_bounds(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -> (Vec3, Vec3) {
+    corners(bounds).map(|corner| world_from_object.transform_point3(corner)).fold(EMPTY, grow)
 }
 
 const EMPTY: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);

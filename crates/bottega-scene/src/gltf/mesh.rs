@@ -73,8 +73,6 @@ pub(super) fn read(
     let reader = Reader { source, shape, vertex_count: 0, selection: None };
     let Some((positions, name)) = reader.positions_accessor(primitive)? else { return Ok(None) };
     let mut triangles = reader.triangles(primitive, positions.count)?;
-    let used_bytes = triangles.len() * size_of::<[u32; 3]>();
-    source.budget.take(source.path, &shape.place(""), used_bytes)?;
     let selection = select_used(&mut triangles, positions.count);
     let reader = Reader { vertex_count: positions.count, selection, ..reader };
     let attributes = &primitive.attributes;
@@ -163,6 +161,7 @@ impl<'a> Reader<'a, '_> {
         let mode = mode(primitive).map_err(|problem| self.invalid(".mode", problem))?;
         let Some(mode) = mode else { return Ok(Vec::new()) };
         let Some(index) = primitive.indices else {
+            self.book_triangles(mode, vertex_count)?;
             return Ok(assemble(mode, vertex_count, |index| index as u32));
         };
         let member = ".indices";
@@ -174,6 +173,7 @@ impl<'a> Reader<'a, '_> {
             self.refuse_compression(primitive, index)?;
             return Err(self.invalid(member, format!("no buffer holds the elements of accessor {index}")));
         }
+        self.book_triangles(mode, indices.count)?;
         let triangles = assemble(mode, indices.count, |index| indices.index_at(index));
         let greatest = triangles.iter().map(|[a, b, c]| *a.max(b).max(c)).max();
         match greatest {
@@ -182,6 +182,13 @@ impl<'a> Reader<'a, '_> {
             }
             _ => Ok(triangles),
         }
+    }
+
+    /// Takes the memory for the triangles of so many vertices.
+    fn book_triangles(&self, mode: Mode, count: usize) -> Result<(), SceneError> {
+        let triangles = if mode == Mode::Triangles { count / 3 } else { count };
+        let bytes = triangles.saturating_mul(size_of::<[u32; 3]>());
+        self.source.budget.take(self.source.path, &self.shape.place(""), bytes)
     }
 
     fn read<const N: usize, T>(

@@ -1,5 +1,6 @@
 //! Cameras (glTF 2.0, section 3.10) and KHR_lights_punctual.
 
+use std::collections::BTreeSet;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -17,6 +18,7 @@ pub(super) fn add_cameras(
     scene: &mut Scene,
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
+    let mut taken: BTreeSet<&str> = BTreeSet::new();
     for &index in &hierarchy.nodes {
         let node = &source.document.nodes[index];
         let (Some(camera), Some(world)) = (node.camera, hierarchy.world_from_node[index]) else { continue };
@@ -29,8 +31,8 @@ pub(super) fn add_cameras(
             continue;
         };
         // A camera's own name, unless it is not the only one of that name.
-        let is_taken = scene.cameras.iter().any(|other| other.name == description.name);
-        let name = if description.name.is_empty() || is_taken { &node.name } else { &description.name };
+        let is_own = !description.name.is_empty() && taken.insert(&description.name);
+        let name = if is_own { &description.name } else { &node.name };
         scene.cameras.push(Camera {
             name: name.clone(),
             world_from_camera: world_from_camera.as_affine3a(),

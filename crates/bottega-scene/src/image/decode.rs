@@ -86,7 +86,7 @@ impl Header {
             Some(library_format) => {
                 let decoder = decoder(bytes, library_format).map_err(|error| unreadable(explain(&error)))?;
                 let (width, height) = decoder.dimensions();
-                (width, height, usize::from(decoder.color_type().bytes_per_pixel()))
+                (width, height, kept_bytes(decoder.color_type()))
             }
         };
         let pixels = u64::from(width) * u64::from(height);
@@ -122,6 +122,15 @@ impl Header {
     /// Bytes that the picture takes in memory, its mip levels included.
     pub(crate) fn memory_bytes(&self) -> usize {
         (self.width as usize * self.height as usize).saturating_mul(self.texel_bytes.max(1)).saturating_mul(4) / 3
+    }
+}
+
+/// Bytes of a texel as it is kept: gray with alpha becomes RGBA, and so does all of 16 bits.
+fn kept_bytes(color_type: ColorType) -> usize {
+    match color_type {
+        ColorType::La8 => 4,
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 => 8,
+        other => usize::from(other.bytes_per_pixel()),
     }
 }
 
@@ -243,36 +252,52 @@ fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
     Ok(texels)
 }
 
-/// Width, height and bytes of a texel of the first layer.
-fn exr_header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
-    let metadata = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false);
-    let metadata = metadata.map_err(|error| explain_exr(&error))?;
-    let header = metadata.headers.first().ok_or("it has no layer")?;
-    let size = |length: usize| u32::try_from(length).map_err(|_| "it is too large".to_owned());
-    let texel_bytes = if has_channel(header, "A") { 16 } else { 12 };
-    Ok((size(header.layer_size.0)?, size(header.layer_size.1)?, texel_bytes))
+/// Which channels of an EXR file are read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum ExrChannels {
+    Gray,
+    Rgb,
+    Rgba,
 }
 
-fn has_channel(header: &exr::meta::header::Header, name: &str) -> bool {
-    header.channels.list.iter().any(|channel| channel.name.eq(name))
+/// The channels that are read, and the header of the layer that has them: the first one with colours, or else the
+/// first one with luminance.
+fn exr_layer(bytes: &[u8]) -> Result<(ExrChannels, exr::meta::header::Header), String> {
+    let metadata = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false);
+    let metadata = metadata.map_err(|error| explain_exr(&error))?;
+    let has = |layer: &exr::meta::header::Header, names: &[&str]| {
+        !layer.deep && names.iter().all(|name| layer.channels.list.iter().any(|channel| channel.name.eq(name)))
+    };
+    let kinds: [(&[&str], ExrChannels); 2] = [(&["R", "G", "B"], ExrChannels::Rgb), (&["Y"], ExrChannels::Gray)];
+    for (names, channels) in kinds {
+        if let Some(layer) = metadata.headers.iter().find(|layer| has(layer, names)) {
+            let has_alpha = channels == ExrChannels::Rgb && has(layer, &["A"]);
+            return Ok((if has_alpha { ExrChannels::Rgba } else { channels }, layer.clone()));
+        }
+    }
+    Err("it has no layer with channels R, G and B, or Y".into())
+}
+
+/// Width, height and bytes of a texel.
+fn exr_header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
+    let (channels, layer) = exr_layer(bytes)?;
+    let size = |length: usize| u32::try_from(length).map_err(|_| "it is too large".to_owned());
+    let texel_bytes = if channels == ExrChannels::Rgba { 16 } else { 12 };
+    Ok((size(layer.layer_size.0)?, size(layer.layer_size.1)?, texel_bytes))
 }
 
 fn explain_exr(error: &exr::error::Error) -> String {
     format!("it is damaged or of an unknown kind ({error})")
 }
 
-/// The first layer that has R, G, B and perhaps A, or else Y alone.
 fn exr_texels(bytes: &[u8], header: Header) -> Result<DecodedTexels, String> {
-    let metadata = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false);
-    let metadata = metadata.map_err(|error| explain_exr(&error))?;
-    let layer = metadata.headers.first().ok_or("it has no layer")?;
-    if !has_channel(layer, "R") && has_channel(layer, "Y") {
-        let gray = exr_gray(bytes, header)?;
-        Ok(DecodedTexels::Rgb32(gray.into_iter().map(|y| [y; 3]).collect()))
-    } else if has_channel(layer, "A") {
-        exr_color(bytes, header, |rgba| rgba).map(DecodedTexels::Rgba32)
-    } else {
-        exr_color(bytes, header, |[r, g, b, _]| [r, g, b]).map(DecodedTexels::Rgb32)
+    match exr_layer(bytes)?.0 {
+        ExrChannels::Gray => {
+            let gray = exr_gray(bytes, header)?;
+            Ok(DecodedTexels::Rgb32(gray.into_iter().map(|y| [y; 3]).collect()))
+        }
+        ExrChannels::Rgb => exr_color(bytes, header, |[r, g, b, _]| [r, g, b]).map(DecodedTexels::Rgb32),
+        ExrChannels::Rgba => exr_color(bytes, header, |rgba| rgba).map(DecodedTexels::Rgba32),
     }
 }
 
@@ -321,4 +346,100 @@ fn exr_gray(bytes: &[u8], header: Header) -> Result<Vec<f32>, String> {
 fn whole<T>(texels: Vec<T>, header: Header) -> Result<Vec<T>, String> {
     let count = header.width as usize * header.height as usize;
     if texels.len() == count { Ok(texels) } else { Err(format!("there is no memory for {count} pixels")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec4;
+    use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
+
+    use super::*;
+
+    fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut file = Cursor::new(Vec::new());
+        picture.write_to(&mut file, format).unwrap();
+        file.into_inner()
+    }
+
+    fn read_image(file: &[u8], encoding: Encoding) -> Image {
+        let header = Header::read(file, 1 << 20).unwrap();
+        let image = Decoded::read(file, header).unwrap().into_image("test", encoding);
+        assert!(image.memory_bytes() <= header.memory_bytes() + 64, "{header:?}");
+        image
+    }
+
+    fn close(a: Vec4, b: [f32; 4]) -> bool {
+        (a - Vec4::from_array(b)).abs().max_element() < 1e-4
+    }
+
+    #[test]
+    fn every_kind_of_png_becomes_linear_rgba() {
+        let half = srgb_half();
+        let gray = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(2, 3, Luma([188])));
+        assert!(close(
+            read_image(&encoded(&gray, ImageFormat::Png), Encoding::Srgb).texel(1, 2),
+            [half, half, half, 1.0]
+        ));
+        let gray_alpha = DynamicImage::ImageLumaA8(ImageBuffer::from_pixel(2, 3, LumaA([188, 51])));
+        let image = read_image(&encoded(&gray_alpha, ImageFormat::Png), Encoding::Srgb);
+        assert!(close(image.texel(0, 0), [half, half, half, 0.2]) && image.has_alpha());
+        let deep = DynamicImage::ImageRgba16(ImageBuffer::from_pixel(2, 3, Rgba([188 * 257, 65535, 0, 257])));
+        let deep = encoded(&deep, ImageFormat::Png);
+        assert!(close(read_image(&deep, Encoding::Srgb).texel(0, 0), [half, 1.0, 0.0, 1.0 / 255.0]));
+        assert!(close(read_image(&deep, Encoding::Linear).texel(0, 0), [188.0 / 255.0, 1.0, 0.0, 1.0 / 255.0]));
+        let deep_gray = DynamicImage::ImageLuma16(ImageBuffer::from_pixel(2, 3, Luma([1000])));
+        let value = 1000.0 / 65535.0;
+        let image = read_image(&encoded(&deep_gray, ImageFormat::Png), Encoding::Linear);
+        assert!((image.texel(0, 0).x - value).abs() < 1e-6);
+    }
+
+    fn srgb_half() -> f32 {
+        super::super::srgb::LINEAR_OF_SRGB[188]
+    }
+
+    #[test]
+    fn alpha_that_is_opaque_everywhere_is_not_kept() {
+        let opaque = DynamicImage::ImageRgba8(ImageBuffer::from_pixel(4, 4, Rgba([1, 2, 3, 255])));
+        let image = read_image(&encoded(&opaque, ImageFormat::Png), Encoding::Srgb);
+        assert!(!image.has_alpha());
+        assert_eq!(image.memory_bytes(), 3 * (16 + 4 + 1));
+    }
+
+    #[test]
+    fn pictures_of_high_dynamic_range_are_linear_whatever_is_asked() {
+        let bright = DynamicImage::ImageRgb32F(ImageBuffer::from_pixel(4, 2, Rgb([4.0, 0.5, 1000.0])));
+        let image = read_image(&encoded(&bright, ImageFormat::Hdr), Encoding::Srgb);
+        let texel = image.texel(3, 1);
+        assert!((texel - Vec4::new(4.0, 0.5, 1000.0, 1.0)).abs().max_element() < 8.0 && image.is_high_dynamic_range());
+    }
+
+    fn exr_file(channels: &[(&str, f32)]) -> Vec<u8> {
+        use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+        let channel = |&(name, value): &(&str, f32)| AnyChannel::new(name, FlatSamples::F32(vec![value; 6]));
+        let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+        let mut file = Cursor::new(Vec::new());
+        Image::from_channels((3, 2), channels).write().to_buffered(&mut file).unwrap();
+        file.into_inner()
+    }
+
+    #[test]
+    fn exr_files_may_have_colours_alpha_or_luminance() {
+        let texel = |channels: &[(&str, f32)]| read_image(&exr_file(channels), Encoding::Linear).texel(2, 1);
+        assert_eq!(texel(&[("R", 1.0), ("G", 2.0), ("B", 3.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
+        assert_eq!(texel(&[("R", 1.0), ("G", 2.0), ("B", 3.0), ("A", 0.5)]), Vec4::new(1.0, 2.0, 3.0, 0.5));
+        assert_eq!(texel(&[("Y", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
+        assert!(Header::read(&exr_file(&[("Z", 7.0)]), 100).is_err());
+        // What is no radiance becomes black.
+        assert_eq!(texel(&[("R", f32::NAN), ("G", -1.0), ("B", f32::INFINITY)]), Vec4::W);
+    }
+
+    #[test]
+    fn too_many_pixels_and_unknown_formats_are_told_apart() {
+        let file = exr_file(&[("Y", 7.0)]);
+        assert!(matches!(Header::read(&file, 5), Err(PictureFault::TooLarge { .. })));
+        assert!(
+            matches!(Header::read(b"RIFF....WEBP", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("WebP"))
+        );
+        assert!(matches!(Header::read(b"", 5), Err(PictureFault::Unreadable { .. })));
+    }
 }
