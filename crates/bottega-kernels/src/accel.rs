@@ -47,12 +47,21 @@ pub enum Precision {
 }
 
 /// How an [`Accel`] is built.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct BuildOptions {
     /// Threads to build with; 0 for as many as the machine has. The result does not depend on it.
     pub threads: usize,
     /// How exact the tests along a ray are.
     pub precision: Precision,
+    /// A mesh with several instances is copied into the world, as one with a single instance is, when all copies together
+    /// have no more triangles than this: the detour through a tree of its own costs a ray more than this costs memory.
+    pub flatten_triangles: usize,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self { threads: 0, precision: Precision::Robust, flatten_triangles: 4096 }
+    }
 }
 
 /// Geometry that cannot be built.
@@ -229,18 +238,118 @@ impl Accel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::{Random, interior, noisy_sphere};
+    use proptest::prelude::*;
+
+    impl Accel {
+        /// The same tree, walked without the processor's vector unit.
+        fn portable(self) -> Self {
+            Self { isa: Isa::Portable, ..self }
+        }
+    }
+
+    /// Compares every query of both, bit for bit.
+    fn assert_same(one: &Accel, other: &Accel, ray: &Ray) {
+        let bits = |h: Hit| ([h.t, h.u, h.v].map(f32::to_bits), h.instance, h.primitive);
+        let even = |hit: &Hit| hit.primitive.is_multiple_of(2) && hit.u < 0.6;
+        let (mut steps, mut other_steps) = (0, 0);
+        let counted = one.intersect_counted(ray, &mut steps);
+        assert_eq!(bits(counted), bits(other.intersect_counted(ray, &mut other_steps)), "{ray:?}");
+        assert_eq!(steps, other_steps);
+        assert_eq!(bits(counted), bits(one.intersect(ray)));
+        assert_eq!(one.occluded(ray), other.occluded(ray));
+        assert_eq!(one.occluded(ray), counted.is_some(), "{ray:?}");
+        let filtered = one.intersect_filtered(ray, even);
+        assert_eq!(bits(filtered), bits(other.intersect_filtered(ray, even)), "{ray:?}");
+        assert_eq!(one.occluded_filtered(ray, even), filtered.is_some());
+        assert_eq!(other.occluded_filtered(ray, even), filtered.is_some());
+    }
+
+    fn instance(mesh: u32, world_from_object: Affine3A) -> InstanceGeometry {
+        InstanceGeometry { mesh, world_from_object }
+    }
 
     #[test]
     fn a_ray_through_a_triangle_tells_where() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2]] };
-        let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };
         let sphere = SphereGeometry { center: Vec3::Z * 3.0, radius: 1.0 };
-        let accel = Accel::build(&[mesh], &[instance], &[sphere], &BuildOptions::default()).unwrap();
-        let hit = accel.intersect(&Ray::new(Vec3::new(0.25, 0.5, -1.0), Vec3::Z * 2.0));
-        assert_eq!(hit, Hit { t: 0.5, u: 0.25, v: 0.5, instance: 0, primitive: 0 });
-        let hit = accel.intersect(&Ray::new(Vec3::new(0.0, 0.0, 1.0), Vec3::Z));
-        assert_eq!((hit.t, hit.sphere()), (1.0, Some(0)));
-        assert!(accel.intersect(&Ray::new(Vec3::new(9.0, 0.0, 1.0), Vec3::Z)).is_none());
+        let instances = [instance(0, Affine3A::IDENTITY)];
+        for precision in [Precision::Robust, Precision::Fast] {
+            let options = BuildOptions { precision, ..BuildOptions::default() };
+            let accel = Accel::build(&[mesh], &instances, &[sphere], &options).unwrap();
+            let hit = accel.intersect(&Ray::new(Vec3::new(0.25, 0.5, -1.0), Vec3::Z * 2.0));
+            assert_eq!(hit, Hit { t: 0.5, u: 0.25, v: 0.5, instance: 0, primitive: 0 });
+            let hit = accel.intersect(&Ray::new(Vec3::new(0.0, 0.0, 1.0), Vec3::Z));
+            assert_eq!((hit.t, hit.sphere()), (1.0, Some(0)));
+            assert!(accel.intersect(&Ray::new(Vec3::new(9.0, 0.0, 1.0), Vec3::Z)).is_none());
+            let short = Ray { t_max: 0.49, ..Ray::new(Vec3::new(0.25, 0.5, -1.0), Vec3::Z * 2.0) };
+            assert!(accel.intersect(&short).is_none() && !accel.occluded(&short));
+            let late = Ray { t_min: 0.51, t_max: 0.9, ..short };
+            assert!(accel.intersect(&late).is_none() && !accel.occluded(&late));
+        }
+    }
+
+    #[test]
+    fn every_vector_unit_gives_the_same_bits_in_real_scenes() {
+        let mut random = Random::new(3);
+        for scene in [noisy_sphere(), interior()] {
+            for precision in [Precision::Robust, Precision::Fast] {
+                let options = BuildOptions { precision, ..BuildOptions::default() };
+                let instances = [instance(0, Affine3A::IDENTITY)];
+                let build = || Accel::build(&[scene.geometry()], &instances, &[], &options).unwrap();
+                let (own, portable) = (build(), build().portable());
+                for ray in scene.camera_rays(24) {
+                    assert_same(&own, &portable, &ray);
+                    let direction = random.cosine(Vec3::Y) - Vec3::Y * 0.5;
+                    assert_same(
+                        &own,
+                        &portable,
+                        &Ray { t_max: 2.0 * random.unit(), ..Ray::new(ray.at(0.3), direction) },
+                    );
+                }
+            }
+        }
+    }
+
+    /// A number that is often awkward.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![4 => -2.0f32..2.0, 2 => (-2i32..=2).prop_map(|i| i as f32), 1 => Just(-0.0f32), 1 => -1e4f32..1e4]
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        (coordinate(), coordinate(), coordinate()).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+        #[test]
+        fn every_vector_unit_gives_the_same_bits(
+            positions in prop::collection::vec(vector(), 3..60),
+            picks in prop::collection::vec((any::<u32>(), any::<u32>(), any::<u32>()), 0..120),
+            rays in prop::collection::vec((vector(), vector(), 0usize..60), 1..20),
+            moves in prop::collection::vec((vector(), 0.1f32..3.0), 1..3),
+            sphere in (vector(), 0.0f32..2.0),
+            robust in any::<bool>(),
+        ) {
+            let n = positions.len() as u32;
+            let triangles: Vec<[u32; 3]> = picks.iter().map(|p| [p.0 % n, p.1 % n, p.2 % n]).collect();
+            let mesh = MeshGeometry { positions: &positions, triangles: &triangles };
+            let instances: Vec<_> = moves
+                .iter()
+                .map(|&(by, size)| instance(0, Affine3A::from_scale_rotation_translation(
+                    Vec3::new(size, 1.0, -size), glam::Quat::from_rotation_y(size), by)))
+                .collect();
+            let precision = if robust { Precision::Robust } else { Precision::Fast };
+            let options = BuildOptions { precision, threads: 1, flatten_triangles: 0 };
+            let spheres = [SphereGeometry { center: sphere.0, radius: sphere.1 }];
+            let build = || Accel::build(&[mesh], &instances, &spheres, &options).unwrap();
+            let (own, portable) = (build(), build().portable());
+            for (origin, direction, target) in rays {
+                assert_same(&own, &portable, &Ray::new(origin, direction));
+                let corner = positions[target % positions.len()];
+                assert_same(&own, &portable, &Ray { t_max: 1.5, ..Ray::new(origin, corner - origin) });
+            }
+        }
     }
 }

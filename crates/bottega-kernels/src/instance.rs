@@ -37,7 +37,8 @@ impl Affine {
         let determinant = r[0][0] * cofactors[0][0] + r[0][1] * cofactors[1][0] + r[0][2] * cofactors[2][0];
         let norm = |axis: usize| r.iter().map(|row| row[axis] * row[axis]).sum::<f64>().sqrt();
         // Flattened to less than a millionth: the rounding of the inverse would be seen.
-        if !(determinant.abs() > 1e-6 * norm(0) * norm(1) * norm(2)) {
+        let flat = 1e-6 * norm(0) * norm(1) * norm(2);
+        if determinant.is_nan() || determinant.abs() <= flat {
             return None;
         }
         let linear = cofactors.map(|row| row.map(|x| x / determinant));

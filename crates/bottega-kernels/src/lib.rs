@@ -12,6 +12,8 @@
 //!
 //! [`math`] holds the elementary functions for the same end.
 
+pub mod bench;
+pub mod gpu;
 pub mod math;
 
 mod accel;

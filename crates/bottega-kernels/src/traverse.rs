@@ -26,7 +26,7 @@ use crate::tree::{Child, Node, Placed, Tree};
 use crate::{Hit, Ray};
 use lanes::Lanes;
 use setup::{Setup, Wide};
-use stack::Stack;
+use stack::{Stack, Storage};
 
 /// What is asked along a ray; the traversal is compiled for each.
 pub(crate) trait Query {
@@ -151,7 +151,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
         let s = self.s;
         let wide = Wide::<S, ROBUST>::new(s, self.setup, floor);
-        let mut stack = Stack::new();
+        let mut storage = Storage::new();
+        let mut stack = Stack::new(&mut storage);
         let mut found = false;
         let (mut current, mut entry) = (root, floor);
         loop {
@@ -190,7 +191,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
     #[inline(always)]
-    fn choose(&self, node: &Node, near: S::F, hit: S::Mask, stack: &mut Stack) -> Option<(Child, f32)> {
+    fn choose(&self, node: &Node, near: S::F, hit: S::Mask, stack: &mut Stack<'_>) -> Option<(Child, f32)> {
         let s = self.s;
         let bits = s.bits(hit);
         if bits == 0 {
@@ -292,7 +293,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         let sphere = &self.tree.spheres[index];
         let space = Hit::SPHERE | index as u32;
         for t in sphere::roots(sphere, self.setup) {
-            if !(t > self.t_min) {
+            if t.is_nan() || t <= self.t_min {
                 continue;
             }
             let t = t.max(entry);

@@ -24,6 +24,10 @@ impl Item {
         self.lower.w.to_bits()
     }
 
+    pub(super) fn bounds(&self) -> Aabb {
+        Aabb { min: self.lower.truncate(), max: self.upper.truncate() }
+    }
+
     pub(super) fn is_finite(&self) -> bool {
         self.lower.truncate().is_finite() && self.upper.truncate().is_finite()
     }
@@ -37,13 +41,13 @@ impl Item {
 
 /// A node of the binary tree. Nodes lie in preorder: the first child follows its parent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Binary {
-    pub(super) bounds: Aabb,
+pub(crate) struct Binary {
+    pub(crate) bounds: Aabb,
     /// Items below.
-    pub(super) first: u32,
-    pub(super) count: u32,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
     /// Distance to the second child; 0 for a leaf.
-    pub(super) second: u32,
+    pub(crate) second: u32,
 }
 
 /// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.

@@ -113,10 +113,19 @@ pub(super) fn blocks(
         for (id, item) in ids.iter_mut().zip(&items[first as usize..(first + count) as usize]) {
             *id = item.id();
         }
+        // Parts of a triangle that was cut may meet again.
         ids[..count as usize].sort_unstable();
+        let mut distinct = 1;
+        for lane in 1..count as usize {
+            if ids[lane] != ids[distinct - 1] {
+                ids[distinct] = ids[lane];
+                distinct += 1;
+            }
+        }
+        ids[distinct..].fill(u32::MAX);
         let mut block = TriangleBlock { p: [[[0.0; WIDTH]; 3]; 3], id: ids };
         for lane in 0..WIDTH {
-            let corners = if lane < count as usize { vertices(ids[lane]) } else { [vertices(ids[0])[0]; 3] };
+            let corners = if lane < distinct { vertices(ids[lane]) } else { [vertices(ids[0])[0]; 3] };
             for axis in 0..3 {
                 let [a, b, c] = corners.map(|p| p[axis]);
                 let values = match precision {

@@ -129,7 +129,7 @@ impl Lanes for Avx2 {
         unsafe { _mm256_movemask_ps(a) as u32 }
     }
     #[inline(always)]
-    fn push_ordered(self, stack: &mut Stack, children: &[Child; WIDTH], near: __m256, mask: __m256, order: u32) {
+    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: __m256, mask: __m256, order: u32) {
         let (near_out, child_out) = stack.room();
         // SAFETY: `Child` is a transparent `u32`, so `children` is 32 readable bytes, and so are both outputs writable;
         // a table row is the 8 bytes that `_mm_loadl_epi64` reads. `permutevar8x32` takes three bits of each lane.

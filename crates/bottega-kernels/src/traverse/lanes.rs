@@ -37,5 +37,12 @@ pub(crate) trait Lanes: Copy {
     /// One bit a lane, lane 0 lowest.
     fn bits(self, a: Self::Mask) -> u32;
     /// Pushes those children whose bit is set in `mask`, in the sequence of `order` (three bits a slot).
-    fn push_ordered(self, stack: &mut Stack, children: &[Child; WIDTH], near: Self::F, mask: Self::Mask, order: u32);
+    fn push_ordered(
+        self,
+        stack: &mut Stack<'_>,
+        children: &[Child; WIDTH],
+        near: Self::F,
+        mask: Self::Mask,
+        order: u32,
+    );
 }

@@ -93,7 +93,7 @@ impl Lanes for Portable {
         a
     }
     #[inline(always)]
-    fn push_ordered(self, stack: &mut Stack, children: &[Child; WIDTH], near: F, mask: u32, order: u32) {
+    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: F, mask: u32, order: u32) {
         for i in 0..WIDTH {
             let slot = (order >> (3 * i) & 7) as usize;
             if mask >> slot & 1 == 1 {

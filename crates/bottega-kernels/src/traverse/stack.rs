@@ -7,18 +7,36 @@ use std::mem::MaybeUninit;
 /// Each level leaves at most seven siblings behind, and a vector store writes eight entries from the top on.
 pub(crate) const CAPACITY: usize = (WIDTH - 1) * MAX_DEPTH + WIDTH;
 
-/// Subtrees with the parameter where the ray enters them. Not initialized on creation: a ray uses a few entries only.
-pub(crate) struct Stack {
+/// Room for the entries of a [`Stack`]. Apart from the stack itself, since compilers that see the length beside the
+/// uninitialized entries fill all with zeros.
+pub(crate) struct Storage {
     near: [MaybeUninit<f32>; CAPACITY],
     child: [MaybeUninit<Child>; CAPACITY],
+}
+
+impl Storage {
+    /// Not initialized: a ray uses a few entries only.
+    #[inline(always)]
+    pub(crate) fn new() -> MaybeUninit<Self> {
+        MaybeUninit::uninit()
+    }
+}
+
+/// Subtrees with the parameter where the ray enters them.
+pub(crate) struct Stack<'a> {
+    near: &'a mut [MaybeUninit<f32>; CAPACITY],
+    child: &'a mut [MaybeUninit<Child>; CAPACITY],
     /// Entries below are initialized.
     len: usize,
 }
 
-impl Stack {
+impl<'a> Stack<'a> {
+    /// An empty stack.
     #[inline(always)]
-    pub(crate) fn new() -> Self {
-        Self { near: [MaybeUninit::uninit(); CAPACITY], child: [MaybeUninit::uninit(); CAPACITY], len: 0 }
+    pub(crate) fn new(storage: &'a mut MaybeUninit<Storage>) -> Self {
+        // SAFETY: every part of `Storage` is itself a `MaybeUninit`, for which any bytes will do.
+        let Storage { near, child } = unsafe { storage.assume_init_mut() };
+        Self { near, child, len: 0 }
     }
 
     #[inline(always)]

@@ -1,0 +1,272 @@
+//! How many rays a second: standard scenes, standard rays, and a fair clock.
+//!
+//! Kernels are timed interleaved, one repetition of each in turn, and medians are reported: on a busy machine only
+//! ratios of the same run mean anything. Anything that implements [`RayKernel`] can take part, so that a benchmark may
+//! bring other people's libraries, which this crate does not know.
+
+mod scenes;
+
+pub use scenes::{BenchScene, interior, noisy_sphere};
+
+use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math, offset_ray_origin};
+use glam::{Affine3A, Vec3};
+use std::fmt::Write as _;
+use std::time::{Duration, Instant};
+
+/// Something that traces rays.
+pub trait RayKernel {
+    /// For the table.
+    fn name(&self) -> String;
+    /// Finds the closest hit of every ray; returns the number of hits and the sum of their parameters.
+    fn closest(&self, rays: &[Ray]) -> (usize, f64);
+    /// Returns how many rays hit anything.
+    fn any(&self, rays: &[Ray]) -> usize;
+    /// Nodes and leaves visited by an average ray, where the kernel can tell. Does not depend on the machine.
+    fn steps(&self, _rays: &[Ray]) -> Option<f64> {
+        None
+    }
+    /// How long it took to build.
+    fn build_time(&self) -> Duration;
+    /// Bytes that traversal needs, all in.
+    fn bytes(&self) -> usize;
+}
+
+/// This crate's own kernel.
+pub struct Own {
+    name: String,
+    accel: Accel,
+    build_time: Duration,
+}
+
+impl Own {
+    /// Builds over a scene.
+    pub fn build(name: &str, scene: &BenchScene, options: &BuildOptions) -> Result<Self, BuildError> {
+        let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };
+        let start = Instant::now();
+        let accel = Accel::build(&[scene.geometry()], &[instance], &[], options)?;
+        Ok(Self { name: name.to_owned(), accel, build_time: start.elapsed() })
+    }
+
+    /// The structure that was built.
+    pub fn accel(&self) -> &Accel {
+        &self.accel
+    }
+}
+
+impl RayKernel for Own {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn closest(&self, rays: &[Ray]) -> (usize, f64) {
+        rays.iter().fold((0, 0.0), |(count, sum), ray| {
+            let hit = self.accel.intersect(ray);
+            if hit.is_some() { (count + 1, sum + f64::from(hit.t)) } else { (count, sum) }
+        })
+    }
+
+    fn any(&self, rays: &[Ray]) -> usize {
+        rays.iter().filter(|ray| self.accel.occluded(ray)).count()
+    }
+
+    fn steps(&self, rays: &[Ray]) -> Option<f64> {
+        let mut steps = 0u64;
+        for ray in rays {
+            let mut count = 0;
+            self.accel.intersect_counted(ray, &mut count);
+            steps += u64::from(count);
+        }
+        Some(steps as f64 / rays.len().max(1) as f64)
+    }
+
+    fn build_time(&self) -> Duration {
+        self.build_time
+    }
+
+    fn bytes(&self) -> usize {
+        self.accel.memory_bytes()
+    }
+}
+
+/// A stream of pseudo-random numbers in [0, 1): PCG (O'Neill 2014).
+pub struct Random(u64);
+
+impl Random {
+    /// The stream with a number.
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1))
+    }
+
+    /// The next number.
+    pub fn unit(&mut self) -> f32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let bits = (((old >> 18) ^ old) >> 27) as u32;
+        (bits.rotate_right((old >> 59) as u32) >> 8) as f32 / 16_777_216.0
+    }
+
+    /// A number between two.
+    pub fn between(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.unit()
+    }
+
+    /// A direction around `n`, with a density proportional to its cosine.
+    pub fn cosine(&mut self, n: Vec3) -> Vec3 {
+        let (t, b) = n.any_orthonormal_pair();
+        let (s, c) = math::sin_cos(std::f32::consts::TAU * self.unit());
+        let r2 = self.unit();
+        let r = r2.sqrt();
+        t * (r * c) + b * (r * s) + n * (1.0 - r2).max(0.0).sqrt()
+    }
+}
+
+/// The kinds of rays that light transport casts.
+pub struct RaySets {
+    /// From a camera, row by row, in 8 × 8 blocks.
+    pub primary: Vec<Ray>,
+    /// From the hits of the primary rays, cosine distributed.
+    pub diffuse: Vec<Ray>,
+    /// From the hits of the diffuse rays.
+    pub bounce: Vec<Ray>,
+    /// From the hits of the primary rays to a light.
+    pub shadow: Vec<Ray>,
+}
+
+impl RaySets {
+    /// Makes `side` × `side` primary rays and what follows from them.
+    pub fn new(accel: &Accel, scene: &BenchScene, side: u32) -> Self {
+        let mut random = Random::new(7);
+        let primary: Vec<Ray> = scene.camera_rays(side);
+        let diffuse_from = |rays: &[Ray], random: &mut Random| {
+            let next = |ray: &Ray| {
+                let (p, n) = surface(accel, scene, ray)?;
+                let direction = random.cosine(n);
+                Some(Ray::new(offset_ray_origin(p, n, direction), direction))
+            };
+            rays.iter().filter_map(next).collect::<Vec<_>>()
+        };
+        let diffuse = diffuse_from(&primary, &mut random);
+        let bounce = diffuse_from(&diffuse, &mut random);
+        let shadow = primary.iter().filter_map(|ray| {
+            let (p, n) = surface(accel, scene, ray)?;
+            let target = scene.light(random.unit(), random.unit());
+            let origin = offset_ray_origin(p, n, target - p);
+            Some(Ray { origin, t_min: 0.0, direction: target - origin, t_max: 0.999 })
+        });
+        let shadow = shadow.collect();
+        Self { primary, diffuse, bounce, shadow }
+    }
+}
+
+/// Hit point and normal on the side of the ray.
+fn surface(accel: &Accel, scene: &BenchScene, ray: &Ray) -> Option<(Vec3, Vec3)> {
+    let hit = Some(accel.intersect(ray)).filter(Hit::is_some)?;
+    let [a, b, c] = scene.triangles[hit.primitive as usize].map(|i| scene.positions[i as usize]);
+    let n = (b - a).cross(c - a).try_normalize()?;
+    let n = if n.dot(ray.direction) > 0.0 { -n } else { n };
+    Some((a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v, n))
+}
+
+/// Figures of one kernel on one scene.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Kernel.
+    pub name: String,
+    /// Millions of rays a second: primary, diffuse, second bounce, shadow.
+    pub mrays: [f64; 4],
+    /// Hits found, for each kind of ray.
+    pub hits: [usize; 4],
+    /// How long the build took.
+    pub build_time: Duration,
+    /// Bytes a triangle, all in.
+    pub bytes_per_triangle: f64,
+    /// Nodes and leaves that an average diffuse ray visits.
+    pub steps: Option<f64>,
+}
+
+/// Names of the columns of [`Row::mrays`].
+pub const KINDS: [&str; 4] = ["primary", "diffuse", "bounce 2", "shadow"];
+
+/// Times all kernels on all kinds of rays: medians of interleaved repetitions.
+pub fn measure(scene: &BenchScene, rays: &RaySets, kernels: &[&dyn RayKernel], repetitions: usize) -> Vec<Row> {
+    let sets = [&rays.primary, &rays.diffuse, &rays.bounce, &rays.shadow];
+    let mut times = vec![[const { Vec::<f64>::new() }; 4]; kernels.len()];
+    let mut hits = vec![[0; 4]; kernels.len()];
+    for _ in 0..repetitions {
+        for (kind, set) in sets.iter().enumerate() {
+            for (kernel, (times, hits)) in kernels.iter().zip(times.iter_mut().zip(&mut hits)) {
+                let start = Instant::now();
+                hits[kind] = if kind == 3 { kernel.any(set) } else { kernel.closest(set).0 };
+                times[kind].push(start.elapsed().as_secs_f64());
+            }
+        }
+    }
+    let row = |(i, kernel): (usize, &&dyn RayKernel)| Row {
+        name: kernel.name(),
+        mrays: std::array::from_fn(|kind| sets[kind].len() as f64 / median(&mut times[i][kind]) / 1e6),
+        hits: hits[i],
+        build_time: kernel.build_time(),
+        bytes_per_triangle: kernel.bytes() as f64 / scene.triangles.len().max(1) as f64,
+        steps: kernel.steps(&rays.diffuse),
+    };
+    kernels.iter().enumerate().map(row).collect()
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// A table of figures as text.
+pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
+    let mut out = format!("{} ({} triangles), Mrays/s\n", scene.name, scene.triangles.len());
+    let _ = writeln!(
+        out,
+        "  {:<22} {:>8} {:>8} {:>8} {:>8}  {:>9} {:>6} {:>6}  hits",
+        "kernel", KINDS[0], KINDS[1], KINDS[2], KINDS[3], "build", "B/tri", "steps"
+    );
+    for row in rows {
+        let [a, b, c, d] = row.mrays;
+        let steps = row.steps.map_or_else(String::new, |steps| format!("{steps:.2}"));
+        let build = row.build_time.as_secs_f64() * 1e3;
+        let _ = writeln!(
+            out,
+            "  {:<22} {a:>8.2} {b:>8.2} {c:>8.2} {d:>8.2}  {build:>6.1} ms {:>6.1} {steps:>6}  {:?}",
+            row.name, row.bytes_per_triangle, row.hits
+        );
+    }
+    out
+}
+
+/// The benchmark of this crate alone, robust and fast, on the two built-in scenes: what `bench rays` of the command
+/// line shows. `side` × `side` primary rays a scene.
+pub fn run(side: u32, repetitions: usize, threads: usize) -> Result<Vec<(BenchScene, Vec<Row>)>, BuildError> {
+    let scenes = [noisy_sphere(), interior()];
+    let result = scenes.into_iter().map(|scene| {
+        let build =
+            |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
+        let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
+        let rays = RaySets::new(&robust.accel, &scene, side);
+        let rows = measure(&scene, &rays, &[&robust, &fast], repetitions);
+        Ok((scene, rows))
+    });
+    result.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_precisions_see_the_same_scenes() {
+        for (scene, rows) in run(24, 1, 1).unwrap() {
+            let [robust, fast] = &rows[..] else { panic!("two rows") };
+            for kind in 0..4 {
+                let difference = robust.hits[kind].abs_diff(fast.hits[kind]);
+                assert!(difference <= 2 && (kind == 3 || robust.hits[kind] > 300), "{}", table(&scene, &rows));
+                assert!(robust.mrays[kind] > 0.0);
+            }
+            assert!(robust.bytes_per_triangle < 100.0, "{}", table(&scene, &rows));
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Geometry to measure on.
+
+use super::Random;
+use crate::{Aabb, MeshGeometry, Ray, math};
+use glam::{Mat3, Vec3};
+use std::f32::consts::{PI, TAU};
+
+/// A mesh with a place to look from and a light.
+#[derive(Clone, Debug)]
+pub struct BenchScene {
+    /// For the table.
+    pub name: String,
+    /// Vertices.
+    pub positions: Vec<Vec3>,
+    /// Three indices a triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Where the camera stands.
+    pub eye: Vec3,
+    /// What it looks at.
+    pub target: Vec3,
+    /// A corner of the light and its two edges.
+    pub light: [Vec3; 3],
+}
+
+impl BenchScene {
+    /// A mesh from elsewhere, seen from outside, with a light above.
+    pub fn from_mesh(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
+        let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
+        let (center, size) = (bounds.center(), (bounds.max - bounds.min).length());
+        let eye = center + Vec3::new(0.45, 0.35, 0.6) * size;
+        let light = [center + Vec3::new(-0.3, 0.8, -0.3) * size, Vec3::X * 0.6 * size, Vec3::Z * 0.6 * size];
+        Self { name: name.to_owned(), positions, triangles, eye, target: center, light }
+    }
+
+    /// As the builder wants it.
+    pub fn geometry(&self) -> MeshGeometry<'_> {
+        MeshGeometry { positions: &self.positions, triangles: &self.triangles }
+    }
+
+    /// A point on the light.
+    pub fn light(&self, u: f32, v: f32) -> Vec3 {
+        self.light[0] + self.light[1] * u + self.light[2] * v
+    }
+
+    /// A perspective picture of 60 degrees, `side` × `side` rays through the middles of pixels, in blocks of 8 × 8.
+    pub fn camera_rays(&self, side: u32) -> Vec<Ray> {
+        let forward = (self.target - self.eye).normalize();
+        let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
+        let up = right.cross(forward);
+        let half = 0.577_350_3;
+        let at = |i: u32| ((i as f32 + 0.5) / side as f32 * 2.0 - 1.0) * half;
+        let blocks = side.div_ceil(8);
+        let mut rays = Vec::with_capacity(side as usize * side as usize);
+        for block in 0..blocks * blocks {
+            let (bx, by) = (block % blocks * 8, block / blocks * 8);
+            for pixel in 0..64 {
+                let (x, y) = (bx + pixel % 8, by + pixel / 8);
+                if x < side && y < side {
+                    rays.push(Ray::new(self.eye, (forward + right * at(x) - up * at(y)).normalize()));
+                }
+            }
+        }
+        rays
+    }
+}
+
+/// A closed ball of 69,168 triangles whose surface is rough at all scales, seen from inside.
+pub fn noisy_sphere() -> BenchScene {
+    const AROUND: u32 = 264;
+    const DOWN: u32 = 132;
+    let point = |i: u32, j: u32| {
+        let (s, c) = math::sin_cos(TAU * (i % AROUND) as f32 / AROUND as f32);
+        let (st, ct) = math::sin_cos(PI * j as f32 / DOWN as f32);
+        let d = Vec3::new(st * c, ct, st * s);
+        let mut noise = Random::new(u64::from(j) * 10_007 + u64::from(i % AROUND));
+        let wave = math::sin(d.x * 7.0) * math::sin(d.y * 9.0 + 1.0) * math::sin(d.z * 8.0 + 2.0);
+        d * (1.0 + 0.15 * wave + 0.02 * noise.unit())
+    };
+    let mut positions = vec![point(0, 0)];
+    for j in 1..DOWN {
+        positions.extend((0..AROUND).map(|i| point(i, j)));
+    }
+    positions.push(point(0, DOWN));
+    let last = positions.len() as u32 - 1;
+    let index = |i: u32, j: u32| match j {
+        0 => 0,
+        DOWN => last,
+        _ => 1 + (j - 1) * AROUND + i % AROUND,
+    };
+    let mut triangles = Vec::new();
+    for j in 0..DOWN {
+        for i in 0..AROUND {
+            let (a, b, c, d) = (index(i, j), index(i + 1, j), index(i, j + 1), index(i + 1, j + 1));
+            if j != 0 {
+                triangles.push([a, b, c]);
+            }
+            if j != DOWN - 1 {
+                triangles.push([b, d, c]);
+            }
+        }
+    }
+    let light = [Vec3::new(-0.2, 0.5, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4];
+    let (eye, target) = (Vec3::new(0.3, 0.2, 0.4), Vec3::new(-1.0, -0.3, -0.8));
+    BenchScene { name: "noisy sphere".to_owned(), positions, triangles, eye, target, light }
+}
+
+struct Mesh {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    fn quad(&mut self, corner: Vec3, u: Vec3, v: Vec3) {
+        let i = self.positions.len() as u32;
+        self.positions.extend([corner, corner + u, corner + u + v, corner + v]);
+        self.triangles.extend([[i, i + 1, i + 2], [i, i + 2, i + 3]]);
+    }
+
+    fn cuboid(&mut self, center: Vec3, axes: Mat3, half: Vec3) {
+        let [x, y, z] = [axes.x_axis * half.x, axes.y_axis * half.y, axes.z_axis * half.z];
+        for (n, u, v) in [(x, y, z), (y, z, x), (z, x, y)] {
+            self.quad(center + n - u - v, u * 2.0, v * 2.0);
+            self.quad(center - n - u - v, v * 2.0, u * 2.0);
+        }
+    }
+
+    /// A tube from `a` to `b`, each side two triangles as long as the tube.
+    fn tube(&mut self, a: Vec3, b: Vec3, radius: f32, sides: u32) {
+        let (u, v) = (b - a).normalize().any_orthonormal_pair();
+        let first = self.positions.len() as u32;
+        for i in 0..sides {
+            let (s, c) = math::sin_cos(TAU * i as f32 / sides as f32);
+            let offset = (u * c + v * s) * radius;
+            self.positions.extend([a + offset, b + offset]);
+        }
+        for i in 0..sides {
+            let (p, q) = (first + 2 * i, first + 2 * ((i + 1) % sides));
+            self.triangles.extend([[p, q, p + 1], [q, q + 1, p + 1]]);
+        }
+    }
+}
+
+/// A furnished room of some 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, beside a finely
+/// tessellated carpet and a few huge walls.
+pub fn interior() -> BenchScene {
+    let mut random = Random::new(42);
+    let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
+    let (w, h) = (10.0, 4.0);
+    mesh.quad(Vec3::ZERO, Vec3::Z * w, Vec3::X * w);
+    mesh.quad(Vec3::Y * h, Vec3::X * w, Vec3::Z * w);
+    for (corner, side) in [(Vec3::ZERO, Vec3::X), (Vec3::ZERO, Vec3::Z), (Vec3::Z * w, Vec3::X), (Vec3::X * w, Vec3::Z)]
+    {
+        mesh.quad(corner, side * w, Vec3::Y * h);
+    }
+    for i in 0..120 {
+        let tilt = Mat3::from_rotation_x(0.6);
+        mesh.cuboid(Vec3::new(5.0, 0.8 + 0.025 * i as f32, 9.8), tilt, Vec3::new(4.0, 0.001, 0.012));
+    }
+    for _ in 0..220 {
+        let mut point = || Vec3::new(random.between(0.2, 9.8), random.between(0.1, 3.9), random.between(0.2, 9.8));
+        let (a, d) = (point(), point());
+        let b = a + (d - a) * 0.5;
+        mesh.tube(a, b, 0.004 + 0.02 * random.unit(), 48);
+    }
+    for _ in 0..700 {
+        let axes = Mat3::from_rotation_y(TAU * random.unit()) * Mat3::from_rotation_x(random.between(-0.4, 0.4));
+        let center = Vec3::new(random.between(0.5, 9.5), random.between(0.0, 1.2), random.between(0.5, 9.5));
+        let half = Vec3::new(0.02 + 0.05 * random.unit(), 0.1 + 0.5 * random.unit(), 0.02);
+        mesh.cuboid(center, axes, half);
+    }
+    let (n, first) = (150u32, mesh.positions.len() as u32);
+    for j in 0..=n {
+        for i in 0..=n {
+            let (x, z) = (2.0 + 6.0 * i as f32 / n as f32, 2.0 + 6.0 * j as f32 / n as f32);
+            mesh.positions.push(Vec3::new(x, 0.01 + 0.03 * random.unit(), z));
+        }
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let a = first + j * (n + 1) + i;
+            mesh.triangles.extend([[a, a + 1, a + n + 1], [a + 1, a + n + 2, a + n + 1]]);
+        }
+    }
+    let light = [Vec3::new(4.0, 3.95, 4.0), Vec3::X * 2.0, Vec3::Z * 2.0];
+    let (eye, target) = (Vec3::new(1.0, 1.7, 1.0), Vec3::new(6.0, 1.2, 7.0));
+    let Mesh { positions, triangles } = mesh;
+    BenchScene { name: "interior".to_owned(), positions, triangles, eye, target, light }
+}
