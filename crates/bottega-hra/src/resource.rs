@@ -49,7 +49,7 @@ pub struct ResourceDescriptor {
     pub name: String,
     /// What it can do; may be a part only.
     pub primitives: PrimitiveSet,
-    /// Memory of its own for data; `None` where it works in that of this process.
+    /// Memory of its own for data; `None` where it works in that of this process, or does not tell.
     pub memory_bytes: Option<u64>,
     /// The way there.
     pub link: Link,

@@ -1,0 +1,89 @@
+//! Which devices there are, and which of them is meant.
+
+use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
+
+use crate::GpuError;
+
+/// A device that a driver of this machine offers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterInfo {
+    /// The driver's name for it, by which it is asked for.
+    pub name: String,
+    /// The driver, with its version where it tells it.
+    pub driver: String,
+    /// The interface: `vulkan`, ….
+    pub backend: String,
+    /// What kind of device it is.
+    pub kind: AdapterKind,
+}
+
+/// Kinds of devices, the most wanted first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AdapterKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU lent by a hypervisor.
+    Virtual,
+    /// Not told.
+    Other,
+    /// The processor itself, pretending: only used when asked for by name.
+    Software,
+}
+
+impl AdapterInfo {
+    fn of(adapter: &Adapter) -> Self {
+        let info = adapter.get_info();
+        // A software driver behind a layer may call itself something else than a CPU.
+        let pretends = ["llvmpipe", "lavapipe", "swiftshader", "softpipe"];
+        let name = info.name.to_lowercase();
+        let kind = match info.device_type {
+            _ if pretends.iter().any(|software| name.contains(software)) => AdapterKind::Software,
+            DeviceType::Cpu => AdapterKind::Software,
+            DeviceType::DiscreteGpu => AdapterKind::Discrete,
+            DeviceType::IntegratedGpu => AdapterKind::Integrated,
+            DeviceType::VirtualGpu => AdapterKind::Virtual,
+            DeviceType::Other => AdapterKind::Other,
+        };
+        let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
+        Self { name: info.name, driver, backend: info.backend.to_string(), kind }
+    }
+}
+
+/// All devices of this machine; none where there is no driver or no loader for it.
+pub fn adapters() -> Vec<AdapterInfo> {
+    enumerate().iter().map(AdapterInfo::of).collect()
+}
+
+/// The device whose name contains `wanted` (in upper or lower case), or else the most wanted kind that is no software.
+pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), GpuError> {
+    let mut found: Vec<_> = enumerate().into_iter().map(|adapter| (AdapterInfo::of(&adapter), adapter)).collect();
+    if found.is_empty() {
+        return Err(GpuError::NoAdapter);
+    }
+    let names = |found: &[(AdapterInfo, Adapter)]| found.iter().map(|(info, _)| info.name.clone()).collect();
+    found.sort_by_key(|(info, _)| info.kind); // Stable: the driver's order among equals.
+    let meant = |info: &AdapterInfo| match wanted {
+        Some(wanted) => info.name.to_lowercase().contains(&wanted.to_lowercase()),
+        None => info.kind != AdapterKind::Software,
+    };
+    match (found.iter().position(|(info, _)| meant(info)), wanted) {
+        (Some(index), _) => {
+            let (info, adapter) = found.swap_remove(index);
+            Ok((adapter, info))
+        }
+        (None, Some(wanted)) => Err(GpuError::UnknownAdapter { wanted: wanted.to_owned(), found: names(&found) }),
+        (None, None) => Err(GpuError::SoftwareOnly(names(&found))),
+    }
+}
+
+fn enumerate() -> Vec<Adapter> {
+    let instance = Instance::new(InstanceDescriptor {
+        backends: Backends::VULKAN,
+        // The driver's own validation layers are for debugging it; wgpu validates every command in any case.
+        flags: InstanceFlags::empty(),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    pollster::block_on(instance.enumerate_adapters(Backends::VULKAN))
+}

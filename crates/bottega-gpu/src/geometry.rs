@@ -1,0 +1,137 @@
+//! A scene as the shader reads it: every shape in world space, in one array, under one tree.
+
+use bottega_kernels::{Hit, InstanceGeometry, MeshGeometry, SphereGeometry};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use crate::GpuError;
+use crate::bvh::{self, Node};
+
+/// A triangle, or a sphere: center in `p0`, radius in `p1.x`, and [`Hit::SPHERE`] in `instance`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Shape {
+    p0: Vec3,
+    instance: u32,
+    p1: Vec3,
+    primitive: u32,
+    p2: Vec3,
+    padding: u32,
+}
+
+impl Shape {
+    fn bounds(&self) -> (Vec3, Vec3) {
+        if self.instance & Hit::SPHERE != 0 {
+            let radius = Vec3::splat(self.p1.x);
+            (self.p0 - radius, self.p0 + radius)
+        } else {
+            (self.p0.min(self.p1).min(self.p2), self.p0.max(self.p1).max(self.p2))
+        }
+    }
+
+    /// Whether the shader may see it: it must compute no infinity and no NaN. What is not so is never hit.
+    fn is_bounded(&self) -> bool {
+        let (min, max) = self.bounds();
+        // Products of three differences must stay finite.
+        min.is_finite() && max.is_finite() && min.abs().max(max.abs()).max_element() < 1e12
+    }
+}
+
+/// What is uploaded. Kept, to be uploaded again after the device was lost.
+#[derive(Debug)]
+pub(crate) struct Geometry {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) shapes: Vec<Shape>,
+}
+
+impl Geometry {
+    /// Places all instances and builds the tree. `limit` is the most bytes that one array may take.
+    pub(crate) fn build(
+        meshes: &[MeshGeometry<'_>],
+        instances: &[InstanceGeometry],
+        spheres: &[SphereGeometry],
+        limit: u64,
+        adapter: &str,
+    ) -> Result<Self, GpuError> {
+        check(meshes, instances)?;
+        let count = instances.iter().map(|instance| meshes[instance.mesh as usize].triangles.len() as u64).sum::<u64>()
+            + spheres.len() as u64;
+        let bytes = count.saturating_mul(size_of::<Shape>() as u64);
+        let limit = limit.min(bvh::SHAPES_MAX * size_of::<Shape>() as u64);
+        if bytes > limit {
+            return Err(GpuError::TooLarge { what: "the scene's shapes", bytes, limit, adapter: adapter.to_owned() });
+        }
+        let mut shapes = Vec::with_capacity(count as usize);
+        for (instance, index) in instances.iter().zip(0..) {
+            place(&meshes[instance.mesh as usize], instance, index, &mut shapes);
+        }
+        for (sphere, index) in spheres.iter().zip(0_u32..) {
+            let (p0, p1) = (sphere.center, Vec3::splat(sphere.radius));
+            shapes.push(Shape { p0, instance: Hit::SPHERE | index, p1, ..Shape::default() });
+        }
+        shapes.retain(Shape::is_bounded);
+        let bounds: Vec<_> = shapes.iter().map(Shape::bounds).collect();
+        let (nodes, order) = bvh::build(&bounds);
+        let bytes = size_of_val(&*nodes) as u64;
+        if bytes > limit {
+            return Err(GpuError::TooLarge { what: "the scene's nodes", bytes, limit, adapter: adapter.to_owned() });
+        }
+        Ok(Self { nodes, shapes: order.into_iter().map(|index| shapes[index as usize]).collect() })
+    }
+}
+
+/// Appends the triangles of one instance, in world space.
+fn place(mesh: &MeshGeometry<'_>, instance: &InstanceGeometry, index: u32, shapes: &mut Vec<Shape>) {
+    let world = |vertex: u32| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]);
+    for (&[a, b, c], primitive) in mesh.triangles.iter().zip(0..) {
+        shapes.push(Shape { p0: world(a), instance: index, p1: world(b), primitive, p2: world(c), padding: 0 });
+    }
+}
+
+/// Whether every index points somewhere.
+fn check(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Result<(), GpuError> {
+    for (mesh, index) in meshes.iter().zip(0_usize..) {
+        let count = mesh.positions.len();
+        if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= count) {
+            return Err(GpuError::Invalid(format!("a triangle of mesh {index} names a vertex that is not there")));
+        }
+    }
+    for (instance, index) in instances.iter().zip(0_usize..) {
+        if instance.mesh as usize >= meshes.len() {
+            return Err(GpuError::Invalid(format!(
+                "instance {index} names mesh {}, which is not there",
+                instance.mesh
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Affine3A;
+
+    #[test]
+    fn what_cannot_be_bounded_is_left_out_and_a_bad_index_is_an_error() {
+        let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NAN];
+        let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2], [0, 1, 3]] };
+        let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };
+        let spheres = [SphereGeometry { center: Vec3::ZERO, radius: f32::INFINITY }];
+        let built = Geometry::build(&[mesh], std::slice::from_ref(&instance), &spheres, u64::MAX, "test").unwrap();
+        assert_eq!(built.shapes.len(), 1);
+        let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 4]] };
+        let outcome = Geometry::build(&[mesh], std::slice::from_ref(&instance), &[], u64::MAX, "test");
+        assert!(matches!(outcome, Err(GpuError::Invalid(_))));
+        assert!(matches!(Geometry::build(&[], &[instance], &[], u64::MAX, "test"), Err(GpuError::Invalid(_))));
+    }
+
+    #[test]
+    fn a_scene_beyond_the_limit_is_refused_before_it_is_placed() {
+        let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2]] };
+        let instances = vec![InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY }; 10];
+        let outcome = Geometry::build(&[mesh], &instances, &[], 479, "test");
+        assert!(matches!(outcome, Err(GpuError::TooLarge { bytes: 480, limit: 479, .. })));
+    }
+}

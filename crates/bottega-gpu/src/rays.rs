@@ -1,0 +1,284 @@
+//! The resource: ray batches of a scene, answered by a GPU.
+
+use std::time::Duration;
+
+use bottega_hra::{Failed, Link, Primitive, PrimitiveSet, RayQuery, RayWork, Resource, ResourceDescriptor};
+use bottega_kernels::{Hit, InstanceGeometry, MeshGeometry, Ray, SphereGeometry};
+use bottega_scene::{AlphaMode, Scene};
+use wgpu::Adapter;
+
+use crate::adapter::choose;
+use crate::device::{Device, Query, TILE_MAX, binding_limit, direction_scale};
+use crate::geometry::Geometry;
+use crate::{AdapterInfo, AdapterKind, GpuError};
+
+/// How a GPU is used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GpuOptions {
+    /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.
+    pub adapter: Option<String>,
+    /// Most rays in a dispatch; larger batches are cut. Bounds the memory that a batch takes, some 72 bytes a ray on
+    /// the device, and the time that a dispatch takes before the driver loses patience.
+    pub tile_rays: usize,
+    /// A dispatch without an answer for so long counts as a lost device.
+    pub timeout: Duration,
+    /// Takes cut-out surfaces for whole ones. False: scenes that have any are refused.
+    pub ignore_alpha: bool,
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self { adapter: None, tile_rays: 1 << 20, timeout: Duration::from_secs(30), ignore_alpha: false }
+    }
+}
+
+/// A scene's shapes on a GPU, and the two questions that rays ask of them.
+///
+/// Agrees with the processor's kernels within rounding: `t` to some 10⁻⁵, hit or miss but for rays that graze an edge.
+/// It is not equal bit for bit. A hit on a sphere lies within 2 · 10⁻⁷ of the radius of its surface, where the processor
+/// computes in double precision. Origins and shapes farther out than 10¹² are never hit.
+#[derive(Debug)]
+pub struct GpuRays {
+    adapter: Adapter,
+    info: AdapterInfo,
+    geometry: Geometry,
+    tile_rays: usize,
+    timeout: Duration,
+    /// None after it failed, until it is made anew.
+    device: Option<Device>,
+}
+
+impl GpuRays {
+    /// Puts the shapes of `scene` on a GPU. `Hit::instance` counts [`Scene::instances`].
+    pub fn new(scene: &Scene, options: &GpuOptions) -> Result<Self, GpuError> {
+        if let Some(material) = cut_out(scene).filter(|_| !options.ignore_alpha) {
+            return Err(GpuError::AlphaTested(material));
+        }
+        let meshes: Vec<_> = scene
+            .meshes
+            .iter()
+            .map(|mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles })
+            .collect();
+        let place = |instance: &bottega_scene::Instance| InstanceGeometry {
+            mesh: instance.mesh,
+            world_from_object: instance.world_from_object,
+        };
+        let instances: Vec<_> = scene.instances.iter().map(place).collect();
+        let sphere = |sphere: &bottega_scene::Sphere| SphereGeometry { center: sphere.center, radius: sphere.radius };
+        let spheres: Vec<_> = scene.spheres.iter().map(sphere).collect();
+        Self::from_geometry(&meshes, &instances, &spheres, options)
+    }
+
+    /// Puts shapes on a GPU, given as to [`bottega_kernels::Accel::build`] and numbered alike.
+    pub fn from_geometry(
+        meshes: &[MeshGeometry<'_>],
+        instances: &[InstanceGeometry],
+        spheres: &[SphereGeometry],
+        options: &GpuOptions,
+    ) -> Result<Self, GpuError> {
+        let (adapter, info) = choose(options.adapter.as_deref())?;
+        let limit = binding_limit(&adapter);
+        let geometry = Geometry::build(meshes, instances, spheres, limit, &info.name)?;
+        let device = Some(Device::new(&adapter, &info, &geometry, options.timeout)?);
+        // As many rays as an array of them may have, were each 32 bytes.
+        let tile_rays = options.tile_rays.clamp(1, TILE_MAX).min((limit / 32).max(1) as usize);
+        Ok(Self { adapter, info, geometry, tile_rays, timeout: options.timeout, device })
+    }
+
+    /// The adapter that was chosen.
+    pub fn adapter(&self) -> &AdapterInfo {
+        &self.info
+    }
+
+    /// Bytes of the scene on the device.
+    pub fn memory_bytes(&self) -> u64 {
+        (size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes)) as u64
+    }
+
+    /// The closest hit of each ray. After an error the next call begins with a new device.
+    pub fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
+        let mut hits = Vec::with_capacity(rays.len());
+        for tile in rays.chunks(self.tile_rays) {
+            self.run(Query::Intersect, tile, |words| {
+                let (words, _) = words.as_chunks();
+                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, *words)));
+            })?;
+        }
+        Ok(hits)
+    }
+
+    /// Whether each ray hits anything. After an error the next call begins with a new device.
+    pub fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
+        let mut occluded = Vec::with_capacity(rays.len());
+        for tile in rays.chunks(self.tile_rays) {
+            self.run(Query::Occluded, tile, |words| occluded.extend(words.iter().map(|&word| word != 0)))?;
+        }
+        Ok(occluded)
+    }
+
+    fn run(&mut self, query: Query, rays: &[Ray], read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
+        let outcome = self.device()?.run(query, rays, read);
+        if outcome.is_err() {
+            self.device = None;
+        }
+        outcome
+    }
+
+    /// The device, made anew if the last one failed.
+    fn device(&mut self) -> Result<&mut Device, GpuError> {
+        let device = match self.device.take() {
+            Some(device) => device,
+            None => Device::new(&self.adapter, &self.info, &self.geometry, self.timeout)?,
+        };
+        Ok(self.device.insert(device))
+    }
+}
+
+/// A material that hides parts of a surface that is in the scene.
+fn cut_out(scene: &Scene) -> Option<String> {
+    let used = scene.instances.iter().filter_map(|instance| scene.meshes.get(instance.mesh as usize));
+    let used = used.map(|mesh| mesh.material).chain(scene.spheres.iter().map(|sphere| sphere.material));
+    used.filter_map(|material| scene.materials.get(material as usize))
+        .find(|material| material.alpha_mode != AlphaMode::Opaque)
+        .map(|material| material.name.clone())
+}
+
+/// A hit from the words that the shader wrote: t, u, v, instance, primitive.
+fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
+    let [t, u, v, instance, primitive] = words;
+    if instance == u32::MAX {
+        return Hit::NONE;
+    }
+    let [t, u, v] = [t, u, v].map(f32::from_bits);
+    Hit { t: t / direction_scale(ray), u, v, instance, primitive }
+}
+
+impl<W: RayWork> Resource<W> for GpuRays {
+    fn descriptor(&self) -> ResourceDescriptor {
+        // Of the usual bus of each kind; what a unit costs is learnt anyway.
+        let (latency_us, bandwidth) = match self.info.kind {
+            AdapterKind::Discrete | AdapterKind::Virtual | AdapterKind::Other => (50, 12e9),
+            AdapterKind::Integrated | AdapterKind::Software => (20, 20e9),
+        };
+        ResourceDescriptor {
+            name: self.info.name.clone(),
+            primitives: PrimitiveSet::from([Primitive::Intersect, Primitive::Occluded]),
+            memory_bytes: None,
+            link: Link { latency: Duration::from_micros(latency_us), bandwidth },
+        }
+    }
+
+    fn perform(&mut self, work: W) -> Result<W::Output, Failed<W>> {
+        let outcome = match work.query() {
+            Some(RayQuery::Intersect(rays)) => self.intersect(rays).map(Answer::Hits),
+            Some(RayQuery::Occluded(rays)) => self.occluded(rays).map(Answer::Occlusion),
+            None => return Err(Failed { work, reason: "not a batch of rays".to_owned() }),
+        };
+        match outcome {
+            Ok(Answer::Hits(hits)) => Ok(work.hits(hits)),
+            Ok(Answer::Occlusion(occluded)) => Ok(work.occlusion(occluded)),
+            Err(error) => Err(Failed { work, reason: error.to_string() }),
+        }
+    }
+
+    fn recover(&mut self) -> Result<(), String> {
+        self.device().map(|_| ()).map_err(|error| error.to_string())
+    }
+}
+
+enum Answer {
+    Hits(Vec<Hit>),
+    Occlusion(Vec<bool>),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters;
+    use bottega_hra::Work;
+    use bottega_scene::{Material, Mesh, Sphere};
+    use glam::Vec3;
+
+    #[derive(Debug)]
+    struct Batch(Vec<Ray>);
+
+    impl Work for Batch {
+        type Output = Vec<Hit>;
+        fn primitive(&self) -> Primitive {
+            Primitive::Intersect
+        }
+        fn size(&self) -> u64 {
+            self.0.len() as u64
+        }
+    }
+
+    impl RayWork for Batch {
+        fn query(&self) -> Option<RayQuery<'_>> {
+            (!self.0.is_empty()).then_some(RayQuery::Intersect(&self.0))
+        }
+        fn hits(self, hits: Vec<Hit>) -> Vec<Hit> {
+            hits
+        }
+        fn occlusion(self, _: Vec<bool>) -> Vec<Hit> {
+            Vec::new()
+        }
+    }
+
+    fn one_sphere() -> Scene {
+        Scene {
+            spheres: vec![Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 }],
+            materials: vec![Material { name: "leaf".into(), ..Material::default() }],
+            ..Scene::default()
+        }
+    }
+
+    fn gpu() -> Option<GpuRays> {
+        let name = adapters().first().map(|adapter| adapter.name.clone());
+        if name.is_none() {
+            eprintln!("skipped: no Vulkan adapter; install a driver, or Mesa's llvmpipe");
+        }
+        let options = GpuOptions { adapter: Some(name?), ..GpuOptions::default() };
+        Some(GpuRays::new(&one_sphere(), &options).expect("an adapter that is there gives a device"))
+    }
+
+    fn batch() -> Batch {
+        Batch(vec![Ray::new(Vec3::new(0.0, 0.0, -3.0), Vec3::Z)])
+    }
+
+    #[test]
+    fn a_lost_device_gives_the_work_back_and_is_made_anew() {
+        let Some(mut gpu) = gpu() else { return };
+        gpu.device.as_ref().unwrap().lose();
+        let failed = gpu.perform(batch()).unwrap_err();
+        assert_eq!(failed.work.0, batch().0);
+        Resource::<Batch>::recover(&mut gpu).unwrap();
+        let hits = gpu.perform(batch()).unwrap();
+        assert!((hits[0].t - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_command_that_wgpu_refuses_is_a_failure_and_no_panic() {
+        let Some(mut gpu) = gpu() else { return };
+        gpu.device.as_ref().unwrap().misuse();
+        let failed = gpu.perform(batch()).unwrap_err();
+        assert!(failed.reason.starts_with("the device refused a command"), "{}", failed.reason);
+        assert!(gpu.perform(failed.work).is_ok());
+    }
+
+    #[test]
+    fn work_that_is_no_rays_is_given_back() {
+        let Some(mut gpu) = gpu() else { return };
+        assert_eq!(gpu.perform(Batch(Vec::new())).unwrap_err().reason, "not a batch of rays");
+    }
+
+    #[test]
+    fn cut_out_surfaces_that_are_in_the_scene_are_noticed() {
+        let mut scene = one_sphere();
+        assert_eq!(cut_out(&scene), None);
+        scene.materials[0].alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+        assert_eq!(cut_out(&scene), Some("leaf".into()));
+        scene.spheres.clear();
+        scene.meshes.push(Mesh::default());
+        assert_eq!(cut_out(&scene), None, "a mesh that no instance places is not in the scene");
+    }
+}
