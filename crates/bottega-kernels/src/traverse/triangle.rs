@@ -22,19 +22,6 @@ impl<S: Lanes> WideRay<S> {
         Self { axes: setup.axes, origin: splat3(s, origin), direction: splat3(s, direction) }
     }
 
-    /// Vertex `i` of each triangle, seen from the origin and sheared so that the ray runs along the third axis.
-    ///
-    /// No closure: one that is called more than once may stay a function of its own, without the vector unit of its
-    /// caller, and then every operation in it is a call.
-    #[inline(always)]
-    fn sheared(&self, s: S, [kx, ky, kz]: [usize; 3], p: &[[f32; 8]; 3]) -> (S::F, S::F, S::F) {
-        let [sx, sy, _] = self.direction;
-        let z = s.sub(s.load(&p[kz]), self.origin[2]);
-        let x = s.neg_mul_add(sx, z, s.sub(s.load(&p[kx]), self.origin[0]));
-        let y = s.neg_mul_add(sy, z, s.sub(s.load(&p[ky]), self.origin[1]));
-        (x, y, z)
-    }
-
     /// Parameter of each hit, and where there is one: see the head of the parent module. `None`: nowhere.
     #[inline(always)]
     pub(crate) fn watertight(&self, s: S, block: &TriangleBlock) -> Option<(S::F, S::Mask)> {
