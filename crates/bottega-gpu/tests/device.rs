@@ -8,8 +8,11 @@ use bottega_hra::{Hra, HraConfig, Primitive, PrimitiveSet, RayQuery, RayWork, Re
 use bottega_kernels::{Accel, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Ray, SphereGeometry};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 
-/// Options that name llvmpipe, or any adapter that is there; none where there is none.
+/// Options that name what `BOTTEGA_GPU` names, or llvmpipe, or any adapter that is there; none where there is none.
 fn options() -> Option<GpuOptions> {
+    if let Ok(name) = std::env::var("BOTTEGA_GPU") {
+        return Some(GpuOptions { adapter: Some(name), ..GpuOptions::default() });
+    }
     let there = adapters();
     let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
     let chosen = software.or(there.first()).map(|adapter| adapter.name.clone());
@@ -375,6 +378,31 @@ fn a_software_adapter_is_used_only_when_asked_for_by_name() {
     let wanted = GpuOptions { adapter: Some("no such device".into()), ..GpuOptions::default() };
     let outcome = GpuRays::from_geometry(&[], &[], &[], &wanted);
     assert!(matches!(outcome, Err(GpuError::UnknownAdapter { found, .. }) if found.len() == there.len()));
+}
+
+/// Run with `cargo test -p bottega-gpu --release --test device -- --ignored --nocapture rays_a_second`.
+#[test]
+#[ignore = "measures, proves nothing"]
+fn rays_a_second() {
+    let Some(options) = options() else { return };
+    let ball = Ball::new(130, 0.1);
+    let start = std::time::Instant::now();
+    let mut gpu = GpuRays::from_geometry(&[ball.mesh()], &instances(), &[], &options).unwrap();
+    eprintln!("{}: {} triangles there in {:?}", gpu.adapter().name, 3 * ball.triangles.len(), start.elapsed());
+    for count in [1_000, 16_000, 256_000] {
+        let rays = rays(count, 9);
+        let best = |mut run: Box<dyn FnMut() + '_>| {
+            let time = |_| {
+                let start = std::time::Instant::now();
+                run();
+                start.elapsed()
+            };
+            count as f64 / (0..5).map(time).min().unwrap().as_secs_f64() / 1e6
+        };
+        let intersect = best(Box::new(|| drop(gpu.intersect(&rays).unwrap())));
+        let occluded = best(Box::new(|| drop(gpu.occluded(&rays).unwrap())));
+        eprintln!("{count} rays: {intersect:.2} M closest hits a second, {occluded:.2} M shadow rays a second");
+    }
 }
 
 #[test]

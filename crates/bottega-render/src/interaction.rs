@@ -1,7 +1,7 @@
 //! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
 
 use bottega_kernels::{Hit, math};
-use bottega_scene::{AlphaMode, Mesh, Scene, Spectrum, TextureMap};
+use bottega_scene::{AlphaMode, Material, Mesh, Scene, Spectrum, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -17,7 +17,7 @@ use crate::{
 const CLEARANCE: f32 = 64.0 / 8_388_608.0;
 
 /// A point of a surface, seen from a direction.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Interaction {
     /// World space, on the surface.
     pub(crate) p: Vec3,
@@ -30,6 +30,8 @@ pub(crate) struct Interaction {
     pub(crate) ng: Vec3,
     /// Shading frame: x, y, z = tangent, bitangent, normal; the normal is on the side of `wo`.
     pub(crate) frame: [Vec3; 3],
+    /// Normal of the clear coat in the shading frame, on the side of `wo`.
+    pub(crate) coat_normal: Vec3,
     /// Back along the ray, unit length.
     pub(crate) wo: Vec3,
     /// Whether `wo` is on the front side.
@@ -83,6 +85,7 @@ impl Interaction {
             clearance: CLEARANCE * (sphere.center.abs().max_element() + sphere.radius),
             ng,
             frame: [Vec3::ZERO; 3],
+            coat_normal: Vec3::Z,
             wo: -direction,
             front: direction.dot(ng) < 0.0,
             uvs: [uv; 2],
@@ -92,12 +95,7 @@ impl Interaction {
             material: sphere.material,
             hit: *hit,
         };
-        let tangent = || (Vec3::Y.cross(ng).normalize_or(Vec3::X), 1.0);
-        let ns = match &material.normal {
-            Some((map, scale)) => mapped_normal(scene, map, *scale, &point, ng, tangent()),
-            None => ng,
-        };
-        point.set_frame(ns);
+        point.set_frames(scene, material, ng, |_| (Vec3::Y.cross(ng).normalize_or(Vec3::X), 1.0));
         point
     }
 
@@ -126,6 +124,7 @@ impl Interaction {
             clearance: CLEARANCE * (p.abs().max_element() + extent),
             ng,
             frame: [Vec3::ZERO; 3],
+            coat_normal: Vec3::Z,
             wo: -direction,
             front: direction.dot(ng) < 0.0,
             uvs: [Vec2::ZERO; 2],
@@ -149,13 +148,31 @@ impl Interaction {
                 point.p_outside = p + instance.world_from_object.transform_vector3(lift);
             }
         }
-        if let Some((map, scale)) = &material.normal {
-            let tangent = tangent_at(mesh, triangle, u, v, map.uv_set);
-            let (tangent, sign) = (instance.world_from_object.transform_vector3(tangent.0), tangent.1);
-            ns = mapped_normal(scene, map, *scale, &point, ns, (tangent, sign));
-        }
-        point.set_frame(ns);
+        point.set_frames(scene, material, ns, |uv_set| {
+            let (tangent, sign) = tangent_at(mesh, triangle, u, v, uv_set);
+            (instance.world_from_object.transform_vector3(tangent), sign)
+        });
         point
+    }
+
+    /// Makes the shading frame and the coat's normal from the smooth normal `ns` and the normal maps.
+    ///
+    /// - `tangent`: of a set of texture coordinates, and the sign of its bitangent.
+    #[inline]
+    fn set_frames(&mut self, scene: &Scene, material: &Material, ns: Vec3, tangent: impl Fn(u8) -> (Vec3, f32)) {
+        if material.normal.is_none() && material.coat_normal.is_none() {
+            return self.set_frame(ns);
+        }
+        let mapped = |point: &Self, map: &Option<(TextureMap, f32)>| match map {
+            Some((map, scale)) => mapped_normal(scene, map, *scale, point, ns, tangent(map.uv_set)),
+            None => ns,
+        };
+        self.set_frame(mapped(self, &material.normal));
+        if material.coat.factor > 0.0 {
+            // The base's normal map is not the coat's (KHR_materials_clearcoat).
+            let coat = mapped(self, &material.coat_normal);
+            self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
+        }
     }
 
     /// Makes the shading frame around `ns`, which may be on either side: turned to that of `wo`, and bent so that `wo`
@@ -334,7 +351,7 @@ mod tests {
     use std::sync::Arc;
 
     use bottega_kernels::Ray;
-    use bottega_scene::{Instance, Material};
+    use bottega_scene::Instance;
     use glam::Affine3A;
 
     use super::*;
@@ -347,6 +364,49 @@ mod tests {
             key += 1;
             sampler.hashed(key)
         }
+    }
+
+    /// A unit square in the xy plane, its picture upright, with a normal map of one color.
+    fn normal_mapped(texel: [f32; 3]) -> Interaction {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
+            // v grows downwards.
+            uvs: [vec![Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::ZERO], vec![]],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let map = TextureMap::new(bottega_scene::ImageId(0));
+        let scene = Scene {
+            images: vec![bottega_scene::Image::from_linear_rgb("normals", 1, 1, vec![texel])],
+            instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
+            meshes: vec![mesh],
+            materials: vec![Material { normal: Some((map, 1.0)), coat: 1.0.into(), ..Material::default() }],
+            ..Scene::default()
+        };
+        let prepared = PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap();
+        let (origin, direction) = (Vec3::new(0.7, 0.4, 3.0), Vec3::NEG_Z);
+        let hit = prepared.accel().intersect(&Ray::new(origin, direction));
+        Interaction::new(&prepared, &hit, origin, direction, RayCone { width: 0.25, spread: 0.0 })
+    }
+
+    #[test]
+    fn red_of_a_normal_map_leans_to_the_right_and_green_up_the_picture() {
+        let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-5;
+        assert!(close(normal_mapped([0.5, 0.5, 1.0]).frame[2], Vec3::Z));
+        assert!(close(normal_mapped([0.8, 0.5, 0.9]).frame[2], Vec3::new(0.6, 0.0, 0.8)));
+        assert!(close(normal_mapped([0.5, 0.8, 0.9]).frame[2], Vec3::new(0.0, 0.6, 0.8)));
+    }
+
+    #[test]
+    fn the_coat_keeps_the_smooth_normal_where_it_has_no_map_of_its_own() {
+        let point = normal_mapped([0.8, 0.5, 0.9]);
+        assert!((point.to_world(point.coat_normal) - Vec3::Z).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_lookup_is_as_wide_as_the_beam() {
+        let point = normal_mapped([0.5, 0.5, 1.0]);
+        assert!((point.footprint - 0.25).abs() < 1e-5 && (point.uvs[0] - Vec2::new(0.7, 0.6)).length() < 1e-5);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::{
 /// How a scene is prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrepareOptions {
-    /// Threads to build with.
+    /// Threads to build with; 0: as many as the machine has. The result does not depend on it.
     pub threads: usize,
     /// Leave to BSDF sampling those parts of the environment that light sampling finds no better. Without it the
     /// environment can be found by light sampling alone.

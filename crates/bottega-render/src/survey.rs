@@ -161,6 +161,7 @@ fn probe_pixel(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_count: u3
 }
 
 /// A ray that is followed from mirror to mirror.
+#[derive(Clone, Copy)]
 struct Chain {
     pixel: usize,
     sampler: PixelSampler,

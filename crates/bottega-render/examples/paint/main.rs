@@ -1,6 +1,6 @@
 //! Paints a scene on one thread and says how fast: for looking at pictures and for measuring, without the farm.
 //!
-//! `cargo run --release --example paint -- SCENE OUT.png|OUT.exr WIDTHxHEIGHT SPP [DEPTH] [ENVIRONMENT|-] [REFERENCE.exr]`
+//! `cargo run --release --example paint -- SCENE OUT.png|OUT.exr WIDTHxHEIGHT SPP [DEPTH] [ENVIRONMENT|-] [REFERENCE.exr] [SEED]`
 //!
 //! Against a reference it says the ratio of the means and the mean of the relative squared error.
 
@@ -17,7 +17,7 @@ use bottega_scene::{LoadOptions, Scene};
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [scene_path, output, size, spp, rest @ ..] = &arguments[..] else {
-        return Err("usage: paint SCENE OUT WIDTHxHEIGHT SPP [DEPTH] [ENVIRONMENT|-] [REFERENCE]".into());
+        return Err("usage: paint SCENE OUT WIDTHxHEIGHT SPP [DEPTH] [ENVIRONMENT|-] [REFERENCE] [SEED]".into());
     };
     let (width, height) = size.split_once('x').ok_or("a size is WIDTHxHEIGHT")?;
     let view = View { camera: 0, width: width.parse()?, height: height.parse()? };
@@ -25,7 +25,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = load(Path::new(scene_path), rest.get(1).filter(|path| *path != "-"))?;
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default())?);
 
-    let settings = PathSettings { max_depth, filter: Filter::Box, ..PathSettings::default() };
+    let seed = rest.get(3).map_or(Ok(0), |seed| seed.parse())?;
+    let settings = PathSettings { seed, max_depth, filter: Filter::Box, ..PathSettings::default() };
     let rect = Rect::of_size(view.width, view.height);
     let spp: u32 = spp.parse()?;
     let (film, seconds, dropped_count) = paint(&prepared, view, &settings, spp)?;
@@ -64,7 +65,7 @@ fn paint(
     let rect = Rect::of_size(view.width, view.height);
     let layout = Layout::new(bottega_image::AovSet::NONE);
     let mut film = Film::new(rect, layout);
-    let settings = Arc::new(settings.clone());
+    let settings = Arc::new(*settings);
     let start = Instant::now();
     let mut dropped_count = 0;
     for block in rect.blocks(32) {

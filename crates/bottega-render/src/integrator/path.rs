@@ -396,7 +396,7 @@ pub(crate) fn bsdf_at<'a>(prepared: &'a PreparedScene, point: &Interaction, plac
     }
     let scene = prepared.scene();
     let params = SurfaceParams::of(scene, material, point.uvs, point.color, point.footprint, point.front);
-    place.insert(Bsdf::new(&params))
+    place.insert(Bsdf::new(&SurfaceParams { coat_normal: point.coat_normal, ..params }))
 }
 
 /// The ray that asks whether a light is seen.

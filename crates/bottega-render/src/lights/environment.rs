@@ -55,7 +55,7 @@ impl EnvironmentLight {
             let mean = cells.iter().sum::<f32>() / cells.len() as f32;
             // ∫ L sin θ dθ dφ over 2π × π.
             light.integral = mean * 2.0 * PI * PI;
-            light.table = Distribution2d::new(light.compensate(cells, columns, rows), columns, rows);
+            light.table = Distribution2d::new(&light.compensate(cells, columns, rows), columns, rows);
         }
         light
     }
@@ -171,7 +171,7 @@ struct Distribution2d {
 
 impl Distribution2d {
     /// `None` when all cells are 0.
-    fn new(cells: Vec<f32>, columns: usize, rows: usize) -> Option<Self> {
+    fn new(cells: &[f32], columns: usize, rows: usize) -> Option<Self> {
         let mut conditional = Vec::with_capacity(rows * (columns + 1));
         let mut row_sums = Vec::with_capacity(rows);
         for row in cells.chunks_exact(columns) {

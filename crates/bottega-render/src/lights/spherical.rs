@@ -36,7 +36,7 @@ impl SphericalTriangle {
         }
         let cos_alpha = (-ab.dot(ca)).clamp(-1.0, 1.0);
         let sin_alpha = (1.0 - cos_alpha * cos_alpha).sqrt();
-        (sin_alpha > 1e-4).then(|| Self { a, b, c, cos_alpha, sin_alpha, area })
+        (sin_alpha > 1e-4).then_some(Self { a, b, c, cos_alpha, sin_alpha, area })
     }
 
     /// Density per solid angle of [`Self::sample`].

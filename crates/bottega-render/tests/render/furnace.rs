@@ -80,3 +80,23 @@ fn sky(radiance: Vec3) -> Scene {
         ..Scene::default()
     }
 }
+
+#[test]
+fn over_many_bounces_nothing_is_gained_or_lost() {
+    // Nine tenths of the light comes from the bounce before: an error of a bounce shows tenfold.
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.8, 0.5, 1.5), Vec3::ZERO, 1.6)], ..Scene::default() };
+    add_room(&mut scene, Vec3::new(1.0, 0.7, 2.0), &shining(0.9));
+    let scene = prepare(scene);
+    let mean = |roulette_depth, direct_light| {
+        let settings = PathSettings { roulette_depth, direct_light, ..deep() };
+        mean_color(&paint(&scene, (12, 12), 128, settings)).x
+    };
+    // Here every path carries the same: there is no noise at all.
+    assert!((mean(200, DirectLight::BsdfSampling) - 1.0).abs() < 1e-5);
+    let cases =
+        [(3, DirectLight::Combined, 0.02), (200, DirectLight::Combined, 3e-3), (200, DirectLight::LightSampling, 3e-3)];
+    for (roulette_depth, direct_light, tolerance) in cases {
+        let found = mean(roulette_depth, direct_light);
+        assert!((found - 1.0).abs() < tolerance, "{roulette_depth} {direct_light:?}: {found}");
+    }
+}
