@@ -7,19 +7,19 @@ use std::{
 };
 
 /// The program, in the folder of the scenes.
-pub fn bottega(arguments: &[&str]) -> Command {
+pub(crate) fn bottega(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bottega"));
     command.args(arguments).current_dir(scenes());
     command
 }
 
 /// Runs the program to its end.
-pub fn run(arguments: &[&str]) -> Output {
+pub(crate) fn run(arguments: &[&str]) -> Output {
     bottega(arguments).output().expect("the program starts")
 }
 
 /// Runs the program, which must succeed.
-pub fn succeed(arguments: &[&str]) -> String {
+pub(crate) fn succeed(arguments: &[&str]) -> String {
     let output = run(arguments);
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?} failed: {told}");
@@ -27,11 +27,11 @@ pub fn succeed(arguments: &[&str]) -> String {
 }
 
 /// The scenes of the repository.
-pub fn scenes() -> PathBuf {
+pub(crate) fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")
 }
 
 /// A path as an argument.
-pub fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path in Unicode")
 }
