@@ -61,6 +61,8 @@ struct Shared {
     cancelled: AtomicBool,
     /// Nanoseconds that one sample of one pixel takes, learnt from the units done so far.
     sample_ns: AtomicU64,
+    /// Samples taken, all pixels together.
+    samples_done: AtomicU64,
     /// Samples whose radiance was not finite.
     dropped_count: AtomicU64,
 }
@@ -80,9 +82,15 @@ impl BuiltinEngine {
             options,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
+            samples_done: AtomicU64::new(0),
             dropped_count: AtomicU64::new(0),
         };
         Self { shared: Arc::new(shared), hra, zones: Mutex::default() }
+    }
+
+    /// Samples taken so far, all pixels together; those of zones under way are in it.
+    pub fn samples_done(&self) -> u64 {
+        self.shared.samples_done.load(Ordering::Relaxed)
     }
 
     /// Samples so far whose radiance was not finite, and which therefore counted as black.
@@ -163,7 +171,7 @@ struct BlockUnderWay {
 
 impl<'a> ZonePainter<'a> {
     fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
-        let mut settings = shared.options.settings.clone();
+        let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;
         settings.light_samples = task.tunables.light_samples;
         let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
@@ -246,7 +254,9 @@ impl<'a> ZonePainter<'a> {
             Err(error) => return Err(self.failure(&error)),
         };
         let Some(block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
-        self.learn(completed.busy, block.rect.area() * u64::from(block.in_unit));
+        let samples = block.rect.area() * u64::from(block.in_unit);
+        self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
+        self.learn(completed.busy, samples);
         if block.next_sample < self.samples.end {
             if !self.shared.cancelled.load(Ordering::Relaxed) {
                 return self.submit(ticket, block, tile);

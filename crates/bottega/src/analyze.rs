@@ -59,7 +59,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
         for warning in &subject.warnings {
             eprintln!("warning: {warning}");
         }
-        println!("{} zones for {agents} agents: {}", analysis.rows.len(), shown(&args.output));
+        println!("{}: {} zones, meant for agents: {agents}", shown(&args.output), analysis.rows.len());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -65,7 +65,7 @@ fn print(summary: &SceneSummary, warnings: &[String]) {
         "triangles   {} in {} placed meshes ({} stored in {} meshes)",
         summary.triangle_count, summary.instance_count, summary.stored_triangle_count, summary.mesh_count
     );
-    println!("bounds      {} to {}", summary.bounds.0, summary.bounds.1);
+    println!("bounds      {:.4} to {:.4}", summary.bounds.0, summary.bounds.1);
     println!("memory      {:.1} MB", summary.memory_bytes as f64 / 1e6);
     println!("cameras     {}", list(named(&summary.cameras)));
     println!("lights      {}", list(named(&summary.lights)));

@@ -8,9 +8,7 @@ use std::{
 };
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
-use bottega_farm::{
-    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch,
-};
+use bottega_farm::{Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch};
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, ToneMap,
     check_writable, write_exr, write_png,
@@ -44,6 +42,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let engine = Arc::new(engine(args, &subject, &settings)?);
     started(&reporter, args, &subject, &settings);
 
+    let painter = Arc::clone(&engine);
+    reporter.watch(move || painter.samples_done());
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     let report = bottega_farm::run(

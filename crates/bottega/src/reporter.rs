@@ -1,10 +1,12 @@
 //! What is told while the work goes on: a progress bar, JSON lines, the dashboard, the trace of messages.
 
 use std::{
+    collections::VecDeque,
     fs::File,
     io::{BufWriter, Write},
     path::Path,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc},
+    thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
@@ -18,8 +20,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::CliError;
 
-/// Progress is told at most so often, so that a script's log stays readable.
-const PROGRESS_EVERY: Duration = Duration::from_millis(500);
+/// How often progress is told.
+const TELL_EVERY: Duration = Duration::from_millis(500);
+
+/// The speed shown is that of the last so many seconds.
+const SPEED_OVER: Duration = Duration::from_secs(3);
 
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
@@ -42,14 +47,26 @@ pub(crate) struct Reporter {
     dashboard: Option<Dashboard>,
     trace: Option<Mutex<BufWriter<File>>>,
     pace: Mutex<Pace>,
+    watch: OnceLock<Watch>,
 }
 
+/// Looks at the engine while zones are under way.
+struct Watch {
+    stop: mpsc::Sender<()>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// How the work goes on: the farm speaks when a zone is done, the engine is looked at in between.
 struct Pace {
     begun: Instant,
-    told: Option<Instant>,
-    /// Samples at a moment some seconds ago, for the present speed.
-    mark: (Instant, u64),
-    samples_per_second: f64,
+    /// The farm's last word.
+    said: Option<Progress>,
+    /// Samples that were there before the engine took any.
+    kept: u64,
+    /// Their share of the predicted cost.
+    kept_cost: f64,
+    /// Samples at some moments of the last seconds, oldest first.
+    marks: VecDeque<(Instant, u64)>,
 }
 
 impl Reporter {
@@ -64,9 +81,9 @@ impl Reporter {
                 Ok::<_, CliError>(Mutex::new(BufWriter::new(file)))
             })
             .transpose()?;
-        let now = Instant::now();
-        let pace = Mutex::new(Pace { begun: now, told: None, mark: (now, 0), samples_per_second: 0.0 });
-        Ok(Self { voice, bar, dashboard, trace, pace })
+        let pace =
+            Mutex::new(Pace { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
+        Ok(Self { voice, bar, dashboard, trace, pace, watch: OnceLock::new() })
     }
 
     /// Says something to people only.
@@ -91,8 +108,51 @@ impl Reporter {
         }
     }
 
+    /// From now on tells progress, by the farm's words and the samples that the engine has taken.
+    pub(crate) fn watch(self: &Arc<Self>, samples_done: impl Fn() -> u64 + Send + 'static) {
+        let (stop, stopped) = mpsc::channel();
+        let reporter = Arc::downgrade(self);
+        let thread = thread::spawn(move || {
+            while stopped.recv_timeout(TELL_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
+                let Some(reporter) = reporter.upgrade() else { return };
+                reporter.tell_progress(samples_done());
+            }
+        });
+        // A second watch would tell everything twice; there is none.
+        let _ = self.watch.set(Watch { stop, thread: Mutex::new(Some(thread)) });
+    }
+
+    fn tell_progress(&self, samples_done: u64) {
+        let Some((progress, samples_per_second)) = self.pace().present(samples_done) else { return };
+        let left = progress.left.map_or("–".to_owned(), duration);
+        self.bar.set_position((progress.cost_done * BAR_STEPS as f64) as u64);
+        self.bar.set_message(format!(
+            "zone {} of {}, {:.2} M samples/s, {} so far, {left} left",
+            progress.zones_done,
+            progress.zones,
+            samples_per_second / 1e6,
+            duration(progress.elapsed),
+        ));
+        self.tell(Event::Progress(wire::Progress {
+            zones_done: progress.zones_done,
+            zones: progress.zones,
+            samples_done: progress.samples_done,
+            samples: progress.samples,
+            samples_per_second,
+            seconds: progress.elapsed.as_secs_f64(),
+            seconds_left: progress.left.map(|left| left.as_secs_f64()),
+        }));
+    }
+
     /// No progress is shown from now on.
     pub(crate) fn finish(&self) {
+        if let Some(watch) = self.watch.get() {
+            // When it is gone already there is nobody to tell.
+            let _ = watch.stop.send(());
+            if let Some(thread) = watch.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                let _ = thread.join();
+            }
+        }
         self.bar.finish_and_clear();
         if let Some(trace) = &self.trace {
             // A trace that cannot be completed is no reason to lose a picture.
@@ -106,19 +166,33 @@ impl Reporter {
 }
 
 impl Pace {
-    /// Whether it is time to tell progress again; takes the present speed.
-    fn is_due(&mut self, samples_done: u64, is_last: bool) -> bool {
+    /// How far the work is now, and how many samples a second it has taken lately. The farm speaks when a zone is done;
+    /// in between, what is left shrinks with the samples taken.
+    fn present(&mut self, samples_done: u64) -> Option<(Progress, f64)> {
         let now = Instant::now();
-        let since_mark = (now - self.mark.0).as_secs_f64();
-        if since_mark > 2.0 || self.samples_per_second == 0.0 && since_mark > 0.2 {
-            self.samples_per_second = samples_done.saturating_sub(self.mark.1) as f64 / since_mark;
-            self.mark = (now, samples_done);
+        self.marks.push_back((now, samples_done));
+        while self.marks.len() > 2 && now - self.marks[0].0 > SPEED_OVER {
+            self.marks.pop_front();
         }
-        let is_due = is_last || self.told.is_none_or(|told| now - told >= PROGRESS_EVERY);
-        if is_due {
-            self.told = Some(now);
-        }
-        is_due
+        let (first, before) = self.marks[0];
+        let seconds = (now - first).as_secs_f64();
+        let speed = if seconds > 0.0 { samples_done.saturating_sub(before) as f64 / seconds } else { 0.0 };
+
+        let said = self.said.as_ref()?;
+        let under_way = (self.kept + samples_done).saturating_sub(said.samples_done);
+        let left = said.samples.saturating_sub(said.samples_done).max(1);
+        let share = (under_way as f64 / left as f64).min(1.0);
+        let cost_done = said.cost_done + (1.0 - said.cost_done) * share;
+        let elapsed = self.begun.elapsed();
+        let to_go = elapsed.as_secs_f64() * (1.0 - cost_done) / (cost_done - self.kept_cost);
+        let progress = Progress {
+            samples_done: (said.samples_done + under_way).min(said.samples),
+            cost_done,
+            elapsed,
+            left: Duration::try_from_secs_f64(to_go).ok().filter(|_| cost_done > self.kept_cost),
+            ..*said
+        };
+        Some((progress, speed))
     }
 }
 
@@ -140,31 +214,13 @@ impl Observer for Reporter {
     }
 
     fn progress(&self, progress: &Progress) {
-        let is_last = progress.zones > 0 && progress.zones_done == progress.zones;
         let mut pace = self.pace();
-        if !pace.is_due(progress.samples_done, is_last) {
-            return;
+        if pace.said.is_none() {
+            pace.begun = Instant::now();
+            pace.kept = progress.samples_done;
+            pace.kept_cost = progress.cost_done;
         }
-        let samples_per_second = pace.samples_per_second;
-        drop(pace);
-        let left = progress.left.map_or("–".to_owned(), duration);
-        self.bar.set_position((progress.cost_done * BAR_STEPS as f64) as u64);
-        self.bar.set_message(format!(
-            "zone {} of {}, {:.2} M samples/s, {} so far, {left} left",
-            progress.zones_done,
-            progress.zones,
-            samples_per_second / 1e6,
-            duration(progress.elapsed),
-        ));
-        self.tell(Event::Progress(wire::Progress {
-            zones_done: progress.zones_done,
-            zones: progress.zones,
-            samples_done: progress.samples_done,
-            samples: progress.samples,
-            samples_per_second,
-            seconds: progress.elapsed.as_secs_f64(),
-            seconds_left: progress.left.map(|left| left.as_secs_f64()),
-        }));
+        pace.said = Some(*progress);
     }
 
     fn message(&self, now: Time, message: &FarmMessage) {
