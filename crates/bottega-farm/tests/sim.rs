@@ -330,48 +330,48 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
     let trace: Vec<String> = play.simulator.trace().lines().map(|line| line.trim_start().to_owned()).collect();
     let trace = trace.join("\n");
     expect_test::expect![[r#"
-        0.000 master starts
-        0.000 analyst starts
-        0.000 agent-0 starts
-        0.000 agent-1 starts
-        21.000 agent-0 -> master  subscribe #0
-        21.000 agent-1 -> master  subscribe #0
-        22.000 master -> agent-0  agree #0
-        22.000 master -> agent-1  agree #0
-        104.000 analyst crashes
-        105.000 analyst -> master  inform #0
-        105.000 master -> agent-0  inform #0
-        105.000 master -> agent-1  inform #0
-        107.000 master -> agent-0  request #3
-        107.000 master -> agent-0  request #5
-        107.000 master -> agent-1  request #7
-        215.765 agent-0 -> master  inform #5
-        216.765 master -> agent-0  cfp #10
-        216.765 master -> agent-1  cfp #10
-        217.765 agent-0 -> master  propose #10
-        217.765 agent-1 -> master  propose #10
-        218.765 master -> agent-0  confirm #5
-        218.765 master -> agent-1  reject-proposal #10
-        220.765 master -> agent-0  accept-proposal #10
-        295.059 agent-0 -> master  inform #3
-        296.059 master -> agent-0  cfp #13
-        297.059 agent-0 -> master  propose #13
-        298.059 master -> agent-0  confirm #3
-        300.059 master -> agent-0  accept-proposal #13
-        394.117 agent-1 -> master  inform #7
-        395.117 master -> agent-1  cfp #16
-        396.117 agent-1 -> master  propose #16
-        397.117 master -> agent-1  confirm #7
-        399.117 master -> agent-1  accept-proposal #16
-        662.021 agent-0 -> master  inform #10
-        665.021 master -> agent-0  confirm #10
-        1021.000 agent-0 -> master  inform #0
-        1021.000 agent-1 -> master  inform #0
-        1207.328 agent-0 -> master  inform #13
-        1210.328 master -> agent-0  confirm #13
-        1844.485 agent-1 -> master  inform #16
-        1847.485 master -> agent-1  confirm #16
-        1847.485 master crashes"#]]
+        [     0.000] master starts
+        [     0.000] analyst starts
+        [     0.000] agent-0 starts
+        [     0.000] agent-1 starts
+        [    21.000] agent-0 -> master  subscribe #0
+        [    21.000] agent-1 -> master  subscribe #0
+        [    22.000] master -> agent-0  agree #0
+        [    22.000] master -> agent-1  agree #0
+        [   104.000] analyst stops
+        [   105.000] analyst -> master  inform #0
+        [   105.000] master -> agent-0  inform #0
+        [   105.000] master -> agent-1  inform #0
+        [   107.000] master -> agent-0  request #3
+        [   107.000] master -> agent-0  request #5
+        [   107.000] master -> agent-1  request #7
+        [   215.765] agent-0 -> master  inform #5
+        [   216.765] master -> agent-0  cfp #10
+        [   216.765] master -> agent-1  cfp #10
+        [   217.765] agent-0 -> master  propose #10
+        [   217.765] agent-1 -> master  propose #10
+        [   218.765] master -> agent-0  confirm #5
+        [   218.765] master -> agent-1  reject-proposal #10
+        [   220.765] master -> agent-0  accept-proposal #10
+        [   295.059] agent-0 -> master  inform #3
+        [   296.059] master -> agent-0  cfp #13
+        [   297.059] agent-0 -> master  propose #13
+        [   298.059] master -> agent-0  confirm #3
+        [   300.059] master -> agent-0  accept-proposal #13
+        [   394.117] agent-1 -> master  inform #7
+        [   395.117] master -> agent-1  cfp #16
+        [   396.117] agent-1 -> master  propose #16
+        [   397.117] master -> agent-1  confirm #7
+        [   399.117] master -> agent-1  accept-proposal #16
+        [   662.021] agent-0 -> master  inform #10
+        [   665.021] master -> agent-0  confirm #10
+        [  1021.000] agent-0 -> master  inform #0
+        [  1021.000] agent-1 -> master  inform #0
+        [  1207.328] agent-0 -> master  inform #13
+        [  1210.328] master -> agent-0  confirm #13
+        [  1844.485] agent-1 -> master  inform #16
+        [  1847.485] master -> agent-1  confirm #16
+        [  1847.485] master stops"#]]
     .assert_eq(&trace);
 }
 

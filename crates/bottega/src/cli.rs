@@ -53,6 +53,12 @@ pub(crate) struct SceneArgs {
     /// The camera, by name or by number from 0; default: the file's first.
     #[arg(long, value_name = "NAME", help_heading = "Picture")]
     pub(crate) camera: Option<String>,
+    /// Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp.
+    #[arg(long, value_name = "RADIUS", value_parser = parse_factor, requires = "focus_distance", help_heading = "Picture")]
+    pub(crate) lens_radius: Option<f32>,
+    /// Distance from the camera at which things are sharp, in scene units.
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "Picture")]
+    pub(crate) focus_distance: Option<f32>,
     /// Light from all around: an .hdr, .exr or .png picture of the whole sphere, or one radiance as R,G,B.
     #[arg(long, value_name = "FILE|R,G,B", value_parser = parse_environment, help_heading = "Light")]
     pub(crate) env: Option<EnvironmentArg>,
@@ -349,6 +355,13 @@ fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor >= 0.0 => Ok(factor),
         _ => Err("a number from 0 up is needed".to_owned()),
+    }
+}
+
+fn parse_distance(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(distance) if distance.is_finite() && distance > 0.0 => Ok(distance),
+        _ => Err("a number above 0 is needed".to_owned()),
     }
 }
 

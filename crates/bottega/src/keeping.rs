@@ -68,6 +68,7 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("version={}", env!("CARGO_PKG_VERSION")),
         format!("scene={}", subject.scene().digest),
         format!("camera={}", subject.view.camera),
+        format!("lens={:?}/{:?}", args.scene.lens_radius, args.scene.focus_distance),
         format!("size={}x{}", settings.width, settings.height),
         format!("crop={}", settings.crop),
         format!("spp={}", settings.samples),

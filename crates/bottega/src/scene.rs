@@ -25,8 +25,11 @@ pub(crate) struct Subject {
 
 impl Subject {
     pub(crate) fn load(args: &SceneArgs) -> Result<Self, CliError> {
-        let (scene, warnings) = load(args)?;
+        let (mut scene, warnings) = load(args)?;
         let camera = camera_index(&scene, args.camera.as_deref())?;
+        let lens = &mut scene.cameras[camera];
+        lens.lens_radius = args.lens_radius.unwrap_or(lens.lens_radius);
+        lens.focus_distance = args.focus_distance.unwrap_or(lens.focus_distance);
         let size = args.size.unwrap_or_else(|| default_size(&scene, camera));
         let options = PrepareOptions { threads: threads(args), ..PrepareOptions::default() };
         let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &options)?);
