@@ -36,10 +36,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
     let paths = scenes.iter().map(|scene| paths(scene, *repeat)).collect::<Result<Vec<_>, _>>()?;
     if *json {
-        let rays: Vec<Value> = rays
-            .iter()
-            .flat_map(|(scene, rows)| rows.iter().map(|row| row_as_json(&scene.name, row)))
-            .collect();
+        let rays: Vec<Value> =
+            rays.iter().flat_map(|(scene, rows)| rows.iter().map(|row| row_as_json(&scene.name, row))).collect();
         println!("{}", json!({"rays": rays, "paths": paths}));
         return Ok(ExitCode::SUCCESS);
     }
@@ -48,7 +46,10 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         println!("{}", kernels::table(scene, rows));
     }
     for scene in paths {
-        println!("{}: {} Mpaths/s on one thread, {} on {}", scene["scene"], scene["one"], scene["all"], scene["threads"]);
+        println!(
+            "{}: {} Mpaths/s on one thread, {} on {}",
+            scene["scene"], scene["one"], scene["all"], scene["threads"]
+        );
     }
     Ok(ExitCode::SUCCESS)
 }

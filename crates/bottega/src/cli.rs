@@ -32,7 +32,9 @@ pub(crate) enum Command {
     /// List the devices that can take part in rendering.
     Devices(DevicesArgs),
     /// Print completions for a shell.
-    #[command(after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega")]
+    #[command(
+        after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"
+    )]
     Completions {
         /// Which shell.
         shell: clap_complete::Shell,
@@ -337,9 +339,10 @@ fn parse_environment(text: &str) -> Result<EnvironmentArg, String> {
 }
 
 fn parse_aov(text: &str) -> Result<Aov, String> {
-    Aov::ALL.into_iter().find(|aov| aov.name() == text.trim()).ok_or_else(|| {
-        format!("there are {}", Aov::ALL.map(Aov::name).join(", "))
-    })
+    Aov::ALL
+        .into_iter()
+        .find(|aov| aov.name() == text.trim())
+        .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
 }
 
 fn parse_factor(text: &str) -> Result<f32, String> {

@@ -25,7 +25,8 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
     }
     println!("{} processors", processors());
     for gpu in &gpus {
-        let note = if gpu.kind == AdapterKind::Software { "; software: takes part only when asked for by name" } else { "" };
+        let note =
+            if gpu.kind == AdapterKind::Software { "; software: takes part only when asked for by name" } else { "" };
         println!("{} ({}, {}{note})", gpu.name, gpu.backend, gpu.driver);
     }
     if gpus.is_empty() {

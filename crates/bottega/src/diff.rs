@@ -2,9 +2,7 @@
 
 use std::process::ExitCode;
 
-use bottega_image::{
-    Canvas, ColorMap, FlipOptions, Picture, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse,
-};
+use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse};
 use serde::Serialize;
 
 use crate::{cli::DiffArgs, error::CliError};
@@ -49,7 +47,10 @@ pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
     } else {
         let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
         println!("FLIP         {:.5}   mean; 0: equal to the eye, above 0.05: plainly different", difference.flip);
-        println!("relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)", difference.rel_mse, difference.rel_mse_trimmed);
+        println!(
+            "relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)",
+            difference.rel_mse, difference.rel_mse_trimmed
+        );
         println!("RMSE         {:.3e}", difference.rmse);
         println!("MAE          {:.3e}", difference.mae);
         println!("mean ratio   {}   red, green, blue", difference.mean_ratio.map(ratio).join(" "));
@@ -60,7 +61,8 @@ pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
 
 /// Mean of the one over mean of the other, by channel.
 fn mean_ratio(picture: &Picture, reference: &Picture) -> [Option<f64>; 3] {
-    let sum = |picture: &Picture, channel: usize| picture.data.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
+    let sum =
+        |picture: &Picture, channel: usize| picture.data.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
     [0, 1, 2].map(|channel| {
         let ratio = sum(picture, channel) / sum(reference, channel);
         ratio.is_finite().then_some(ratio)

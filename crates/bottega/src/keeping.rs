@@ -44,8 +44,8 @@ impl Keeping {
             }
             Err(source) => return Err(CliError::Read { path, source }),
         };
-        let journal = Journal::read(BufReader::new(&file))
-            .map_err(|source| CliError::Journal { path: path.clone(), source })?;
+        let journal =
+            Journal::read(BufReader::new(&file)).map_err(|source| CliError::Journal { path: path.clone(), source })?;
         if journal.name != name {
             return Err(CliError::failed(
                 format!("`{}` is of another picture: {}", path.display(), difference(&journal.name, name)),

@@ -8,9 +8,7 @@ use std::{
 };
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
-use bottega_farm::{
-    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch,
-};
+use bottega_farm::{Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch};
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, ToneMap,
     check_writable, write_exr, write_png,

@@ -93,22 +93,19 @@ fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, CliError> {
     let by_name = scene.cameras.iter().position(|camera| camera.name == asked);
     let by_number = asked.parse().ok().filter(|&index: &usize| index < scene.cameras.len());
     by_name.or(by_number).ok_or_else(|| {
-        let names: Vec<String> = scene
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(index, camera)| format!("{index} {:?}", camera.name))
-            .collect();
+        let names: Vec<String> =
+            scene.cameras.iter().enumerate().map(|(index, camera)| format!("{index} {:?}", camera.name)).collect();
         CliError::usage(format!("there is no camera `{asked}`"), format!("the scene has: {}", names.join(", ")))
     })
 }
 
 fn default_size(scene: &Scene, camera: usize) -> Size {
     let camera = &scene.cameras[camera];
-    let aspect = camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
-        Projection::Perspective { .. } => 16.0 / 9.0,
-        Projection::Orthographic { .. } => 1.0,
-    });
+    let aspect =
+        camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
+            Projection::Perspective { .. } => 16.0 / 9.0,
+            Projection::Orthographic { .. } => 1.0,
+        });
     let width = (DEFAULT_HEIGHT as f32 * aspect.clamp(0.05, 20.0)).round() as u32;
     Size { width: width.max(1), height: DEFAULT_HEIGHT }
 }

@@ -96,7 +96,8 @@ fn a_scene_that_is_none_is_refused_by_name() {
         fails(&["render", text(scene), "-o", text(&picture), "--spp", "1"], 1, &[name]);
         fails(&["info", text(scene)], 1, &[name]);
     }
-    let unknown = br#"{"asset":{"version":"2.0"},"extensionsRequired":["ACME_teleport"],"extensionsUsed":["ACME_teleport"]}"#;
+    let unknown =
+        br#"{"asset":{"version":"2.0"},"extensionsRequired":["ACME_teleport"],"extensionsUsed":["ACME_teleport"]}"#;
     fails(&["info", text(&write("unknown.gltf", unknown))], 1, &["ACME_teleport"]);
 }
 
@@ -114,7 +115,8 @@ fn pictures_of_different_sizes_are_not_compared() {
 fn rules_with_a_mistake_are_told_with_their_place() {
     let folder = tempfile::tempdir().expect("a folder");
     let rules = folder.path().join("mine.fcl");
-    fs::write(&rules, "FUNCTION_BLOCK x\nVAR_INPUT\n  complexity REAL;\nEND_VAR\nEND_FUNCTION_BLOCK\n").expect("written");
+    fs::write(&rules, "FUNCTION_BLOCK x\nVAR_INPUT\n  complexity REAL;\nEND_VAR\nEND_FUNCTION_BLOCK\n")
+        .expect("written");
     let picture = folder.path().join("picture.png");
     let arguments = ["render", "cornell-box.glb", "-o", text(&picture), "--rules", text(&rules), "--optimize", "n"];
     fails(&arguments, 1, &["mine.fcl", "3"]);

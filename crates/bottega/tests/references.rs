@@ -73,7 +73,11 @@ fn agrees(pictures: &[Picture], reference: &Picture) {
         // By Student's t with few degrees of freedom single blocks may be far off; most must not be.
         z_squared.sort_by(f64::total_cmp);
         let ninth_decile = z_squared[count * 9 / 10];
-        assert!(ninth_decile < 9.0, "channel {channel}: a tenth of the blocks is off by over {} σ", ninth_decile.sqrt());
+        assert!(
+            ninth_decile < 9.0,
+            "channel {channel}: a tenth of the blocks is off by over {} σ",
+            ninth_decile.sqrt()
+        );
     }
 }
 
