@@ -16,6 +16,7 @@ pub struct Bsdf {
 
 /// What is cheaper than the layers is only a shorter way to the same numbers.
 #[derive(Clone, Copy, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
 enum Kind {
     /// f = color / π, not black.
     Lambert(Spectrum),

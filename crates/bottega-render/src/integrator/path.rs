@@ -369,11 +369,11 @@ impl Path<'_> {
         }
     }
 
+    #[inline]
     fn finish(mut self) -> PathRecord {
-        if self.radiance.is_finite() {
+        self.record.is_dropped = !self.radiance.is_finite();
+        if !self.record.is_dropped {
             self.record.values.radiance = self.radiance.to_array();
-        } else {
-            self.record.is_dropped = true;
         }
         self.record
     }
