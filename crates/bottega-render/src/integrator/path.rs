@@ -340,7 +340,8 @@ impl Path<'_> {
         self.survives(u[3])
     }
 
-    /// Russian roulette: a path goes on with the probability of what it still carries.
+    /// Russian roulette: a path goes on with the square root of what it still carries as its probability. With that part
+    /// itself, error times vertices is up to an eighth larger (`bench/runs/2026-11-21-paths.txt`).
     #[inline]
     fn survives(&mut self, u: f32) -> bool {
         let carried = self.throughput.max_element() * self.eta_scale;
@@ -350,7 +351,7 @@ impl Path<'_> {
         if self.depth <= self.integrator.settings.roulette_depth {
             return true;
         }
-        let survival = carried.min(ROULETTE_SURVIVAL_MAX);
+        let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
         self.throughput /= survival;
         u < survival
     }
