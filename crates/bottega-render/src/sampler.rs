@@ -36,19 +36,20 @@ impl DimensionSet {
 pub struct PixelSampler {
     pixel_key: u64,
     sample_index: u32,
+    reversed_index: u32,
 }
 
 impl PixelSampler {
     /// The numbers of sample `sample_index` of the pixel (x, y) of the picture.
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
-        Self { pixel_key: mix(mix(seed) ^ pixel), sample_index }
+        Self { pixel_key: mix(mix(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
     }
 
     /// The four numbers of a dimension set.
     #[inline]
     pub fn quad(&self, set: DimensionSet) -> Quad {
-        self.scrambled_point(set, self.sample_index)
+        self.scrambled_point(set, self.reversed_index)
     }
 
     /// The numbers of part `part` of `part_count`, where this sample splits into several in that set. The parts of
@@ -56,7 +57,8 @@ impl PixelSampler {
     #[inline]
     pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
         debug_assert!(part < part_count);
-        self.scrambled_point(set, self.sample_index.wrapping_mul(part_count).wrapping_add(part))
+        let index = self.sample_index.wrapping_mul(part_count).wrapping_add(part);
+        self.scrambled_point(set, index.reverse_bits())
     }
 
     /// The first number of a set.
@@ -78,13 +80,13 @@ impl PixelSampler {
     }
 
     #[inline]
-    fn scrambled_point(&self, set: DimensionSet, index: u32) -> Quad {
+    fn scrambled_point(&self, set: DimensionSet, reversed_index: u32) -> Quad {
         let set_key = mix(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         let second = mix(set_key);
         let third = mix(second);
         let scrambles = [second as u32, (second >> 32) as u32, third as u32, (third >> 32) as u32];
         // Shuffle the order of the points, differently for each set, or sets would be correlated.
-        let shuffled = owen_scramble_reversed(index.reverse_bits(), set_key as u32).reverse_bits();
+        let shuffled = owen_scramble_reversed(reversed_index, set_key as u32);
         let reversed = sobol::reversed_point(shuffled);
         let mut point = [0.0; 4];
         for ((value, bits), scramble) in point.iter_mut().zip(reversed).zip(scrambles) {

@@ -6,19 +6,31 @@ use glam::Vec3;
 use super::base::{Base, Rest};
 use super::coat::Coat;
 use super::fresnel::mean;
-use super::interface::{Drawn, Through};
+use super::interface::{Drawn, Interface, Through};
 use super::sheen::Sheen;
 use super::tables::Mu;
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
 
-/// The scattering at one point. See the [module](super) for the frame and for how the layers balance.
+/// All layers and lobes that there are. See the [module](super) for the frame and for how the layers balance.
 #[derive(Clone, Copy, Debug)]
-pub struct Bsdf {
-    mode: TransportMode,
+pub(super) struct Layered {
     base: Base,
     /// Outside: on the far side when wo is within a solid.
     coat: Option<Coat>,
     sheen: Option<Sheen>,
+    is_black: bool,
+    has_non_delta: bool,
+}
+
+/// [`Layered`] seen from one direction: what light sampling and BSDF sampling both need is known once.
+#[derive(Clone, Copy)]
+pub(super) struct LayeredAt<'a> {
+    layers: &'a Layered,
+    mode: TransportMode,
+    wo: Vec3,
+    profile: Profile,
+    /// Probabilities of [`LOBES`].
+    chances: [f32; 5],
 }
 
 /// All that depends on one direction alone.
@@ -43,152 +55,60 @@ enum Lobe {
 
 const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Uniform];
 
-impl Bsdf {
-    /// The scattering of paths from the camera.
-    pub fn new(params: &SurfaceParams) -> Self {
-        let p = params.clamped();
-        let base = Base::new(&p);
+impl Layered {
+    /// `p` is clamped.
+    pub(super) fn new(p: &SurfaceParams) -> Self {
+        let base = Base::new(p);
+        let coat = Coat::new(p.coat, p.coat_roughness, p.coat_normal);
+        let sheen = Sheen::new(base.tables, p.sheen_color, p.sheen_roughness);
+        let rough_base = !base.interface.ggx.is_smooth() && !base.interface.is_black();
+        let rough_coat = coat.is_some_and(|coat| !coat.ggx.is_smooth());
+        // From within, coat and sheen only weaken what goes through.
+        let above = !base.inside && (sheen.is_some() || rough_coat);
         Self {
-            mode: TransportMode::Radiance,
+            is_black: base.interface.is_black() && !base.has_cosine() && coat.is_none() && sheen.is_none(),
+            has_non_delta: rough_base || base.has_cosine() || above,
             base,
-            coat: Coat::new(p.coat, p.coat_roughness, p.coat_normal),
-            sheen: Sheen::new(base.tables, p.sheen_color, p.sheen_roughness),
+            coat,
+            sheen,
         }
     }
 
-    /// The same for `mode`.
-    pub fn with_mode(self, mode: TransportMode) -> Self {
-        Self { mode, ..self }
+    /// The bare boundary, where there is nothing else.
+    pub(super) fn as_smooth_boundary(&self) -> Option<Interface> {
+        let is_bare = self.coat.is_none() && self.sheen.is_none();
+        (is_bare && !self.has_non_delta && !self.is_black).then_some(self.base.interface)
     }
 
-    /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones; see [`Self::eval_pdf`].
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Spectrum {
-        self.eval_pdf(wo, wi).0
-    }
-
-    /// Density in sr⁻¹ with which [`Self::sample`] draws `wi`, Dirac lobes left out; see [`Self::eval_pdf`].
-    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.eval_pdf(wo, wi).1
-    }
-
-    /// f(wo, wi) and the density of `wi`, at the price of one of them. (0, 0) unless wo is above the surface.
-    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
-        if !is_above(wo) || wi.z == 0.0 {
-            return (Spectrum::ZERO, 0.0);
-        }
-        let (profile, albedo) = self.outgoing(wo);
-        chances(&albedo).map_or((Spectrum::ZERO, 0.0), |chances| self.mixture(wo, wi, &profile, &chances))
-    }
-
-    /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
-    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        if !is_above(wo) {
-            return None;
-        }
+    /// What is seen from `wo`, above the surface; `None` where nothing is scattered.
+    #[inline]
+    pub(super) fn at(&self, wo: Vec3, mode: TransportMode) -> Option<LayeredAt<'_>> {
         let (profile, albedo) = self.outgoing(wo);
         let chances = chances(&albedo)?;
-        let (lobe, chance, u_rest) = choose(&chances, u_lobe)?;
-        let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
-        let drawn = match lobe {
-            Lobe::Interface => self.base.interface.sample(wo, u_rest, u, self.mode)?,
-            Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
-            Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
-            Lobe::Coat => self.coat?.sample(wo, u)?,
-            Lobe::CosineThrough => Drawn {
-                wi: -warp::cosine_hemisphere(u),
-                flags: LobeFlags::TRANSMISSION.union(LobeFlags::DIFFUSE),
-                eta: self.base.interface.eta(),
-                delta: None,
-            },
-        };
-        let Drawn { wi, flags, eta, delta } = drawn;
-        if wi.z == 0.0 {
-            return None;
-        }
-        let (value, pdf) = match delta {
-            None => self.mixture(wo, wi, &profile, &chances),
-            Some((reflectance, probability)) => {
-                let other = self.on_side_of(wi);
-                let passed = match lobe {
-                    Lobe::Coat => profile.sheen.min(other.sheen),
-                    _ => passed(&profile, &other),
-                };
-                (reflectance * (passed / wi.z.abs()), chance * probability)
-            }
-        };
-        (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
+        Some(LayeredAt { layers: self, mode, wo, profile, chances })
     }
 
-    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within two percent for
-    /// what is reflected by a base without coat and sheen, up to a tenth or so too much below these, and an estimate of
-    /// what goes through.
-    pub fn albedo(&self, wo: Vec3) -> Spectrum {
-        if !is_above(wo) {
-            return Spectrum::ZERO;
-        }
+    /// See [`Bsdf::albedo`](super::Bsdf::albedo); `wo` is above the surface.
+    pub(super) fn albedo(&self, wo: Vec3) -> Spectrum {
         self.outgoing(wo).1.iter().copied().sum()
     }
 
-    /// Whether nothing is scattered at all.
-    pub fn is_black(&self) -> bool {
-        self.base.interface.is_black() && !self.base.has_cosine() && self.coat.is_none() && self.sheen.is_none()
+    pub(super) fn is_black(&self) -> bool {
+        self.is_black
     }
 
-    /// Whether light can go to the other side.
-    pub fn is_transmissive(&self) -> bool {
+    pub(super) fn is_transmissive(&self) -> bool {
         self.base.interface.through != Through::Nothing
     }
 
-    /// Whether all light goes into single directions, so that connecting to a light is of no use.
-    pub fn is_delta_only(&self) -> bool {
-        !self.is_black() && !self.has_non_delta()
+    pub(super) fn has_non_delta(&self) -> bool {
+        self.has_non_delta
     }
 
-    /// Whether some light is spread over solid angles: what `eval` and `pdf` tell of.
-    pub fn has_non_delta(&self) -> bool {
-        let rough_base = !self.base.interface.ggx.is_smooth() && !self.base.interface.is_black();
-        let rough_coat = self.coat.is_some_and(|coat| !coat.ggx.is_smooth());
-        // From within, coat and sheen only weaken what goes through.
-        let above = !self.base.inside && (self.sheen.is_some() || rough_coat);
-        rough_base || self.base.has_cosine() || above
-    }
-
-    /// Perceptual roughness of the sharpest lobe that this surface has: 0 for a mirror, 1 where there are only diffuse
-    /// ones.
-    pub fn roughness(&self) -> f32 {
+    /// See [`Bsdf::roughness`](super::Bsdf::roughness).
+    pub(super) fn roughness(&self) -> f32 {
         let base = if self.base.interface.is_black() { 1.0 } else { self.base.interface.ggx.alpha().sqrt() };
         self.coat.filter(|_| !self.base.inside).map_or(base, |coat| base.min(coat.ggx.alpha().sqrt()))
-    }
-
-    /// Sums of all lobes but Dirac ones.
-    fn mixture(&self, wo: Vec3, wi: Vec3, profile: &Profile, chances: &[f32; 5]) -> (Spectrum, f32) {
-        let [interface, cosine, cosine_through, coat, uniform] = *chances;
-        let other = self.on_side_of(wi);
-        let (facets, facets_pdf) = self.base.interface.eval_pdf(wo, wi, self.mode);
-        let (diffuse, diffuse_chance) = if wi.z > 0.0 {
-            (self.base.cosine(&profile.base, &other.base), cosine)
-        } else {
-            let scale = self.mode.radiance_scale(self.base.interface.eta());
-            (scale * self.base.cosine_through(&profile.base, &other.base), cosine_through)
-        };
-        let mut value = (facets + diffuse) * passed(profile, &other);
-        let mut pdf = interface * facets_pdf + diffuse_chance * warp::cosine_hemisphere_pdf(wi.z.abs());
-        if wi.z < 0.0 {
-            return (value, pdf);
-        }
-        pdf += uniform * warp::UNIFORM_HEMISPHERE_PDF;
-        if self.base.inside {
-            return (value, pdf);
-        }
-        if let Some(layer) = &self.coat {
-            let (coat_value, coat_pdf) = layer.eval_pdf(wo, wi);
-            value += profile.sheen.min(other.sheen) * coat_value;
-            pdf += coat * coat_pdf;
-        }
-        if let Some(layer) = &self.sheen {
-            value += layer.eval(wo, wi);
-        }
-        (value, pdf)
     }
 
     /// The profile of wi, on whichever side it is.
@@ -203,8 +123,12 @@ impl Bsdf {
         let tables = self.base.tables;
         Profile {
             base,
-            coat: self.coat.filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, w)),
-            sheen: self.sheen.filter(|_| !inside).map_or(1.0, |sheen| sheen.passed(tables, Mu::new(w.z.abs()))),
+            coat: self.coat.as_ref().filter(|_| !inside).map_or(1.0, |coat| 1.0 - coat.albedo(tables, w)),
+            sheen: self
+                .sheen
+                .as_ref()
+                .filter(|_| !inside)
+                .map_or(1.0, |sheen| sheen.passed(tables, Mu::new(w.z.abs()))),
         }
     }
 
@@ -214,9 +138,80 @@ impl Bsdf {
         let profile = self.profile(wo, rest, self.base.inside);
         let below = profile.coat * profile.sheen;
         let coat = Spectrum::splat(profile.sheen * (1.0 - profile.coat));
-        let sheen = self.sheen.map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
+        let sheen = self.sheen.as_ref().map_or(Spectrum::ZERO, |sheen| sheen.albedo(profile.sheen));
         let uniform = below * albedo.grazing + sheen;
         (profile, [below * albedo.interface, below * albedo.cosine, below * albedo.cosine_through, coat, uniform])
+    }
+}
+
+impl LayeredAt<'_> {
+    /// See [`BsdfAt::sample`](super::BsdfAt::sample).
+    pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let Self { layers, mode, wo, profile, chances } = self;
+        let base = &layers.base;
+        let (lobe, chance, u_rest) = choose(chances, u_lobe)?;
+        let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
+        let drawn = match lobe {
+            Lobe::Interface => base.interface.sample(*wo, u_rest, u, *mode)?,
+            Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
+            Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
+            Lobe::Coat => layers.coat.as_ref()?.sample(*wo, u)?,
+            Lobe::CosineThrough => Drawn {
+                wi: -warp::cosine_hemisphere(u),
+                flags: LobeFlags::TRANSMISSION.union(LobeFlags::DIFFUSE),
+                eta: base.interface.eta(),
+                delta: None,
+            },
+        };
+        let Drawn { wi, flags, eta, delta } = drawn;
+        if wi.z == 0.0 {
+            return None;
+        }
+        let (value, pdf) = match delta {
+            None => self.eval_pdf(wi),
+            Some((reflectance, probability)) => {
+                let other = layers.on_side_of(wi);
+                let passed = match lobe {
+                    Lobe::Coat => profile.sheen.min(other.sheen),
+                    _ => passed(profile, &other),
+                };
+                (reflectance * (passed / wi.z.abs()), chance * probability)
+            }
+        };
+        (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
+    }
+
+    /// Sums of all lobes but Dirac ones. wi is not in the surface.
+    pub(super) fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
+        let Self { layers, mode, wo, profile, chances } = self;
+        let [interface, cosine, cosine_through, coat, uniform] = *chances;
+        let base = &layers.base;
+        let other = layers.on_side_of(wi);
+        let (facets, facets_pdf) = base.interface.eval_pdf(*wo, wi, *mode);
+        let (diffuse, diffuse_chance) = if wi.z > 0.0 {
+            (base.cosine(&profile.base, &other.base), cosine)
+        } else {
+            let scale = mode.radiance_scale(base.interface.eta());
+            (scale * base.cosine_through(&profile.base, &other.base), cosine_through)
+        };
+        let mut value = (facets + diffuse) * passed(profile, &other);
+        let mut pdf = interface * facets_pdf + diffuse_chance * warp::cosine_hemisphere_pdf(wi.z.abs());
+        if wi.z < 0.0 {
+            return (value, pdf);
+        }
+        pdf += uniform * warp::UNIFORM_HEMISPHERE_PDF;
+        if base.inside {
+            return (value, pdf);
+        }
+        if let Some(layer) = &layers.coat {
+            let (coat_value, coat_pdf) = layer.eval_pdf(*wo, wi);
+            value += profile.sheen.min(other.sheen) * coat_value;
+            pdf += coat * coat_pdf;
+        }
+        if let Some(layer) = &layers.sheen {
+            value += layer.eval(*wo, wi);
+        }
+        (value, pdf)
     }
 }
 
@@ -230,10 +225,6 @@ fn chances(albedo: &[Spectrum; 5]) -> Option<[f32; 5]> {
     let weights = albedo.map(mean);
     let sum: f32 = weights.iter().sum();
     (sum > 0.0).then(|| weights.map(|weight| weight / sum))
-}
-
-fn is_above(wo: Vec3) -> bool {
-    wo.z > 0.0
 }
 
 /// The lobe that `u` falls to, its chance, and where in its share `u` lies.

@@ -24,6 +24,7 @@ pub mod ggx;
 mod interface;
 mod layered;
 mod params;
+mod scattering;
 mod sheen;
 mod tables;
 pub mod warp;
@@ -31,8 +32,8 @@ pub mod warp;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-pub use layered::Bsdf;
 pub use params::{SurfaceParams, absorption};
+pub use scattering::{Bsdf, BsdfAt};
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a
 /// transmission, because radiance grows where light is squeezed into a denser medium.

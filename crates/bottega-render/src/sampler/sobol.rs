@@ -5,15 +5,16 @@
 /// The degree s, the coefficients a and the initial numbers m of the primitive polynomials of dimensions 2 to 4.
 const POLYNOMIALS: [(usize, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
 
-/// For each group of four bits of the index and each value of it, what it contributes to the four numbers.
+/// For each group of four bits of the **reversed** index and each value of it, what it contributes to the four numbers.
 static NIBBLES: [[[u32; 4]; 16]; 8] = nibble_tables();
 
-/// Point `index` of the sequence as four 32-bit fractions **with their bits reversed** (the lowest bit is the half).
+/// A point of the sequence as four 32-bit fractions; these and its index **with their bits reversed** (the lowest bit of
+/// a fraction is the half).
 #[inline]
-pub(super) fn reversed_point(index: u32) -> [u32; 4] {
+pub(super) fn reversed_point(reversed_index: u32) -> [u32; 4] {
     let mut point = [0; 4];
     for (group, table) in NIBBLES.iter().enumerate() {
-        let part = table[(index >> (4 * group) & 15) as usize];
+        let part = table[(reversed_index >> (4 * group) & 15) as usize];
         for d in 0..4 {
             point[d] ^= part[d];
         }
@@ -59,7 +60,7 @@ const fn nibble_tables() -> [[[u32; 4]; 16]; 8] {
             let mut value = 0;
             while value < 16 {
                 if value >> (bit % 4) & 1 == 1 {
-                    tables[bit / 4][value][dimension] ^= v[bit].reverse_bits();
+                    tables[bit / 4][value][dimension] ^= v[31 - bit].reverse_bits();
                 }
                 value += 1;
             }
@@ -88,7 +89,7 @@ mod tests {
             [7, 7, 1, 3],
         ];
         for (index, point) in expected.into_iter().enumerate() {
-            let got = reversed_point(index as u32).map(|bits| bits.reverse_bits() >> 29);
+            let got = reversed_point((index as u32).reverse_bits()).map(|bits| bits.reverse_bits() >> 29);
             assert_eq!(got, point, "point {index}");
         }
     }
