@@ -191,7 +191,12 @@ impl Accel {
 
     /// The closest hit; adds the number of nodes and leaves visited to `steps`.
     pub fn intersect_counted(&self, ray: &Ray, steps: &mut u32) -> Hit {
-        self.query(ray, &mut Counted(steps))
+        self.query(ray, &mut Counted::<false>(steps))
+    }
+
+    /// Whether anything is hit; adds the number of nodes and leaves visited to `steps`.
+    pub fn occluded_counted(&self, ray: &Ray, steps: &mut u32) -> bool {
+        self.query(ray, &mut Counted::<true>(steps)).is_some()
     }
 
     /// The closest hit of every ray. Panics when the lengths differ.
@@ -261,6 +266,10 @@ mod tests {
         assert_eq!(steps, other_steps);
         assert_eq!(bits(counted), bits(one.intersect(ray)));
         assert_eq!(one.occluded(ray), other.occluded(ray));
+        let (closest, mut any, mut other_any) = (steps, 0, 0);
+        assert_eq!(one.occluded_counted(ray, &mut any), one.occluded(ray));
+        assert_eq!(other.occluded_counted(ray, &mut other_any), one.occluded(ray));
+        assert!(any == other_any && (any <= closest || one.occluded(ray)), "a miss costs both kinds of ray the same");
         assert_eq!(one.occluded(ray), counted.is_some(), "{ray:?}");
         let filtered = one.intersect_filtered(ray, even);
         assert_eq!(bits(filtered), bits(other.intersect_filtered(ray, even)), "{ray:?}");

@@ -8,7 +8,7 @@ mod scenes;
 
 pub use scenes::{BenchScene, interior, noisy_sphere};
 
-use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math, offset_ray_origin};
+use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math};
 use glam::{Affine3A, Vec3};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
@@ -136,12 +136,14 @@ impl RaySets {
     /// Makes `side` × `side` primary rays and what follows from them.
     pub fn new(accel: &Accel, scene: &BenchScene, side: u32) -> Self {
         let mut random = Random::new(7);
+        // Far above the rounding of a hit point, so that no kernel meets the same surface again; far below a triangle.
+        let clearance = 3e-5 * (accel.bounds().max.abs().max(accel.bounds().min.abs())).max_element();
         let primary: Vec<Ray> = scene.camera_rays(side);
         let diffuse_from = |rays: &[Ray], random: &mut Random| {
             let next = |ray: &Ray| {
                 let (p, n) = surface(accel, scene, ray)?;
                 let direction = random.cosine(n);
-                Some(Ray::new(offset_ray_origin(p, n, direction), direction))
+                Some(Ray::new(p + n * clearance, direction))
             };
             rays.iter().filter_map(next).collect::<Vec<_>>()
         };
@@ -150,7 +152,7 @@ impl RaySets {
         let shadow = primary.iter().filter_map(|ray| {
             let (p, n) = surface(accel, scene, ray)?;
             let target = scene.light(random.unit(), random.unit());
-            let origin = offset_ray_origin(p, n, target - p);
+            let origin = p + n * clearance.copysign(n.dot(target - p));
             Some(Ray { origin, t_min: 0.0, direction: target - origin, t_max: 0.999 })
         });
         let shadow = shadow.collect();

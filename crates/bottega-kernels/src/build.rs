@@ -1,9 +1,9 @@
 //! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
 //!
-//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. Beside the
-//! result, a build holds at most about 120 bytes a triangle (a quarter more where many are cut, 90 without the
-//! optimization): 32 for the item and 32 for its copy, some 27 for the binary tree, 27 for its links, or later for the
-//! dynamic program.
+//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build
+//! holds at most about 95 bytes a triangle, the result included (80 without the optimization, some 15 more with several
+//! threads, a quarter more where many are cut): at the widest 32 for the item, 32 for its copy in a new order and 27
+//! for the binary tree.
 
 mod bins;
 mod collapse;
@@ -12,11 +12,10 @@ mod presplit;
 mod reinsert;
 
 use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use crate::gpu::GpuTriangle;
 use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, WIDTH};
 use crate::{Aabb, Hit};
-use bins::{Binary, Item};
+use bins::Item;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -43,28 +42,6 @@ pub(crate) fn build(
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
         Builder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
-    })
-}
-
-/// A binary tree over all triangles in world space, and the triangles in its order.
-pub(crate) fn build_binary(
-    meshes: &[MeshGeometry<'_>],
-    instances: &[InstanceGeometry],
-    options: &BuildOptions,
-) -> Result<(Vec<Binary>, Vec<GpuTriangle>), BuildError> {
-    with_threads(options.threads, |parallel| {
-        instance::validate(meshes, instances, &[])?;
-        let builder = Builder { meshes, instances, options, parallel, tree: empty_tree() };
-        let world = World::new(meshes, instances, 0..instances.len())?;
-        let mut items = builder.items(world.count, &|id| world.corners(id));
-        world.check(&items)?;
-        let binary = bins::build(&mut items, BINARY_LEAF, parallel);
-        let triangle = |item: &Item| {
-            let (instance, primitive) = world.find(item.id());
-            let [p0, p1, p2] = world.corners(item.id());
-            GpuTriangle { p0, instance, p1, primitive, p2, padding: 0 }
-        };
-        Ok((binary, items.iter().map(triangle).collect()))
     })
 }
 
@@ -245,19 +222,22 @@ impl Builder<'_> {
         corners: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
     ) -> Result<(Child, Aabb), BuildError> {
         let budget = items.len() / SPLIT_BUDGET;
-        presplit::presplit(&mut items, budget, &corners);
+        presplit::presplit(&mut items, budget, self.parallel, &corners);
         let mut binary = bins::build(&mut items, BINARY_LEAF, self.parallel);
         if self.options.optimize {
             binary = reinsert::optimize(binary, &mut items)
                 .unwrap_or_else(|| bins::build(&mut items, BINARY_LEAF, self.parallel));
         }
+        // The boxes have served: the items' numbers are an eighth of them.
+        let ids: Vec<u32> = items.iter().map(Item::id).collect();
+        drop(items);
         let choices = collapse::choose(&binary, WIDTH as u32);
         let base = self.tree.blocks.len();
         emit::check("leaf blocks", base + binary.len())?;
         let leaf = |n: usize, _: &_| Child::triangles(base + n);
         let out = emit::nodes(&binary, &choices, &mut self.tree.nodes, self.parallel, leaf)?;
         drop((binary, choices));
-        emit::blocks(&out.leaves, &items, &mut self.tree.blocks, self.options.precision, self.parallel, corners);
+        emit::blocks(&out.leaves, &ids, &mut self.tree.blocks, self.options.precision, self.parallel, corners);
         Ok((out.root, out.bounds))
     }
 

@@ -13,17 +13,14 @@
 //! [`math`] holds the elementary functions for the same end.
 
 pub mod bench;
-pub mod gpu;
 pub mod math;
 
 mod accel;
 mod build;
 mod instance;
-mod offset;
 mod ray;
 mod traverse;
 mod tree;
 
 pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
-pub use offset::offset_ray_origin;
 pub use ray::{Aabb, Hit, Ray};

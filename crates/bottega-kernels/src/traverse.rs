@@ -22,9 +22,9 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 
-use crate::tree::{Child, Node, Placed, Tree};
+use crate::tree::{Child, Node, Placed, Tree, TriangleBlock};
 use crate::{Hit, Ray};
-use lanes::Lanes;
+use lanes::{Job, Lanes};
 use setup::{Setup, Wide};
 use stack::{Stack, Storage};
 
@@ -67,10 +67,10 @@ impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
     }
 }
 
-/// The closest hit, with the number of visits.
-pub(crate) struct Counted<'a>(pub(crate) &'a mut u32);
-impl Query for Counted<'_> {
-    const ANY: bool = false;
+/// The closest or any hit, with the number of visits.
+pub(crate) struct Counted<'a, const ANY: bool>(pub(crate) &'a mut u32);
+impl<const ANY: bool> Query for Counted<'_, ANY> {
+    const ANY: bool = ANY;
     const FILTERED: bool = false;
     #[inline(always)]
     fn visit(&mut self) {
@@ -82,6 +82,7 @@ impl Query for Counted<'_> {
 const WORLD: u32 = u32::MAX;
 
 /// The best hit so far.
+#[derive(Clone, Copy)]
 struct Best {
     t: f32,
     /// Where in the arenas the triangle is; meaningless for a sphere.
@@ -112,6 +113,57 @@ fn key(tree: &Tree, space: u32, id: u32) -> (u32, u32) {
         tree.resolve(id)
     } else {
         (space, id)
+    }
+}
+
+/// Which of two at the same distance counts, given by space and number.
+#[cold]
+#[inline(never)]
+fn key_is_lower(tree: &Tree, (space, id): (u32, u32), (best_space, best_id): (u32, u32)) -> bool {
+    key(tree, space, id) < key(tree, best_space, best_id)
+}
+
+/// Takes over what a [`Job`] has found, if it has.
+#[inline(always)]
+fn keep(best: &mut Best, found: Option<Best>) -> bool {
+    if let Some(found) = found {
+        *best = found;
+    }
+    found.is_some()
+}
+
+/// A leaf that is a sphere. It gets the best hit by value, so that the walk keeps its own in registers.
+struct SphereJob<'a, S, Q, const ROBUST: bool> {
+    walk: &'a Walk<'a, S, ROBUST>,
+    index: usize,
+    entry: f32,
+    query: &'a mut Q,
+    best: Best,
+}
+
+impl<S: Lanes, Q: Query, const ROBUST: bool> Job for SphereJob<'_, S, Q, ROBUST> {
+    type Output = Option<Best>;
+    #[inline(always)]
+    fn run(mut self) -> Option<Best> {
+        self.walk.sphere(self.index, self.entry, self.query, &mut self.best).then_some(self.best)
+    }
+}
+
+/// A leaf that is an instance: see [`SphereJob`].
+struct InstanceJob<'a, S, Q, const ROBUST: bool> {
+    walk: &'a Walk<'a, S, ROBUST>,
+    index: usize,
+    entry: f32,
+    query: &'a mut Q,
+    best: Best,
+}
+
+impl<S: Lanes, Q: Query, const ROBUST: bool> Job for InstanceJob<'_, S, Q, ROBUST> {
+    type Output = Option<Best>;
+    #[inline(always)]
+    fn run(mut self) -> Option<Best> {
+        let placed = &self.walk.tree.placed[self.index];
+        self.walk.instance(placed, self.entry, self.query, &mut self.best).then_some(self.best)
     }
 }
 
@@ -199,18 +251,21 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         }
         let nears = s.store(near);
         let first = bits.trailing_zeros() as usize & 7;
-        let rest = bits & (bits - 1);
-        if rest == 0 {
+        if bits & (bits - 1) == 0 {
             return Some((node.children[first], nears[first]));
         }
-        let second = rest.trailing_zeros() as usize & 7;
-        if rest & (rest - 1) == 0 {
-            let (closer, farther) = if nears[second] < nears[first] { (second, first) } else { (first, second) };
-            stack.push(node.children[farther], nears[farther]);
-            return Some((node.children[closer], nears[closer]));
-        }
-        s.push_ordered(stack, &node.children, near, hit, node.order[self.setup.octant & 7]);
-        stack.pop()
+        let nearest = s.push_ordered(stack, &node.children, near, hit, node.order[self.setup.octant & 7]) & 7;
+        self.prefetch(stack.top());
+        Some((node.children[nearest], nears[nearest]))
+    }
+
+    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an
+    /// instance, or a subtree that a closer hit makes needless).
+    #[inline(always)]
+    fn prefetch(&self, child: Child) {
+        let nodes = self.tree.nodes.as_ptr().cast::<u8>().wrapping_add(child.index() * size_of::<Node>());
+        let blocks = self.tree.blocks.as_ptr().cast::<u8>().wrapping_add(child.index() * size_of::<TriangleBlock>());
+        self.s.prefetch(if child.is_node() { nodes } else { blocks });
     }
 
     /// Tests what is in a leaf. Returns whether `best` was improved.
@@ -228,9 +283,9 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         } else if leaf == Child::EMPTY {
             false
         } else if leaf.is_sphere() {
-            self.sphere(leaf.index(), entry, query, best)
+            keep(best, self.s.apart(SphereJob { walk: self, index: leaf.index(), entry, query, best: *best }))
         } else {
-            self.instance(&self.tree.placed[leaf.index()], entry, query, best)
+            keep(best, self.s.apart(InstanceJob { walk: self, index: leaf.index(), entry, query, best: *best }))
         }
     }
 
@@ -260,7 +315,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             let lane = bits.trailing_zeros() as usize & 7;
             bits &= bits - 1;
             let (t, id) = (ts[lane].max(entry), block.id[lane]);
-            let closer = t < best.t || (t == best.t && self.key_is_lower(self.space, id, best));
+            let closer =
+                t < best.t || (t == best.t && key_is_lower(self.tree, (self.space, id), (best.space, best.id)));
             if !closer {
                 continue;
             }
@@ -282,13 +338,6 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         found
     }
 
-    /// Which of two at the same distance counts.
-    #[cold]
-    fn key_is_lower(&self, space: u32, id: u32, best: &Best) -> bool {
-        key(self.tree, space, id) < best.key(self.tree)
-    }
-
-    #[inline(never)]
     fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut Best) -> bool {
         let sphere = &self.tree.spheres[index];
         let space = Hit::SPHERE | index as u32;
@@ -297,7 +346,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                 continue;
             }
             let t = t.max(entry);
-            let closer = t < best.t || (t == best.t && self.key_is_lower(space, 0, best));
+            let closer = t < best.t || (t == best.t && key_is_lower(self.tree, (space, 0), (best.space, best.id)));
             if !closer {
                 continue;
             }

@@ -100,7 +100,7 @@ impl Node {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleBlock {
     /// `[vertex][axis][lane]`. In the fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused lanes hold
-    /// a single point, which nothing hits.
+    /// NaN, which nothing hits.
     pub(crate) p: [[[f32; WIDTH]; 3]; 3],
     /// Number of each triangle within its space, ascending by lane.
     pub(crate) id: [u32; WIDTH],

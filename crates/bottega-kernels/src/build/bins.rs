@@ -162,6 +162,7 @@ impl Builder {
             let (left, right) = rayon::join(|| subtree(left, first), || subtree(right, first_right));
             nodes.reserve_exact(left.len() + right.len());
             nodes.extend_from_slice(&left);
+            drop(left); // What is touched next takes its memory.
             nodes[this].second = (nodes.len() - this) as u32;
             nodes.extend_from_slice(&right);
         } else {

@@ -1,6 +1,6 @@
 //! The third stage: the wide tree is written into the arenas.
 
-use super::bins::{Binary, Item};
+use super::bins::Binary;
 use super::collapse::{Choice, children};
 use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
 use crate::{Aabb, BuildError, Precision};
@@ -98,11 +98,11 @@ pub(super) fn nodes(
 
 /// Appends the leaf blocks of a tree of triangles.
 ///
-/// - `leaves`: ranges of `items`, a block each.
+/// - `leaves`: ranges of `items`, which are numbers of triangles, a block each.
 /// - `vertices`: the corners of the triangle with a number.
 pub(super) fn blocks(
     leaves: &[(u32, u32)],
-    items: &[Item],
+    items: &[u32],
     arena: &mut Vec<TriangleBlock>,
     precision: Precision,
     parallel: bool,
@@ -110,9 +110,7 @@ pub(super) fn blocks(
 ) {
     let make = |&(first, count): &(u32, u32)| {
         let mut ids = [u32::MAX; WIDTH];
-        for (id, item) in ids.iter_mut().zip(&items[first as usize..(first + count) as usize]) {
-            *id = item.id();
-        }
+        ids[..count as usize].copy_from_slice(&items[first as usize..(first + count) as usize]);
         // Parts of a triangle that was cut may meet again.
         ids[..count as usize].sort_unstable();
         let mut distinct = 1;
@@ -124,8 +122,8 @@ pub(super) fn blocks(
         }
         ids[distinct..].fill(u32::MAX);
         let mut block = TriangleBlock { p: [[[0.0; WIDTH]; 3]; 3], id: ids };
-        for lane in 0..WIDTH {
-            let corners = if lane < distinct { vertices(ids[lane]) } else { [vertices(ids[0])[0]; 3] };
+        for (lane, &id) in ids.iter().enumerate() {
+            let corners = if lane < distinct { vertices(id) } else { [[f32::NAN; 3]; 3] };
             for axis in 0..3 {
                 let [a, b, c] = corners.map(|p| p[axis]);
                 let values = match precision {

@@ -8,6 +8,7 @@
 
 use super::bins::Item;
 use crate::Aabb;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -42,8 +43,14 @@ impl Ord for Cut {
 /// Cuts items where it pays.
 ///
 /// - `budget`: how many items may be added.
+/// - `parallel`: whether to use the threads of the current pool; the result does not depend on it.
 /// - `corners`: the corners of the triangle with a number.
-pub(super) fn presplit(items: &mut Vec<Item>, budget: usize, corners: impl Fn(u32) -> [[f32; 3]; 3]) {
+pub(super) fn presplit(
+    items: &mut Vec<Item>,
+    budget: usize,
+    parallel: bool,
+    corners: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
+) {
     let scene = items.iter().fold(Aabb::EMPTY, |b, item| b.union(&item.bounds()));
     let total: f64 = items.iter().map(|item| f64::from(item.bounds().half_area())).sum();
     let least = WORTHWHILE * (total / items.len().max(1) as f64) as f32;
@@ -56,10 +63,15 @@ pub(super) fn presplit(items: &mut Vec<Item>, budget: usize, corners: impl Fn(u3
         let halves = cut(&bounds, &scene)?;
         let area = |b: &Aabb| clipped(b, &parallelogram(&corners)).half_area();
         let saved = bounds.half_area() - area(&halves[0]) - area(&halves[1]);
-        let parts = halves.map(|half| clipped(&half, &corners));
-        (saved > least).then_some(Cut { saved, index, parts })
+        (saved > least).then(|| Cut { saved, index, parts: halves.map(|half| clipped(&half, &corners)) })
     };
-    let mut heap: BinaryHeap<Cut> = (0..items.len()).filter_map(|index| consider(items, index)).collect();
+    let all = 0..items.len();
+    let cuts: Vec<Cut> = if parallel {
+        all.into_par_iter().with_min_len(4096).filter_map(|index| consider(items, index)).collect()
+    } else {
+        all.filter_map(|index| consider(items, index)).collect()
+    };
+    let mut heap = BinaryHeap::from(cuts);
     let limit = items.len() + budget;
     while items.len() < limit {
         let Some(Cut { index, parts, .. }) = heap.pop() else { break };
@@ -114,42 +126,77 @@ fn grid_plane(low: f32, high: f32, scene_low: f32, scene_high: f32) -> f32 {
 
 /// A box around the part of a convex polygon inside `bounds`, never too small.
 fn clipped(bounds: &Aabb, corners: &[[f32; 3]]) -> Aabb {
-    let mut polygon: Vec<[f64; 3]> = corners.iter().map(|p| p.map(f64::from)).collect();
+    let mut polygon = Polygon::new(corners);
     for axis in 0..3 {
         for (sign, limit) in [(1.0, bounds.min[axis]), (-1.0, bounds.max[axis])] {
-            polygon = clip(&polygon, axis, sign, f64::from(limit));
+            polygon.clip(axis, sign, f64::from(limit));
         }
     }
-    if polygon.is_empty() {
+    if polygon.count == 0 {
         return *bounds;
     }
     let mut out = Aabb::EMPTY;
     for axis in 0..3 {
-        let low = polygon.iter().fold(f64::INFINITY, |m, p| m.min(p[axis]));
-        let high = polygon.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[axis]));
+        let points = polygon.points();
+        let low = points.iter().fold(f64::INFINITY, |m, p| m.min(p[axis]));
+        let high = points.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[axis]));
         out.min[axis] = (low as f32).next_down().clamp(bounds.min[axis], bounds.max[axis]);
         out.max[axis] = (high as f32).next_up().clamp(bounds.min[axis], bounds.max[axis]);
     }
     out
 }
 
-/// Sutherland and Hodgman 1974: the part of a convex polygon where `sign · (p − limit) >= 0` on an axis.
-fn clip(polygon: &[[f64; 3]], axis: usize, sign: f64, limit: f64) -> Vec<[f64; 3]> {
-    let mut out = Vec::with_capacity(polygon.len() + 1);
-    for (i, &p) in polygon.iter().enumerate() {
-        let q = polygon[(i + 1) % polygon.len()];
-        let (dp, dq) = (sign * (p[axis] - limit), sign * (q[axis] - limit));
-        if dp >= 0.0 {
-            out.push(p);
+/// Four corners, and two more for each of six planes, though a polygon that is exactly convex gains no more than one.
+const CORNERS: usize = 16;
+
+/// A convex polygon.
+struct Polygon {
+    points: [[f64; 3]; CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    fn new(corners: &[[f32; 3]]) -> Self {
+        let mut points = [[0.0; 3]; CORNERS];
+        for (point, corner) in points.iter_mut().zip(corners) {
+            *point = corner.map(f64::from);
         }
-        if (dp < 0.0) != (dq < 0.0) && dp != 0.0 && dq != 0.0 {
-            let t = dp / (dp - dq);
-            let mut x: [f64; 3] = std::array::from_fn(|k| p[k] + (q[k] - p[k]) * t);
-            x[axis] = limit;
-            out.push(x);
+        Self { points, count: corners.len() }
+    }
+
+    fn points(&self) -> &[[f64; 3]] {
+        &self.points[..self.count]
+    }
+
+    fn push(&mut self, point: [f64; 3]) {
+        if let Some(slot) = self.points.get_mut(self.count) {
+            *slot = point;
+            self.count += 1;
         }
     }
-    out
+
+    /// Sutherland and Hodgman 1974: keeps the part where `sign · (p − limit) >= 0` on an axis.
+    fn clip(&mut self, axis: usize, sign: f64, limit: f64) {
+        let distance = |p: &[f64; 3]| sign * (p[axis] - limit);
+        if self.points().iter().all(|p| distance(p) >= 0.0) {
+            return;
+        }
+        let mut out = Self { points: [[0.0; 3]; CORNERS], count: 0 };
+        for (i, p) in self.points().iter().enumerate() {
+            let q = &self.points[(i + 1) % self.count];
+            let (dp, dq) = (distance(p), distance(q));
+            if dp >= 0.0 {
+                out.push(*p);
+            }
+            if (dp < 0.0) != (dq < 0.0) && dp != 0.0 && dq != 0.0 {
+                let t = dp / (dp - dq);
+                let mut x: [f64; 3] = std::array::from_fn(|k| p[k] + (q[k] - p[k]) * t);
+                x[axis] = limit;
+                out.push(x);
+            }
+        }
+        *self = out;
+    }
 }
 
 #[cfg(test)]
@@ -167,7 +214,7 @@ mod tests {
         let small = |i: u32| [[i as f32, 0.0, 0.0], [i as f32 + 0.1, 0.0, 0.0], [i as f32, 0.1, 0.1]];
         let corners = |id: u32| if id == 0 { long } else { small(id) };
         let mut items: Vec<Item> = (0..9).map(|id| item(&corners(id), id)).collect();
-        presplit(&mut items, 100, corners);
+        presplit(&mut items, 100, false, corners);
         let parts: Vec<Aabb> = items.iter().filter(|item| item.id() == 0).map(Item::bounds).collect();
         assert!(parts.len() >= 4 && items.len() == parts.len() + 8, "{} parts of {}", parts.len(), items.len());
         for i in 0..1000 {
@@ -184,11 +231,11 @@ mod tests {
     fn an_even_mesh_is_left_alone_and_the_budget_is_kept() {
         let even = |id: u32| [[id as f32, 0.0, 0.0], [id as f32 + 1.0, 0.0, 1.0], [id as f32, 1.0, 0.0]];
         let mut items: Vec<Item> = (0..50).map(|id| item(&even(id), id)).collect();
-        presplit(&mut items, 20, even);
+        presplit(&mut items, 20, true, even);
         assert_eq!(items.len(), 50);
         let long = |id: u32| if id < 3 { [[0.0; 3], [9.0, 9.0, 9.0], [9.0, 9.1, 9.0]] } else { even(id) };
         let mut items: Vec<Item> = (0..50).map(|id| item(&long(id), id)).collect();
-        presplit(&mut items, 5, long);
+        presplit(&mut items, 5, true, long);
         assert_eq!(items.len(), 55);
     }
 }

@@ -191,9 +191,9 @@ pub(super) fn optimize(binary: Vec<Binary>, items: &mut Vec<Item>) -> Option<Vec
 
 impl Links {
     /// The tree in preorder again.
-    fn rebuild(&self, items: &mut Vec<Item>) -> Option<Vec<Binary>> {
+    fn rebuild(self, items: &mut Vec<Item>) -> Option<Vec<Binary>> {
         let mut nodes: Vec<Binary> = Vec::with_capacity(self.nodes.len());
-        let mut sorted: Vec<Item> = Vec::with_capacity(items.len());
+        let mut order: Vec<u32> = Vec::with_capacity(items.len());
         // Node, depth, and the parent where it is a second child.
         let mut stack = vec![(self.root, 0, NONE)];
         while let Some((index, depth, parent)) = stack.pop() {
@@ -205,22 +205,22 @@ impl Links {
                 nodes[parent as usize].second = this - parent;
             }
             let Link { bounds, children, .. } = self.nodes[index as usize];
-            let first = sorted.len() as u32;
+            let first = order.len() as u32;
             if children[0] & LEAF != 0 {
-                let start = children[1] as usize;
-                sorted.extend_from_slice(&items[start..start + (children[0] & !LEAF) as usize]);
+                order.extend(children[1]..children[1] + (children[0] & !LEAF));
             } else {
                 stack.push((children[1], depth + 1, this));
                 stack.push((children[0], depth + 1, NONE));
             }
-            nodes.push(Binary { bounds, first, count: sorted.len() as u32 - first, second: 0 });
+            nodes.push(Binary { bounds, first, count: order.len() as u32 - first, second: 0 });
         }
         for index in (0..nodes.len()).rev() {
             if nodes[index].second != 0 {
                 nodes[index].count = nodes[index + 1].count + nodes[index + nodes[index].second as usize].count;
             }
         }
-        *items = sorted;
+        drop(self); // Before the copy of the items, which is as large.
+        *items = order.iter().map(|&index| items[index as usize]).collect();
         Some(nodes)
     }
 }

@@ -1,30 +1,31 @@
-//! The vector unit of x86-64 processors since 2013 (AVX2 and FMA).
+//! The vector unit of x86-64 processors since 2013 (AVX2 and FMA, with the bit instructions of the same time).
 #![allow(unsafe_code)]
 
 use super::Query;
-use super::lanes::Lanes;
+use super::lanes::{Job, Lanes};
 use super::stack::Stack;
 use crate::tree::{Child, Tree, WIDTH};
 use crate::{Hit, Ray};
 use std::arch::x86_64::*;
 
-/// Proof that the processor has AVX2, FMA and BMI1; only [`Avx2::detect`] makes one.
+/// Proof that the processor has AVX2, FMA, BMI1 and 2, LZCNT and POPCNT; only [`Avx2::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
     /// Asks the processor.
     pub(crate) fn detect() -> Option<Self> {
-        let has =
-            is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1");
-        has.then_some(Self(()))
+        let vector = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        let bits = is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("bmi2");
+        let counts = is_x86_feature_detected!("lzcnt") && is_x86_feature_detected!("popcnt");
+        (vector && bits && counts).then_some(Self(()))
     }
 }
 
 /// [`super::run`], compiled for this unit.
 #[inline(always)]
 pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
-    #[target_feature(enable = "avx2,fma,bmi1")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
         super::run::<_, Q, ROBUST>(unit, tree, ray, query)
     }
@@ -121,29 +122,56 @@ impl Lanes for Avx2 {
         unsafe { _mm256_and_ps(a, b) }
     }
     #[inline(always)]
-    fn and_not(self, a: __m256, b: __m256) -> __m256 {
-        unsafe { _mm256_andnot_ps(a, b) }
+    fn or(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_or_ps(a, b) }
+    }
+    #[inline(always)]
+    fn prefetch(self, memory: *const u8) {
+        // SAFETY: prefetching reads nothing; any address will do.
+        unsafe {
+            for line in 0..5 {
+                _mm_prefetch::<_MM_HINT_T0>(memory.wrapping_add(64 * line).cast());
+            }
+        }
     }
     #[inline(always)]
     fn bits(self, a: __m256) -> u32 {
         unsafe { _mm256_movemask_ps(a) as u32 }
     }
     #[inline(always)]
-    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: __m256, mask: __m256, order: u32) {
+    fn push_ordered(
+        self,
+        stack: &mut Stack<'_>,
+        children: &[Child; WIDTH],
+        near: __m256,
+        mask: __m256,
+        order: u32,
+    ) -> usize {
         let (near_out, child_out) = stack.room();
         // SAFETY: `Child` is a transparent `u32`, so `children` is 32 readable bytes, and so are both outputs writable;
         // a table row is the 8 bytes that `_mm_loadl_epi64` reads. `permutevar8x32` takes three bits of each lane.
         // The first `count` entries are written, as `grow` asks: all eight are.
         unsafe {
             let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
-            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
-            let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, order)) as usize;
+            let slots = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
+            let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, slots)) as usize;
             let row = _mm_loadl_epi64(COMPRESS[hit & 255].as_ptr().cast());
-            let slots = _mm256_permutevar8x32_epi32(order, _mm256_cvtepu8_epi32(row));
+            let slots = _mm256_permutevar8x32_epi32(slots, _mm256_cvtepu8_epi32(row));
             let child = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(children.as_ptr().cast()), slots);
             _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_permutevar8x32_ps(near, slots));
             _mm256_storeu_si256(child_out.as_mut_ptr().cast(), child);
-            stack.grow(hit.count_ones() as usize);
+            stack.grow((hit.count_ones() as usize).wrapping_sub(1) & 7);
+            // The last slot, without the way through memory: its node is what everything waits for.
+            (order >> (3 * (hit as u32 | 1).ilog2()) & 7) as usize
         }
+    }
+    #[inline(always)]
+    fn apart<J: Job>(self, job: J) -> J::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn compiled<J: Job>(job: J) -> J::Output {
+            job.run()
+        }
+        unsafe { compiled(job) }
     }
 }

@@ -32,11 +32,13 @@ pub(crate) trait Lanes: Copy {
     /// a ≤ b; false for NaN.
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// b and not a.
-    fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Asks for memory that will be needed soon; does nothing else.
+    fn prefetch(self, memory: *const u8);
     /// One bit a lane, lane 0 lowest.
     fn bits(self, a: Self::Mask) -> u32;
-    /// Pushes those children whose bit is set in `mask`, in the sequence of `order` (three bits a slot).
+    /// Pushes those children whose bit is set in `mask` in the sequence of `order` (three bits a slot), but for the last,
+    /// whose slot is returned. At least one bit must be set.
     fn push_ordered(
         self,
         stack: &mut Stack<'_>,
@@ -44,7 +46,16 @@ pub(crate) trait Lanes: Copy {
         near: Self::F,
         mask: Self::Mask,
         order: u32,
-    );
+    ) -> usize;
+    /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
+    fn apart<J: Job>(self, job: J) -> J::Output;
+}
+
+/// Something to be run by [`Lanes::apart`]; see [`splat3`] on why it is no closure.
+pub(crate) trait Job {
+    type Output;
+    /// To be marked `inline(always)`.
+    fn run(self) -> Self::Output;
 }
 
 /// Three numbers, each over all lanes. (A function and no closure in `map`: only functions can be forced inline, and what is

@@ -1,6 +1,6 @@
 //! The vector unit that every processor has: arrays. It is the oracle for the others.
 
-use super::lanes::Lanes;
+use super::lanes::{Job, Lanes};
 use super::stack::Stack;
 use crate::tree::{Child, WIDTH};
 
@@ -85,20 +85,26 @@ impl Lanes for Portable {
         a & b
     }
     #[inline(always)]
-    fn and_not(self, a: u32, b: u32) -> u32 {
-        !a & b
+    fn or(self, a: u32, b: u32) -> u32 {
+        a | b
     }
+    #[inline(always)]
+    fn prefetch(self, _: *const u8) {}
     #[inline(always)]
     fn bits(self, a: u32) -> u32 {
         a
     }
     #[inline(always)]
-    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: F, mask: u32, order: u32) {
-        for i in 0..WIDTH {
-            let slot = (order >> (3 * i) & 7) as usize;
-            if mask >> slot & 1 == 1 {
-                stack.push(children[slot], near[slot]);
-            }
+    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: F, mask: u32, order: u32) -> usize {
+        let mut slots = (0..WIDTH).rev().map(|i| (order >> (3 * i) & 7) as usize).filter(|slot| mask >> slot & 1 == 1);
+        let nearest = slots.next().unwrap_or_default();
+        for slot in slots.rev() {
+            stack.push(children[slot], near[slot]);
         }
+        nearest
+    }
+    #[inline(always)]
+    fn apart<J: Job>(self, job: J) -> J::Output {
+        job.run()
     }
 }

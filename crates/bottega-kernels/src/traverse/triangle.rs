@@ -35,13 +35,12 @@ impl<S: Lanes> WideRay<S> {
         let zero = s.splat(0.0);
         let least = s.min(s.min(u, v), w);
         let most = s.max(s.max(u, v), w);
-        let mixed = s.and(s.lt(least, zero), s.lt(zero, most));
-        let det = s.add(s.add(u, v), w);
-        let flat = s.and(s.le(det, zero), s.le(zero, det));
-        let inside = s.and_not(mixed, s.and_not(flat, s.le(det, det)));
+        let inside = s.or(s.le(zero, least), s.le(most, zero));
         if s.bits(inside) == 0 {
             return None;
         }
+        let det = s.add(s.add(u, v), w);
+        // Where `det` is 0 all three are, or the signs were mixed; the parameter is then NaN, as it is where one of them is.
         let distance = s.mul_add(u, az, s.mul_add(v, bz, s.mul(w, cz)));
         Some((s.div(s.mul(distance, self.direction[2]), det), inside))
     }
