@@ -136,8 +136,8 @@ impl RaySets {
     /// Makes `side` × `side` primary rays and what follows from them.
     pub fn new(accel: &Accel, scene: &BenchScene, side: u32) -> Self {
         let mut random = Random::new(7);
-        // Far above the rounding of a hit point, far below the size of a triangle.
-        let clearance = 1e-6 * (accel.bounds().max.abs().max(accel.bounds().min.abs())).max_element();
+        // Far above the rounding of a hit point, so that no kernel meets the same surface again; far below a triangle.
+        let clearance = 3e-5 * (accel.bounds().max.abs().max(accel.bounds().min.abs())).max_element();
         let primary: Vec<Ray> = scene.camera_rays(side);
         let diffuse_from = |rays: &[Ray], random: &mut Random| {
             let next = |ray: &Ray| {

@@ -251,16 +251,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         }
         let nears = s.store(near);
         let first = bits.trailing_zeros() as usize & 7;
-        let rest = bits & (bits - 1);
-        if rest == 0 {
+        if bits & (bits - 1) == 0 {
             return Some((node.children[first], nears[first]));
-        }
-        let second = rest.trailing_zeros() as usize & 7;
-        if rest & (rest - 1) == 0 {
-            let (closer, farther) = if nears[second] < nears[first] { (second, first) } else { (first, second) };
-            stack.push(node.children[farther], nears[farther]);
-            self.prefetch(node.children[farther]);
-            return Some((node.children[closer], nears[closer]));
         }
         let nearest = s.push_ordered(stack, &node.children, near, hit, node.order[self.setup.octant & 7]) & 7;
         self.prefetch(stack.top());
