@@ -8,7 +8,7 @@ use glam::Quat;
 use crate::error::Warnings;
 use crate::file::read_file;
 use crate::image::{Decoded, Encoding, Header, PictureFault};
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, sky};
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +88,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     }
     if options.add_sky && !scene.has_light() {
         warnings.add("", "the scene has no light; a neutral sky shines on it");
-        sky::add(&mut scene);
+        scene.add_sky();
     }
     if scene.cameras.is_empty() {
         warnings.add("", "the scene has no camera; one that frames it is used");

@@ -10,14 +10,16 @@ const HEIGHT: u32 = 64;
 /// Towards the sun that is behind thin cloud: high, to the left, before the subject.
 const SUN: Vec3 = Vec3::new(-0.48, 0.64, 0.6);
 
-/// Surrounds the scene with the neutral sky.
-pub(crate) fn add(scene: &mut Scene) {
-    scene.images.push(image());
-    scene.environment = Some(Environment {
-        image: Some(ImageId(scene.images.len() as u32 - 1)),
-        factor: Spectrum::ONE,
-        world_from_environment: Quat::IDENTITY,
-    });
+impl Scene {
+    /// Surrounds the scene with a neutral sky of mean radiance 1, whatever its environment was.
+    pub fn add_sky(&mut self) {
+        self.images.push(image());
+        self.environment = Some(Environment {
+            image: Some(ImageId(self.images.len() as u32 - 1)),
+            factor: Spectrum::ONE,
+            world_from_environment: Quat::IDENTITY,
+        });
+    }
 }
 
 /// A gray sky, a little brighter towards the zenith and much brighter towards a soft sun, over a darker ground. Its mean

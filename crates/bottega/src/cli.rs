@@ -59,8 +59,9 @@ pub(crate) struct SceneArgs {
     /// Distance from the camera at which things are sharp, in scene units.
     #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "Picture")]
     pub(crate) focus_distance: Option<f32>,
-    /// Light from all around: an .hdr, .exr or .png picture of the whole sphere, or one radiance as R,G,B.
-    #[arg(long, value_name = "FILE|R,G,B", value_parser = parse_environment, help_heading = "Light")]
+    /// Light from all around: an .hdr, .exr or .png picture of the whole sphere, one radiance as R,G,B, or `sky`, the
+    /// neutral one that a scene without any light gets by itself.
+    #[arg(long, value_name = "FILE|R,G,B|sky", value_parser = parse_environment, help_heading = "Light")]
     pub(crate) env: Option<EnvironmentArg>,
     /// Turn the environment about the vertical axis.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Light")]
@@ -299,6 +300,7 @@ pub(crate) struct Size {
 pub(crate) enum EnvironmentArg {
     Picture(PathBuf),
     Constant([f32; 3]),
+    Sky,
 }
 
 /// Neither side may be longer than this.
@@ -334,6 +336,9 @@ fn parse_rect(text: &str) -> Result<Rect, String> {
 }
 
 fn parse_environment(text: &str) -> Result<EnvironmentArg, String> {
+    if text == "sky" {
+        return Ok(EnvironmentArg::Sky);
+    }
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[r, g, b]) if [r, g, b].iter().all(|value| value.is_finite() && *value >= 0.0) => {
@@ -402,6 +407,7 @@ mod tests {
     #[test]
     fn an_environment_is_a_file_or_a_radiance() {
         assert_eq!(parse_environment("1,0.5,0"), Ok(EnvironmentArg::Constant([1.0, 0.5, 0.0])));
+        assert_eq!(parse_environment("sky"), Ok(EnvironmentArg::Sky));
         assert_eq!(parse_environment("sky.hdr"), Ok(EnvironmentArg::Picture("sky.hdr".into())));
         assert!(parse_environment("1,2").is_err());
         assert!(parse_environment("1,-2,0").is_err());

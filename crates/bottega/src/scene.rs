@@ -70,17 +70,20 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
             options.environment_rotation = args.env_rotate.to_radians();
             options.environment_intensity = args.env_strength;
         }
-        Some(EnvironmentArg::Constant(_)) => options.add_sky = false,
+        Some(EnvironmentArg::Constant(_) | EnvironmentArg::Sky) => options.add_sky = false,
         None => {}
     }
     let loaded = bottega_scene::load(&args.scene, &options)?;
     let mut scene = loaded.scene;
+    if args.env == Some(EnvironmentArg::Sky) {
+        scene.add_sky();
+    }
     match &args.env {
         Some(EnvironmentArg::Constant(radiance)) => {
             let factor = Spectrum::from_array(*radiance) * args.env_strength;
             scene.environment = Some(Environment { image: None, factor, world_from_environment });
         }
-        None => {
+        None | Some(EnvironmentArg::Sky) => {
             if let Some(environment) = &mut scene.environment {
                 environment.factor *= args.env_strength;
                 environment.world_from_environment = world_from_environment * environment.world_from_environment;
