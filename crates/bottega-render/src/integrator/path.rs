@@ -25,7 +25,7 @@ const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
 const SHADOW_MARGIN: f32 = 1e-4;
 /// Cost of a vertex, in traversal steps.
 const VERTEX_STEPS: f32 = 8.0;
-/// Cost of a shadow ray, in traversal steps.
+/// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
 /// Growth of the beam after a scattering that spreads over one steradian.
 const SCATTERED_SPREAD: f32 = 0.05;
@@ -224,6 +224,12 @@ impl Path<'_> {
     #[inline]
     fn is_occluded(&mut self, ray: &Ray) -> bool {
         let prepared = self.integrator.prepared;
+        if self.integrator.wanted.cost && !prepared.has_opacity() {
+            let mut steps = 0;
+            let occluded = prepared.accel().occluded_counted(ray, &mut steps);
+            self.record.values.cost += steps as f32;
+            return occluded;
+        }
         self.record.values.cost += SHADOW_STEPS;
         if prepared.has_opacity() {
             prepared.accel().occluded_filtered(ray, |hit| self.is_there(hit))
