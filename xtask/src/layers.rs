@@ -3,7 +3,7 @@
 #[cfg(test)]
 const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-image", &[]),
-    ("bottega-scene", &["bottega-image"]),
+    ("bottega-scene", &[]),
     ("bottega-fuzzy", &[]),
     ("bottega-kernels", &[]),
     ("bottega-hra", &["bottega-kernels"]),
@@ -12,7 +12,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-agents", &[]),
     ("bottega-engines", &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra"]),
     ("bottega-farm", &["bottega-agents", "bottega-fuzzy", "bottega-engines", "bottega-image"]),
-    ("bottega-web", &["bottega-farm", "bottega-image"]),
+    ("bottega-web", &["bottega-farm"]),
     (
         "bottega",
         &[
