@@ -69,7 +69,7 @@ pub struct RenderHints {
     pub filter: Option<FilmFilter>,
 }
 
-/// A pixel filter. Radii are in pixels, from the centre to the edge.
+/// A separable pixel filter. Radii are in pixels, from the centre to the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FilmFilter {
     /// Constant.
@@ -98,11 +98,23 @@ pub enum FilmFilter {
         /// Their C.
         c: f32,
     },
-    /// The four-term window of Blackman and Harris.
+    /// The four-term window of Blackman and Harris: close to a Gaussian.
     BlackmanHarris {
         /// Where it ends.
         radius: f32,
     },
+}
+
+impl FilmFilter {
+    /// The pixel itself.
+    pub const PIXEL: Self = Self::Box { radius: 0.5 };
+}
+
+impl Default for FilmFilter {
+    /// Blackman-Harris of radius 1.5.
+    fn default() -> Self {
+        Self::BlackmanHarris { radius: 1.5 }
+    }
 }
 
 /// What a scene file says of itself.
