@@ -19,10 +19,13 @@ mod light;
 mod load;
 mod material;
 mod mend;
+mod mesh_file;
 mod model;
+mod resource;
 mod shapes;
 mod sky;
 mod summary;
+mod text;
 mod texture;
 mod validate;
 

@@ -8,6 +8,7 @@ use glam::Quat;
 use crate::error::Warnings;
 use crate::file::read_file;
 use crate::image::{Decoded, Encoding, Header, PictureFault};
+use crate::resource::Resources;
 use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
@@ -21,6 +22,8 @@ pub struct LoadOptions {
     pub environment_intensity: f32,
     /// Whether a scene without any light gets a neutral sky.
     pub add_sky: bool,
+    /// Whether the scene may refer to files outside of the folder of its own file.
+    pub allow_outside: bool,
     /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
     pub max_image_pixels: u64,
     /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
@@ -34,6 +37,7 @@ impl Default for LoadOptions {
             environment_rotation: 0.0,
             environment_intensity: 1.0,
             add_sky: true,
+            allow_outside: false,
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
         }
@@ -78,7 +82,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if !gltf::recognizes(path, &file) {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     }
-    let (mut scene, metadata) = gltf::import(path, &file, options, &budget, &mut digest, &mut warnings)?;
+    let resources = Resources::new(path, options, &budget);
+    let (mut scene, metadata) = gltf::import(path, &file, options, &resources, &mut warnings)?;
+    resources.finish(&mut digest);
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");
@@ -166,10 +172,21 @@ impl MemoryBudget {
         Self { limit, taken: AtomicUsize::new(0) }
     }
 
+    /// What all may take together, in bytes.
+    pub(crate) fn limit(&self) -> usize {
+        self.limit
+    }
+
     /// Books bytes for something at `place`, or says that they are too many.
     pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
         let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
         if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
+    }
+
+    /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
+    pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<Held<'_>, SceneError> {
+        self.take(path, "", bytes)?;
+        Ok(Held { budget: self, bytes })
     }
 
     /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
@@ -184,5 +201,18 @@ impl MemoryBudget {
             problem: format!("the scene takes more than the limit of {} MiB of memory", self.limit >> 20),
             remedy: "simplify it or scale its pictures down, or allow more memory",
         }
+    }
+}
+
+/// Bytes that are given back when this is dropped.
+#[derive(Debug)]
+pub(crate) struct Held<'a> {
+    budget: &'a MemoryBudget,
+    bytes: usize,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
     }
 }
