@@ -29,7 +29,7 @@ use std::path::Path;
 use document::Document;
 
 use crate::error::Warnings;
-use crate::load::{LoadOptions, MemoryBudget, Metadata};
+use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
 use crate::resource::Resources;
 use crate::text::shortened;
 use crate::{Scene, SceneError};
@@ -85,7 +85,7 @@ pub(crate) fn import(
     options: &LoadOptions,
     resources: &Resources<'_>,
     warnings: &mut Warnings,
-) -> Result<(Scene, Metadata), SceneError> {
+) -> Result<(Scene, Metadata, RenderHints), SceneError> {
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
@@ -101,16 +101,17 @@ pub(crate) fn import(
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
     let mut textures = texture::Textures::new(&source);
     let mut materials = Vec::with_capacity(used.len());
+    let mut media = Vec::new();
     let mut material_of = BTreeMap::new();
     for index in used {
         material_of.insert(index, materials.len() as u32);
-        materials.push(material::convert(&source, index, &mut textures, warnings)?);
+        materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
     let loaded = textures.load(warnings)?;
     loaded.remove_missing_normals(&mut materials);
     let images = loaded.images;
     let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
-    let mut scene = Scene { meshes, instances, materials, images, ..Scene::default() };
+    let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
     if !document.animations.is_empty() {
@@ -121,7 +122,7 @@ pub(crate) fn import(
         generator: document.asset.generator.clone(),
         extensions: document.extensions_used.clone(),
     };
-    Ok((scene, metadata))
+    Ok((scene, metadata, RenderHints::default()))
 }
 
 fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {
