@@ -19,11 +19,10 @@ mod mesh;
 mod node;
 mod place;
 mod punctual;
-mod resource;
 mod skin;
 mod texture;
+mod uri;
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -31,6 +30,8 @@ use document::Document;
 
 use crate::error::Warnings;
 use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
+use crate::resource::Resources;
+use crate::text::shortened;
 use crate::{Scene, SceneError};
 
 /// The extensions whose meaning is understood.
@@ -58,6 +59,7 @@ struct Source<'a> {
     buffers: &'a [&'a [u8]],
     options: &'a LoadOptions,
     budget: &'a MemoryBudget,
+    resources: &'a Resources<'a>,
 }
 
 impl Source<'_> {
@@ -81,18 +83,18 @@ pub(crate) fn import(
     path: &Path,
     file: &[u8],
     options: &LoadOptions,
-    budget: &MemoryBudget,
-    digest: &mut blake3::Hasher,
+    resources: &Resources<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+    let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
     let document = parse(path, parts.json, budget)?;
     check_version(path, &document)?;
     check_extensions(path, &document, warnings)?;
-    let buffers = resource::load_buffers(&document, path, parts.bin, budget, digest)?;
+    let buffers = uri::load_buffers(&document, path, parts.bin, resources)?;
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
-    let source = Source { path, document: &document, buffers: &buffers, options, budget };
+    let source = Source { path, document: &document, buffers: &buffers, options, budget, resources };
 
     let hierarchy = node::Hierarchy::new(&source, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
@@ -105,7 +107,7 @@ pub(crate) fn import(
         material_of.insert(index, materials.len() as u32);
         materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
-    let loaded = textures.load(digest, warnings)?;
+    let loaded = textures.load(warnings)?;
     loaded.remove_missing_normals(&mut materials);
     let images = loaded.images;
     let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
@@ -180,14 +182,4 @@ fn unsupported(path: &Path, place: impl Into<String>, name: String) -> SceneErro
         _ => "export without it",
     };
     SceneError::UnsupportedExtension { path: path.into(), place: place.into(), name, remedy }
-}
-
-/// Text of a file in a message: not too long, and no control characters.
-fn shortened(text: &str) -> Cow<'_, str> {
-    const LENGTH: usize = 80;
-    if text.len() <= LENGTH && !text.contains(char::is_control) {
-        return Cow::Borrowed(text);
-    }
-    let start: String = text.chars().take(LENGTH).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    if start.len() < text.len() { Cow::Owned(start + "…") } else { Cow::Owned(start) }
 }
