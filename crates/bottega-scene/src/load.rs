@@ -20,6 +20,14 @@ pub struct LoadOptions {
     pub environment_rotation: f32,
     /// Multiplies that picture.
     pub environment_intensity: f32,
+    /// The time, in seconds, at which animations are shown. `None`: the scene stands as its file describes it, unless
+    /// an animation is named, which then stands at its beginning.
+    pub at: Option<f32>,
+    /// The one animation that is shown, by its name or else by its number. `None`: all; where several move the same
+    /// thing, the first one.
+    pub animation: Option<String>,
+    /// Which of the variants of materials that a file offers is shown, by its name or else by its number.
+    pub variant: Option<String>,
     /// Whether a scene without any light gets a neutral sky.
     pub add_sky: bool,
     /// Whether the scene may refer to files outside of the folder of its own file.
@@ -36,10 +44,27 @@ impl Default for LoadOptions {
             environment: None,
             environment_rotation: 0.0,
             environment_intensity: 1.0,
+            at: None,
+            animation: None,
+            variant: None,
             add_sky: true,
             allow_outside: false,
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// One file makes several scenes, and their digests differ.
+    fn add_choices(&self, digest: &mut blake3::Hasher) {
+        if let Some(at) = self.at {
+            digest.update(b"at").update(&at.to_le_bytes());
+        }
+        for (what, choice) in [("animation", &self.animation), ("variant", &self.variant)] {
+            if let Some(choice) = choice {
+                digest.update(what.as_bytes()).update(&(choice.len() as u64).to_le_bytes()).update(choice.as_bytes());
+            }
         }
     }
 }
@@ -144,6 +169,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let file = read_file(path, &budget)?;
     let mut digest = blake3::Hasher::new();
     digest.update(blake3::hash(&file).as_bytes());
+    options.add_choices(&mut digest);
     let mut warnings = Warnings::default();
     if !gltf::recognizes(path, &file) {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
@@ -248,6 +274,11 @@ impl MemoryBudget {
     pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<Held<'_>, SceneError> {
         self.take(path, "", bytes)?;
         Ok(Held { budget: self, bytes })
+    }
+
+    /// Bytes that may still be taken.
+    pub(crate) fn left(&self) -> usize {
+        self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
     }
 
     /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
