@@ -6,15 +6,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Mat3, Quat};
 
 use crate::error::Warnings;
-use crate::file::read_file;
+use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
 use crate::resource::Resources;
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf};
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// A latitude-longitude picture (HDR, EXR, PNG or JPEG) that becomes the environment, whatever the file says.
+    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that becomes the environment, whatever the file says.
     pub environment: Option<PathBuf>,
     /// Turns that picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
@@ -168,14 +168,17 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
     let mut digest = blake3::Hasher::new();
-    digest.update(blake3::hash(&file).as_bytes());
+    digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
     let mut warnings = Warnings::default();
-    if !gltf::recognizes(path, &file) {
-        return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
-    }
     let resources = Resources::new(path, options, &budget);
-    let (mut scene, metadata, hints) = gltf::import(path, &file, options, &resources, &mut warnings)?;
+    let (mut scene, metadata, hints) = if gltf::recognizes(path, &file) {
+        gltf::import(path, &file, options, &resources, &mut warnings)?
+    } else if mesh_file::recognizes(path, &file) {
+        mesh_file::import(path, &file, options, &resources, &mut warnings)?
+    } else {
+        return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
+    };
     resources.finish(&mut digest);
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
@@ -217,7 +220,7 @@ fn add_environment(
     digest: &mut blake3::Hasher,
 ) -> Result<(), SceneError> {
     let bytes = read_file(path, budget)?;
-    digest.update(blake3::hash(&bytes).as_bytes());
+    digest.update(hash(&bytes).as_bytes());
     let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
     let header = Header::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
         PictureFault::TooLarge { problem } => too_large(path, problem),

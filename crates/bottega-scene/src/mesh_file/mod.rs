@@ -10,6 +10,7 @@ pub(crate) mod mtl;
 mod normals;
 pub(crate) mod obj;
 pub(crate) mod ply;
+mod scene;
 pub(crate) mod serialized;
 
 use std::path::Path;
@@ -20,6 +21,8 @@ use rayon::prelude::*;
 
 use crate::load::MemoryBudget;
 use crate::{Mesh, SceneError};
+
+pub(crate) use scene::{import, recognizes};
 
 /// The file that is being read, for errors and for the memory that it may take.
 #[derive(Clone, Copy)]
@@ -45,10 +48,8 @@ impl Source<'_> {
     fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
         self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
         // Fresh zeros of the system are touched first by the threads that fill them.
-        bytemuck::allocation::try_zeroed_vec(count).map_err(|()| SceneError::Read {
-            path: self.path.into(),
-            source: std::io::ErrorKind::OutOfMemory.into(),
-        })
+        bytemuck::allocation::try_zeroed_vec(count)
+            .map_err(|()| SceneError::Read { path: self.path.into(), source: std::io::ErrorKind::OutOfMemory.into() })
     }
 }
 
