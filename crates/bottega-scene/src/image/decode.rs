@@ -1,4 +1,4 @@
-//! Picture files to texels: PNG, JPEG, Radiance HDR, OpenEXR.
+//! Picture files to texels: PNG, JPEG, WebP, Radiance HDR, OpenEXR, KTX2.
 //!
 //! The header alone decides how much memory a picture will take, so that whoever asks for it can refuse before a few
 //! bytes of file unfold to gigabytes.
@@ -8,7 +8,7 @@ use std::io::Cursor;
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, Image};
+use super::{Encoding, Image, ktx2};
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,8 +38,10 @@ pub(crate) struct Header {
 enum Format {
     Png,
     Jpeg,
+    WebP,
     Hdr,
     Exr,
+    Ktx2,
 }
 
 impl Format {
@@ -49,6 +51,8 @@ impl Format {
             [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
             [b'#', b'?', ..] => Some(Self::Hdr),
             [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some(Self::WebP),
+            _ if bytes.starts_with(ktx2::MAGIC) => Some(Self::Ktx2),
             _ => None,
         }
     }
@@ -57,8 +61,9 @@ impl Format {
         match self {
             Self::Png => Some(ImageFormat::Png),
             Self::Jpeg => Some(ImageFormat::Jpeg),
+            Self::WebP => Some(ImageFormat::WebP),
             Self::Hdr => Some(ImageFormat::Hdr),
-            Self::Exr => None,
+            Self::Exr | Self::Ktx2 => None,
         }
     }
 }
@@ -67,12 +72,11 @@ impl Format {
 fn describe(bytes: &[u8]) -> &'static str {
     match bytes {
         [] => "it is empty",
-        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture; use PNG or JPEG",
-        [b'R', b'I', b'F', b'F', ..] => "it is a WebP picture; use PNG or JPEG",
+        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture of version 1; use KTX2, PNG or JPEG",
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
         [b'B', b'M', ..] => "it is a BMP picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
-        _ => "it is no picture in a format that can be read (PNG, JPEG, HDR, EXR)",
+        _ => "it is no picture in a format that can be read (PNG, JPEG, WebP, HDR, EXR, KTX2)",
     }
 }
 
@@ -82,6 +86,7 @@ impl Header {
         let unreadable = |problem: String| PictureFault::Unreadable { problem };
         let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
         let (width, height, texel_bytes) = match format.library_format() {
+            None if format == Format::Ktx2 => ktx2::header(bytes).map_err(unreadable)?,
             None => exr_header(bytes).map_err(unreadable)?,
             Some(library_format) => {
                 let decoder = decoder(bytes, library_format).map_err(|error| unreadable(explain(&error)))?;
@@ -110,7 +115,7 @@ impl Header {
             // At 1 bit a pixel.
             Format::Png => pixels / 8 / 1032,
             Format::Hdr => pixels / 32,
-            Format::Jpeg | Format::Exr => 0,
+            Format::Jpeg | Format::WebP | Format::Exr | Format::Ktx2 => 0,
         };
         if file_bytes < needed {
             let (width, height) = (self.width, self.height);
@@ -156,6 +161,7 @@ impl Decoded {
     /// Decodes the file whose header was read. An error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
         let texels = match header.format.library_format() {
+            None if header.format == Format::Ktx2 => DecodedTexels::Rgba8(ktx2::texels(bytes)?),
             None => exr_texels(bytes, header)?,
             Some(format) => library_texels(bytes, format, header)?,
         };
@@ -438,7 +444,7 @@ mod tests {
         let file = exr_file(&[("Y", 7.0)]);
         assert!(matches!(Header::read(&file, 5), Err(PictureFault::TooLarge { .. })));
         assert!(
-            matches!(Header::read(b"RIFF....WEBP", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("WebP"))
+            matches!(Header::read(b"GIF89a....", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("GIF"))
         );
         assert!(matches!(Header::read(b"", 5), Err(PictureFault::Unreadable { .. })));
     }
