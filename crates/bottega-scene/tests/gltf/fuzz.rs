@@ -262,7 +262,7 @@ fn mutate_bin(file: &[u8], random: &mut Random) -> Vec<u8> {
 #[test]
 fn mutated_compressed_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, count) in [("meshopt.glb", 400), ("draco.glb", 800)] {
+    for (name, count) in [("meshopt.glb", 160), ("draco.glb", 400)] {
         let file = std::fs::read(data(name)).unwrap();
         check(folder.path(), name, count, |random| mutate_bin(&file, random));
         check(folder.path(), name, count / 4, |random| mutate(&file, random));
@@ -294,7 +294,7 @@ fn mutated_textures_never_panic() {
         };
         let loaded = load_it(&file).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(!warns(&loaded, &["magenta"]), "{name}: {:?}", loaded.warnings);
-        for index in 0..300 * factor() as u64 {
+        for index in 0..100 * factor() as u64 {
             let mutated = mutate(&file, &mut Random(index));
             let result = catch_unwind(AssertUnwindSafe(|| load_it(&mutated).is_ok()));
             assert!(result.is_ok(), "mutation {index} of {name} panics");

@@ -48,10 +48,10 @@ fn codes(image: &Image) -> Vec<[u8; 4]> {
     (0..width * height).map(texel).collect()
 }
 
-/// Mean of the greatest differences of the texels' codes.
+/// Mean difference of the codes of two pictures.
 fn distance(a: &[[u8; 4]], b: &[[u8; 4]]) -> f32 {
-    let greatest = |(a, b): (&[u8; 4], &[u8; 4])| (0..4).map(|k| a[k].abs_diff(b[k])).max().unwrap();
-    a.iter().zip(b).map(|pair| f32::from(greatest(pair))).sum::<f32>() / a.len() as f32
+    let (a, b) = (a.as_flattened(), b.as_flattened());
+    a.iter().zip(b).map(|(a, b)| f32::from(a.abs_diff(*b))).sum::<f32>() / a.len() as f32
 }
 
 #[test]
@@ -97,11 +97,11 @@ fn compressed_textures_have_their_texels() {
     let bc7 = load(&read("2d_bc7.ktx2"));
     let sums: [u32; 4] = std::array::from_fn(|k| bc7.iter().map(|texel| u32::from(texel[k])).sum());
     assert_eq!((sums, bc7[0]), ([408_000, 209_344, 12_492, 408_000], [255, 127, 0, 255]));
-    // The two codecs of Basis Universal have the same picture, one of them at a fifth of the size.
+    // The two codecs of Basis Universal have the same picture but for one of two words, one at a fifth of the size.
     let (uastc, etc1s) = (load(&read("2d_uastc.ktx2")), load(&read("2d_etc1s.ktx2")));
     let difference = distance(&uastc, &etc1s);
     eprintln!("codes of UASTC and ETC1S differ by {difference} in the mean");
-    assert!(difference < 20.0 && uastc.iter().any(|texel| texel[2] > 200), "{difference}");
+    assert!(difference < 10.0 && uastc.iter().any(|texel| texel[2] > 200), "{difference}");
     assert_eq!(uastc, load(&zstd_of(&read("2d_uastc.ktx2"))));
     assert_eq!(plain, load(&zstd_of(&read("2d_rgba8.ktx2"))));
 }
