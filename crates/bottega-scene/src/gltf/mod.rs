@@ -27,11 +27,10 @@ mod meshopt;
 mod node;
 mod place;
 mod punctual;
-mod resource;
 mod skin;
 mod texture;
+mod uri;
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -39,6 +38,8 @@ use document::Document;
 
 use crate::error::Warnings;
 use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
+use crate::resource::Resources;
+use crate::text::shortened;
 use crate::{Scene, SceneError};
 
 /// The extensions whose meaning is understood.
@@ -79,6 +80,7 @@ struct Source<'a> {
     /// The variant of materials that is shown (KHR_materials_variants).
     variant: Option<usize>,
     budget: &'a MemoryBudget,
+    resources: &'a Resources<'a>,
 }
 
 impl Source<'_> {
@@ -123,20 +125,20 @@ pub(crate) fn import(
     path: &Path,
     file: &[u8],
     options: &LoadOptions,
-    budget: &MemoryBudget,
-    digest: &mut blake3::Hasher,
+    resources: &Resources<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+    let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
     let document = parse(path, parts.json, budget)?;
     check_version(path, &document)?;
     check_extensions(path, &document, warnings)?;
-    let buffers = resource::load_buffers(&document, path, parts.bin, budget, digest)?;
+    let buffers = uri::load_buffers(&document, path, parts.bin, resources)?;
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
     let decompressed = meshopt::decompress(&document, &buffers, path, budget)?;
     let bytes = accessor::Bytes { buffers: &buffers, decompressed: &decompressed };
-    let mut source = Source { path, document: &document, bytes, options, variant: None, budget };
+    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources };
     if let Some(name) = &options.variant {
         let variants = document.extensions.variants.as_ref().map_or(&[][..], |extension| &extension.variants);
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);
@@ -154,7 +156,7 @@ pub(crate) fn import(
         material_of.insert(index, materials.len() as u32);
         materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
-    let loaded = textures.load(digest, warnings)?;
+    let loaded = textures.load(warnings)?;
     loaded.remove_missing_directions(&mut materials);
     let images = loaded.images;
     let draco = draco::decompress(&source, &placements.shapes)?;
@@ -226,14 +228,4 @@ fn unsupported(path: &Path, place: impl Into<String>, name: String) -> SceneErro
         _ => "export without it",
     };
     SceneError::UnsupportedExtension { path: path.into(), place: place.into(), name, remedy }
-}
-
-/// Text of a file in a message: not too long, and no control characters.
-fn shortened(text: &str) -> Cow<'_, str> {
-    const LENGTH: usize = 80;
-    if text.len() <= LENGTH && !text.contains(char::is_control) {
-        return Cow::Borrowed(text);
-    }
-    let start: String = text.chars().take(LENGTH).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    if start.len() < text.len() { Cow::Owned(start + "…") } else { Cow::Owned(start) }
 }
