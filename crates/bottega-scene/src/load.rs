@@ -273,15 +273,15 @@ impl MemoryBudget {
         if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
     }
 
+    /// Bytes that may still be taken.
+    pub(crate) fn left(&self) -> usize {
+        self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
+    }
+
     /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
     pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<Held<'_>, SceneError> {
         self.take(path, "", bytes)?;
         Ok(Held { budget: self, bytes })
-    }
-
-    /// Bytes that may still be taken.
-    pub(crate) fn left(&self) -> usize {
-        self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
     }
 
     /// Whether so many bytes would pass if nothing else were there: for what is soon given back.

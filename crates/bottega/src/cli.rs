@@ -53,6 +53,15 @@ pub(crate) struct SceneArgs {
     /// The camera, by name or by number from 0; default: the file's first.
     #[arg(long, value_name = "NAME", help_heading = "Picture")]
     pub(crate) camera: Option<String>,
+    /// Time at which animations are shown; default: the scene as its file describes it.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_negative_numbers = true, help_heading = "Picture")]
+    pub(crate) at: Option<f32>,
+    /// The animation to show, by name or by number from 0; default: all, the first one where several move the same.
+    #[arg(long, value_name = "NAME", help_heading = "Picture")]
+    pub(crate) animation: Option<String>,
+    /// Which of the file's variants of materials to show, by name or by number from 0.
+    #[arg(long, value_name = "NAME", help_heading = "Picture")]
+    pub(crate) variant: Option<String>,
     /// Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp.
     #[arg(long, value_name = "RADIUS", value_parser = parse_factor, requires = "focus_distance", help_heading = "Picture")]
     pub(crate) lens_radius: Option<f32>,
@@ -374,6 +383,10 @@ fn parse_factor(text: &str) -> Result<f32, String> {
         Ok(factor) if factor.is_finite() && factor >= 0.0 => Ok(factor),
         _ => Err("a number from 0 up is needed".to_owned()),
     }
+}
+
+fn parse_time(text: &str) -> Result<f32, String> {
+    text.parse::<f32>().ok().filter(|time| time.is_finite()).ok_or_else(|| "a number of seconds is needed".to_owned())
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {

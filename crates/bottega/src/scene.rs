@@ -66,7 +66,12 @@ pub(crate) fn shown(path: &Path) -> String {
 
 fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError> {
     let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
-    let mut options = LoadOptions::default();
+    let mut options = LoadOptions {
+        at: args.at,
+        animation: args.animation.clone(),
+        variant: args.variant.clone(),
+        ..LoadOptions::default()
+    };
     match &args.env {
         Some(EnvironmentArg::Picture(path)) => {
             options.environment = Some(path.clone());

@@ -318,6 +318,14 @@ object!(MaterialExtensions {
     specular: Option<Box<Specular>>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_anisotropy")]
+    anisotropy: Option<Box<Anisotropy>>,
+    #[serde(rename = "KHR_materials_iridescence")]
+    iridescence: Option<Box<Iridescence>>,
+    #[serde(rename = "KHR_materials_dispersion")]
+    dispersion: Option<Dispersion>,
+    #[serde(rename = "KHR_materials_diffuse_transmission")]
+    diffuse_transmission: Option<Box<DiffuseTransmission>>,
     #[serde(rename = "KHR_materials_unlit")]
     unlit: Option<IgnoredAny>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
@@ -363,6 +371,30 @@ object!(Specular {
 
 object!(EmissiveStrength {
     emissive_strength: Option<f32>,
+});
+
+object!(Anisotropy {
+    anisotropy_strength: f32,
+    anisotropy_rotation: f32,
+    anisotropy_texture: Option<Box<TextureInfo>>,
+});
+
+object!(Iridescence {
+    iridescence_factor: f32,
+    iridescence_texture: Option<Box<TextureInfo>>,
+    iridescence_ior: Option<f32>,
+    iridescence_thickness_minimum: Option<f32>,
+    iridescence_thickness_maximum: Option<f32>,
+    iridescence_thickness_texture: Option<Box<TextureInfo>>,
+});
+
+object!(Dispersion { dispersion: f32 });
+
+object!(DiffuseTransmission {
+    diffuse_transmission_factor: f32,
+    diffuse_transmission_texture: Option<Box<TextureInfo>>,
+    diffuse_transmission_color_factor: Option<[f32; 3]>,
+    diffuse_transmission_color_texture: Option<Box<TextureInfo>>,
 });
 
 object!(SpecularGlossiness {
@@ -482,6 +514,8 @@ const _: () = {
         size_of::<MetallicRoughness>(),
         size_of::<SpecularGlossiness>(),
         size_of::<Clearcoat>(),
+        size_of::<Iridescence>(),
+        size_of::<DiffuseTransmission>(),
         size_of::<TextureInfo>(),
         size_of::<Accessor>(),
         size_of::<BufferView>(),

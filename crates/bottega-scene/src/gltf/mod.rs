@@ -3,10 +3,15 @@
 //! Read with our own types for the document and our own checked reader for its buffers: the libraries for the format
 //! panic on indices out of range, cut 64-bit indices down to 32 bits, and do not know all of the extensions below.
 //!
-//! Beyond the core specification: `KHR_materials_clearcoat`, `_emissive_strength`, `_ior`, `_pbrSpecularGlossiness`,
-//! `_sheen`, `_specular`, `_transmission`, `_unlit`, `_volume`; `KHR_lights_punctual`, `KHR_texture_transform`,
-//! `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`. Another extension that the file requires is refused by name;
-//! one that it merely uses is left out with a warning.
+//! Beyond the core specification: `KHR_materials_anisotropy`, `_clearcoat`, `_diffuse_transmission`, `_dispersion`,
+//! `_emissive_strength`, `_ior`, `_iridescence`, `_pbrSpecularGlossiness`, `_sheen`, `_specular`, `_transmission`,
+//! `_unlit`, `_variants`, `_volume`; `KHR_lights_punctual`, `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`,
+//! `EXT_meshopt_compression`, `KHR_meshopt_compression`, `KHR_draco_mesh_compression`; `KHR_texture_basisu`,
+//! `KHR_texture_transform`, `EXT_texture_webp`. Another extension that the file requires is refused by name; one that it
+//! merely uses is left out with a warning.
+//!
+//! Animations are shown at one time: meshes are posed by their skins and morph targets as they are read, and the scene
+//! knows nothing of either.
 //!
 //! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so that
 //! emissive surfaces and punctual lights keep the balance that other glTF viewers show.
@@ -44,9 +49,13 @@ const EXTENSIONS: &[&str] = &[
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
@@ -148,7 +157,7 @@ pub(crate) fn import(
         materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
     let loaded = textures.load(warnings)?;
-    loaded.remove_missing_normals(&mut materials);
+    loaded.remove_missing_directions(&mut materials);
     let images = loaded.images;
     let draco = draco::decompress(&source, &placements.shapes)?;
     let (meshes, instances) =

@@ -139,13 +139,16 @@ pub(super) struct LoadedImages {
 }
 
 impl LoadedImages {
-    /// Removes normal maps that could not be read: what stands for them would bend the surface.
-    pub(super) fn remove_missing_normals(&self, materials: &mut [Material]) {
+    /// Removes maps of directions that could not be read: what stands for them would bend the surface.
+    pub(super) fn remove_missing_directions(&self, materials: &mut [Material]) {
         let is_there = |map: &TextureMap| !self.is_missing[map.image.0 as usize];
         for material in materials {
             material.relief = material.relief.take().filter(|relief| relief.texture().is_none_or(is_there));
             if let Surface::Layered(layered) = &mut material.surface {
                 layered.coat_normal = layered.coat_normal.take().filter(|(map, _)| is_there(map));
+                if let Some(anisotropy) = &mut layered.anisotropy {
+                    anisotropy.texture = anisotropy.texture.take().filter(is_there);
+                }
             }
         }
     }

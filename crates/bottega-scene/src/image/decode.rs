@@ -1,4 +1,4 @@
-//! Picture files to texels: PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, Radiance HDR, OpenEXR.
+//! Picture files to texels: PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, Radiance HDR, OpenEXR, KTX2.
 //!
 //! The header alone decides how much memory a picture will take, so that whoever asks for it can refuse before a few
 //! bytes of file unfold to gigabytes.
@@ -8,7 +8,7 @@ use std::io::Cursor;
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, Image, openexr, pfm};
+use super::{Encoding, Image, ktx2, openexr, pfm};
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,6 +39,7 @@ enum Format {
     Library(ImageFormat),
     Exr,
     Pfm,
+    Ktx2,
 }
 
 impl Format {
@@ -53,6 +54,7 @@ impl Format {
             [b'B', b'M', ..] => ImageFormat::Bmp,
             [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => ImageFormat::Tiff,
             [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => ImageFormat::WebP,
+            _ if bytes.starts_with(ktx2::MAGIC) => return Some(Self::Ktx2),
             bytes if looks_like_tga(bytes) => ImageFormat::Tga,
             _ => return None,
         }))
@@ -75,10 +77,10 @@ fn looks_like_tga(bytes: &[u8]) -> bool {
 fn describe(bytes: &[u8]) -> &'static str {
     match bytes {
         [] => "it is empty",
-        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture; use PNG or JPEG",
+        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture of version 1; use KTX2, PNG or JPEG",
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
-        _ => "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR)",
+        _ => "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)",
     }
 }
 
@@ -89,6 +91,7 @@ impl Header {
         let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
         let (width, height, texel_bytes) = match format {
             Format::Exr => openexr::header(bytes).map_err(unreadable)?,
+            Format::Ktx2 => ktx2::header(bytes).map_err(unreadable)?,
             Format::Pfm => pfm::header(bytes).map(|header| header.size()).map_err(unreadable)?,
             Format::Library(library_format) => {
                 let decoder = decoder(bytes, library_format).map_err(|error| unreadable(explain(&error)))?;
@@ -167,6 +170,7 @@ impl Decoded {
     pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
         let texels = match header.format {
             Format::Exr => openexr::texels(bytes, header)?,
+            Format::Ktx2 => DecodedTexels::Rgba8(ktx2::texels(bytes)?),
             Format::Pfm => pfm::texels(bytes)?,
             Format::Library(format) => library_texels(bytes, format, header)?,
         };

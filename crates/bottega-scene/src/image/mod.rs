@@ -1,6 +1,7 @@
 //! Pictures with their mip levels: decoding, storage, lookup.
 
 mod decode;
+mod ktx2;
 mod lookup;
 mod openexr;
 mod pfm;

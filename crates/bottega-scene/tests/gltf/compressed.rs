@@ -2,7 +2,8 @@
 //!
 //! `data/meshopt.glb` holds pairs of nodes that show the same: one by buffer views that the reference library of the
 //! codec has compressed (both versions of attributes, both kinds of indices, three filters), one by what the same
-//! library decompresses from them.
+//! library decompresses from them. `data/draco.glb` holds the same for Draco: sequential, by edgebreaker, and by edgebreaker
+//! with valences.
 
 use std::path::{Path, PathBuf};
 
@@ -100,6 +101,17 @@ fn compressed_boxes_are_boxes() {
             }
         }
         assert!((area - 6.0).abs() < 1e-3, "{name}: {area}");
+    }
+}
+
+#[test]
+fn draco_primitives_hold_what_the_reference_library_decompresses() {
+    let scene = read(&data("draco.glb"));
+    for level in [0, 5, 10] {
+        let find = |kind: &str| scene.meshes.iter().find(|mesh| mesh.name == format!("{level} {kind}")).unwrap();
+        let (compressed, plain) = (find("compressed"), find("plain"));
+        assert!(plain.triangles.len() == 128 && plain.positions.len() == 81 && plain.colors.len() == 81);
+        assert_same(compressed, plain, 1e-6);
     }
 }
 
