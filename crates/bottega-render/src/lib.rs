@@ -13,6 +13,7 @@ pub mod survey;
 mod error;
 mod interaction;
 mod lights;
+mod media;
 mod prepare;
 mod sampling;
 mod settings;

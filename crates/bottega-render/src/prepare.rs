@@ -40,6 +40,8 @@ pub struct PreparedScene {
     materials: Vec<PreparedMaterial>,
     lights: Lights,
     has_opacity: bool,
+    has_boundaries: bool,
+    needs_volume: bool,
     id: DataId,
 }
 
@@ -50,7 +52,7 @@ pub(crate) struct PreparedInstance {
     pub(crate) world_from_normal: Mat3,
     /// No vector gets longer than this times its length.
     pub(crate) scale: f32,
-    /// Light index of its first triangle; [`NO_LIGHT`] where it does not shine.
+    /// Place of its first triangle among those that shine; [`NO_LIGHT`] where it does not.
     pub(crate) first_light: u32,
 }
 
@@ -71,6 +73,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) transmits: bool,
     /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
     pub(crate) bsdfs: Option<[Bsdf; 2]>,
+    /// What fills the space before the front and behind it, where light may go through to it.
+    pub(crate) media: [Option<MediumId>; 2],
     /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
     pub(crate) absorption: [Spectrum; 2],
 }
@@ -83,13 +87,20 @@ impl PreparedScene {
         let materials: Vec<_> = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let mut instances: Vec<_> =
             scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
-        let bounds = accel.bounds();
-        let radius = if bounds.is_empty() { 1.0 } else { 0.5 * (bounds.max - bounds.min).length() };
-        let lights = Lights::new(&scene, radius, &materials, &mut instances, options.compensate_environment);
+        let lights = Lights::new(&scene, &materials, &mut instances, options.compensate_environment);
         let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
+        let parts_media = |material: usize| {
+            materials[material].is_null && materials[material].media[0] != materials[material].media[1]
+        };
+        let has_boundaries = used_materials(&scene).any(parts_media);
+        let has_volume =
+            |medium: &Option<MediumId>| medium.is_some_and(|medium| !scene.media[medium.0 as usize].is_clear());
+        let needs_volume = has_boundaries
+            || scene.cameras.iter().any(|camera| camera.medium.is_some())
+            || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, id })
+        Ok(Self { scene, accel, instances, materials, lights, has_opacity, has_boundaries, needs_volume, id })
     }
 
     /// The scene as it was imported.
@@ -110,6 +121,17 @@ impl PreparedScene {
     /// Whether some surface may let rays pass, so that hits must be asked.
     pub fn has_opacity(&self) -> bool {
         self.has_opacity
+    }
+
+    /// Whether something is more than surfaces: a medium that scatters or emits, or one that does not begin and end where
+    /// light is refracted.
+    pub(crate) fn needs_volume(&self) -> bool {
+        self.needs_volume
+    }
+
+    /// Whether there are surfaces that do nothing but part media.
+    pub(crate) fn has_boundaries(&self) -> bool {
+        self.has_boundaries
     }
 
     /// Bytes that preparation added to the scene.
@@ -174,6 +196,11 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     PreparedMaterial {
         bsdfs: (!is_textured && !is_blend).then(|| [side(false), side(true)]),
         transmits,
+        media: if transmits && !material.surface.is_thin() {
+            [material.exterior, material.interior]
+        } else {
+            [None; 2]
+        },
         is_textured,
         is_null,
         needs_tangents: material.needs_tangents(),

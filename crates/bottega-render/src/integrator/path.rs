@@ -5,9 +5,10 @@
 
 use bottega_image::SampleValues;
 use bottega_kernels::{Hit, Ray, math};
-use bottega_scene::{Spectrum, Surface};
+use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
+use super::volume;
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
     bsdf::{Bsdf, BsdfAt, SurfacePoint, scattering},
@@ -54,6 +55,7 @@ pub struct PathIntegrator<'a> {
     prepared: &'a PreparedScene,
     settings: &'a PathSettings,
     camera: CameraRays,
+    camera_medium: Option<MediumId>,
     filter: FilterSampler,
     wanted: Wanted,
 }
@@ -71,6 +73,7 @@ impl<'a> PathIntegrator<'a> {
             prepared,
             settings,
             camera: CameraRays::new(camera, view.width, view.height),
+            camera_medium: camera.medium,
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
         })
@@ -86,6 +89,23 @@ impl<'a> PathIntegrator<'a> {
         self.trace(x, y, sample_index).values
     }
 
+    pub(super) fn prepared(&self) -> &'a PreparedScene {
+        self.prepared
+    }
+
+    pub(super) fn settings(&self) -> &'a PathSettings {
+        self.settings
+    }
+
+    pub(super) fn wants_albedo(&self) -> bool {
+        self.wanted.albedo
+    }
+
+    /// What the camera stands in.
+    pub(super) fn camera_medium(&self) -> Option<MediumId> {
+        self.camera_medium
+    }
+
     /// Where a sample's path begins.
     /// And the factor with which the sample counts.
     pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
@@ -96,6 +116,9 @@ impl<'a> PathIntegrator<'a> {
 
     #[inline]
     pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
+        if self.prepared.needs_volume() {
+            return volume::trace(self, x, y, sample_index);
+        }
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
         let (ray, factor) = self.camera_ray(&sampler, x, y);
         let mut path = Path {
@@ -268,10 +291,7 @@ impl Path<'_> {
         if radiance == Spectrum::ZERO {
             return;
         }
-        let weight = self.found_by_bsdf(|from| match hit.sphere() {
-            Some(sphere) => prepared.lights().sphere_pdf(scene, sphere, from, point.p),
-            None => prepared.lights().triangle_pdf(prepared, hit.instance, hit.primitive, from, point.p, point.ng),
-        });
+        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, &hit, from, point.p));
         self.radiance += self.throughput * radiance * weight;
     }
 

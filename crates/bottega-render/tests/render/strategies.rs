@@ -49,7 +49,7 @@ fn paint_by(scene: &Arc<PreparedScene>, direct_light: DirectLight, light_samples
     paint(scene, (SIDE, SIDE), SPP, settings)
 }
 
-fn assert_strategies_agree(what: &str, scene: Scene) {
+pub(crate) fn assert_strategies_agree(what: &str, scene: Scene) {
     let scene = prepare(scene);
     let combined = paint_by(&scene, DirectLight::Combined, 1, 1);
     for (direct_light, light_samples) in
