@@ -21,6 +21,7 @@ mod material;
 mod medium;
 mod mend;
 mod mesh_file;
+mod mitsuba;
 mod model;
 mod resource;
 mod shapes;

@@ -9,7 +9,7 @@ use crate::error::Warnings;
 use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
 use crate::resource::Resources;
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file};
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,10 @@ pub struct LoadOptions {
     pub add_sky: bool,
     /// Whether the scene may refer to files outside of the folder of its own file.
     pub allow_outside: bool,
+    /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
+    pub strict: bool,
+    /// Name and value of parameters of the scene, instead of the values that its file gives them (Mitsuba's `$name`).
+    pub defines: Vec<(String, String)>,
     /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
     pub max_image_pixels: u64,
     /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
@@ -49,6 +53,8 @@ impl Default for LoadOptions {
             variant: None,
             add_sky: true,
             allow_outside: false,
+            strict: false,
+            defines: Vec::new(),
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
         }
@@ -171,15 +177,22 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
     let mut warnings = Warnings::default();
-    let resources = Resources::new(path, options, &budget);
-    let (mut scene, metadata, hints) = if gltf::recognizes(path, &file) {
-        gltf::import(path, &file, options, &resources, &mut warnings)?
+    let import = if gltf::recognizes(path, &file) {
+        gltf::import
+    } else if mitsuba::recognizes(path, &file) {
+        mitsuba::import
     } else if mesh_file::recognizes(path, &file) {
-        mesh_file::import(path, &file, options, &resources, &mut warnings)?
+        mesh_file::import
     } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     };
+    let resources = Resources::new(path, options, &budget);
+    let (mut scene, metadata, hints) = import(path, &file, options, &resources, &mut warnings)?;
     resources.finish(&mut digest);
+    let unsupported = warnings.take_unsupported();
+    if options.strict && !unsupported.is_empty() {
+        return Err(SceneError::Unsupported { path: path.into(), places: unsupported });
+    }
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");

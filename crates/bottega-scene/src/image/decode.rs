@@ -132,6 +132,11 @@ impl Header {
         Ok(())
     }
 
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
     /// Bytes that the picture takes in memory, its mip levels included.
     pub(crate) fn memory_bytes(&self) -> usize {
         (self.width as usize * self.height as usize).saturating_mul(self.texel_bytes.max(1)).saturating_mul(4) / 3

@@ -122,6 +122,18 @@ impl Image {
         Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
     }
 
+    /// Its luminance in all channels (Rec. 709), opaque; itself where it is gray.
+    pub(crate) fn luminance(self) -> Self {
+        const WEIGHTS: glam::Vec3 = glam::Vec3::new(0.2126, 0.7152, 0.0722);
+        let (width, height) = self.size();
+        let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| self.texel(x, y));
+        if texels().all(|texel| texel.x == texel.y && texel.y == texel.z) {
+            return self;
+        }
+        let texels = texels().map(|texel| [texel.truncate().dot(WEIGHTS); 3]).collect();
+        Self::from_linear_rgb(self.name, width, height, texels)
+    }
+
     /// Columns and rows of the finest level.
     pub fn size(&self) -> (u32, u32) {
         self.level_size(0)

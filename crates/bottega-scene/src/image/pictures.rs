@@ -16,19 +16,29 @@ pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
     wanted: Vec<Wanted>,
-    id_of: BTreeMap<(Location, bool), ImageId>,
+    id_of: BTreeMap<(Location, bool, bool), ImageId>,
+    /// Pictures that are there already: where they go in the list.
+    made: Vec<(usize, Image)>,
 }
 
 struct Wanted {
     location: Location,
     encoding: Encoding,
+    /// Whether its luminance is wanted in all channels.
+    gray: bool,
     /// Where it was first asked for.
     place: String,
 }
 
 impl<'a> Pictures<'a> {
     pub(crate) fn new(resources: &'a Resources<'a>, options: &LoadOptions) -> Self {
-        Self { resources, pixels_max: options.max_image_pixels, wanted: Vec::new(), id_of: BTreeMap::new() }
+        Self {
+            resources,
+            pixels_max: options.max_image_pixels,
+            wanted: Vec::new(),
+            id_of: BTreeMap::new(),
+            made: Vec::new(),
+        }
     }
 
     /// Asks for a picture. Its id is its index in what [`load`](Self::load) returns.
@@ -37,14 +47,28 @@ impl<'a> Pictures<'a> {
     /// - `place`: where the reference stands, for messages.
     pub(crate) fn want(&mut self, reference: &str, encoding: Encoding, place: &str) -> Result<ImageId, SceneError> {
         let location = self.resources.locate(reference, place)?;
-        let key = (location, encoding == Encoding::Srgb);
+        Ok(self.want_at(location, encoding, false, place))
+    }
+
+    /// Asks for a picture whose place is known; see [`want`](Self::want).
+    ///
+    /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
+    pub(crate) fn want_at(&mut self, location: Location, encoding: Encoding, gray: bool, place: &str) -> ImageId {
+        let next = ImageId((self.wanted.len() + self.made.len()) as u32);
+        let key = (location, encoding == Encoding::Srgb, gray);
         if let Some(&id) = self.id_of.get(&key) {
-            return Ok(id);
+            return id;
         }
-        let id = ImageId(self.wanted.len() as u32);
-        self.wanted.push(Wanted { location: key.0.clone(), encoding, place: place.into() });
-        self.id_of.insert(key, id);
-        Ok(id)
+        self.wanted.push(Wanted { location: key.0.clone(), encoding, gray, place: place.into() });
+        self.id_of.insert(key, next);
+        next
+    }
+
+    /// Adds a picture that is in no file.
+    pub(crate) fn add(&mut self, image: Image) -> ImageId {
+        let id = self.wanted.len() + self.made.len();
+        self.made.push((id, image));
+        ImageId(id as u32)
     }
 
     /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
@@ -57,7 +81,8 @@ impl<'a> Pictures<'a> {
                 let bytes = self.resources.read(&wanted.location).map_err(|error| unreadable(&error))?;
                 let decoded = Decoded::read(&bytes, header?)?;
                 drop(bytes);
-                Ok(decoded.into_image(&wanted.location.name, wanted.encoding))
+                let image = decoded.into_image(&wanted.location.name, wanted.encoding);
+                Ok(if wanted.gray { image.luminance() } else { image })
             })
             .collect();
         let finish = |(wanted, image): (&Wanted, Result<Image, String>)| {
@@ -72,7 +97,9 @@ impl<'a> Pictures<'a> {
                 image
             })
         };
-        Ok(self.wanted.iter().zip(decoded).map(finish).collect())
+        let mut images: Vec<Image> = self.wanted.iter().zip(decoded).map(finish).collect();
+        self.made.into_iter().for_each(|(index, image)| images.insert(index, image));
+        Ok(images)
     }
 
     /// Reads the header of a picture and books its memory. The inner error is worth a warning.
@@ -83,7 +110,10 @@ impl<'a> Pictures<'a> {
         };
         match Header::read(&bytes, self.pixels_max) {
             Ok(header) => {
-                self.resources.budget().take(wanted.location.path(), "", header.memory_bytes())?;
+                // What becomes gray is kept as floats.
+                let factor = if wanted.gray { 12 } else { 1 };
+                let bytes = header.memory_bytes().saturating_mul(factor);
+                self.resources.budget().take(wanted.location.path(), "", bytes)?;
                 Ok(Ok(header))
             }
             Err(PictureFault::TooLarge { problem }) => Err(too_large(wanted.location.path(), problem)),
