@@ -1,7 +1,7 @@
 //! A scene made ready for painting.
 
 use std::sync::{
-    Arc,
+    Arc, Mutex, OnceLock, PoisonError,
     atomic::{AtomicU64, Ordering},
 };
 
@@ -11,8 +11,9 @@ use bottega_scene::{Material, Scene, Spectrum};
 use glam::{Affine3A, Mat3, Vec2, Vec4};
 
 use crate::{
-    RenderError,
+    RenderError, View,
     bsdf::{self, Bsdf, SurfaceParams},
+    guide::Guide,
     lights::{Lights, NO_LIGHT},
 };
 
@@ -40,6 +41,7 @@ pub struct PreparedScene {
     materials: Vec<PreparedMaterial>,
     lights: Lights,
     has_opacity: bool,
+    guides: Mutex<Vec<(View, Arc<OnceLock<Arc<Guide>>>)>>,
     id: DataId,
 }
 
@@ -85,7 +87,7 @@ impl PreparedScene {
         let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, id })
+        Ok(Self { scene, accel, instances, materials, lights, has_opacity, guides: Mutex::default(), id })
     }
 
     /// The scene as it was imported.
@@ -118,6 +120,28 @@ impl PreparedScene {
 
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// What is known of where light comes from, for a view. The first who asks learns it by `learn`; who asks meanwhile
+    /// waits.
+    pub(crate) fn guide(&self, view: View, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        /// Views whose guides are kept.
+        const VIEWS_MAX: usize = 4;
+        let place = {
+            let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+            match guides.iter().find(|(known, _)| *known == view) {
+                Some((_, place)) => Arc::clone(place),
+                None => {
+                    if guides.len() == VIEWS_MAX {
+                        guides.remove(0);
+                    }
+                    let place = Arc::default();
+                    guides.push((view, Arc::clone(&place)));
+                    place
+                }
+            }
+        };
+        Arc::clone(place.get_or_init(|| Arc::new(learn())))
     }
 
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
