@@ -10,7 +10,7 @@ use std::{
 use bottega_engines::{BuiltinEngine, BuiltinOptions, EngineError, Painted, RenderEngine, Tunables, ZoneTask};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
-use bottega_scene::{Camera, Material, Mesh, Scene, Spectrum};
+use bottega_scene::{Camera, Layered, Material, Mesh, Scene, Spectrum};
 use glam::Vec3;
 
 const FRAME: Rect = Rect { x0: 0, y0: 0, x1: 40, y1: 33 };
@@ -18,9 +18,9 @@ const FRAME: Rect = Rect { x0: 0, y0: 0, x1: 40, y1: 33 };
 /// A glossy floor, a ball of glass and a bright quad.
 fn scene() -> Scene {
     let mut scene = Scene::default();
-    let floor = scene.push_material(Material { roughness: 0.3.into(), ..Material::default() });
+    let floor = scene.push_material(Layered { roughness: 0.3.into(), ..Layered::default() }.into());
     let glass =
-        scene.push_material(Material { roughness: 0.0.into(), transmission: 1.0.into(), ..Material::default() });
+        scene.push_material(Layered { roughness: 0.0.into(), transmission: 1.0.into(), ..Layered::default() }.into());
     let light = scene.push_material(Material { emission: Spectrum::splat(5.0).into(), ..Material::default() });
     let quad = Mesh::quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0);
     scene.push_surface(quad.with_material(floor));

@@ -226,7 +226,12 @@ mod tests {
 
     fn one_sphere() -> Scene {
         Scene {
-            spheres: vec![Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 }],
+            spheres: vec![Sphere {
+                center: Vec3::ZERO,
+                radius: 1.0,
+                world_from_object: glam::Quat::IDENTITY,
+                material: 0,
+            }],
             materials: vec![Material { name: "leaf".into(), ..Material::default() }],
             ..Scene::default()
         }

@@ -42,6 +42,8 @@ pub struct CameraRays {
     world_from_camera: Affine3A,
     /// Half the picture's width and height: at distance 1 for a perspective, in scene units for a parallel projection.
     half_extent: Vec2,
+    /// Where the axis meets the picture, in halves of its width and height.
+    lens_shift: Vec2,
     /// Two over the picture's size in pixels.
     double_pixel: Vec2,
     parallel: bool,
@@ -63,6 +65,7 @@ impl CameraRays {
         Self {
             world_from_camera: camera.world_from_camera,
             half_extent: Vec2::new(half_height * size.x / size.y, half_height),
+            lens_shift: camera.lens_shift,
             double_pixel: 2.0 / size,
             parallel,
             lens_radius: camera.lens_radius,
@@ -78,7 +81,7 @@ impl CameraRays {
     #[inline]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
-        let film = Vec2::new(offset.x, -offset.y) * self.half_extent;
+        let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
         let (mut origin, mut direction) =
             if self.parallel { (film.extend(0.0), Vec3::NEG_Z) } else { (Vec3::ZERO, film.extend(-1.0)) };
         if self.lens_radius > 0.0 {
@@ -102,12 +105,11 @@ mod tests {
 
     fn camera(projection: Projection, lens_radius: f32) -> Camera {
         Camera {
-            name: String::new(),
             world_from_camera: Affine3A::from_translation(Vec3::new(1.0, 2.0, 3.0)),
             projection,
-            aspect: None,
             lens_radius,
             focus_distance: 4.0,
+            ..Camera::default()
         }
     }
 

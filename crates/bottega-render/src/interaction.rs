@@ -1,7 +1,7 @@
 //! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
 
 use bottega_kernels::{Hit, math};
-use bottega_scene::{AlphaMode, Material, Mesh, Scene, Spectrum, TextureMap};
+use bottega_scene::{AlphaMode, Material, Mesh, Relief, Scene, Spectrum, Sphere, Surface, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -75,7 +75,7 @@ impl Interaction {
         let sphere = &scene.spheres[index as usize];
         let ng = (origin + hit.t * direction - sphere.center).normalize_or(-direction);
         let (material, known) = prepared.material(sphere.material);
-        let uv = if known.is_textured { sphere_uv(ng) } else { Vec2::ZERO };
+        let uv = if known.is_textured { sphere_uv(sphere, ng) } else { Vec2::ZERO };
         // One turn of u around the equator.
         let footprint = if known.is_textured { cone.width / (2.0 * PI * sphere.radius) } else { 0.0 };
         let p = sphere.center + sphere.radius * ng;
@@ -95,7 +95,9 @@ impl Interaction {
             material: sphere.material,
             hit: *hit,
         };
-        point.set_frames(scene, material, ng, |_| (Vec3::Y.cross(ng).normalize_or(Vec3::X), 1.0));
+        let pole = sphere.world_from_object * Vec3::Y;
+        let equator = sphere.world_from_object * Vec3::X;
+        point.set_frames(scene, material, known, ng, |_| (pole.cross(ng).normalize_or(equator), 1.0));
         point
     }
 
@@ -148,7 +150,7 @@ impl Interaction {
                 point.p_outside = p + instance.world_from_object.transform_vector3(lift);
             }
         }
-        point.set_frames(scene, material, ns, |uv_set| {
+        point.set_frames(scene, material, known, ns, |uv_set| {
             let (tangent, sign) = tangent_at(mesh, triangle, u, v, uv_set);
             (instance.world_from_object.transform_vector3(tangent), sign)
         });
@@ -159,19 +161,39 @@ impl Interaction {
     ///
     /// - `tangent`: of a set of texture coordinates, and the sign of its bitangent.
     #[inline]
-    fn set_frames(&mut self, scene: &Scene, material: &Material, ns: Vec3, tangent: impl Fn(u8) -> (Vec3, f32)) {
-        if material.normal.is_none() && material.coat_normal.is_none() {
+    fn set_frames(
+        &mut self,
+        scene: &Scene,
+        material: &Material,
+        known: &PreparedMaterial,
+        ns: Vec3,
+        tangent: impl Fn(u8) -> (Vec3, f32),
+    ) {
+        if !known.needs_tangents {
             return self.set_frame(ns);
         }
-        let mapped = |point: &Self, map: &Option<(TextureMap, f32)>| match map {
-            Some((map, scale)) => mapped_normal(scene, map, *scale, point, ns, tangent(map.uv_set)),
-            None => ns,
+        let mapped = |point: &Self, map: &TextureMap, scale: f32| {
+            mapped_normal(scene, map, scale, point, ns, tangent(map.uv_set))
         };
-        self.set_frame(mapped(self, &material.normal));
-        if material.coat.factor > 0.0 {
+        self.set_frame(match &material.relief {
+            Some(Relief::Normal(map, scale)) => mapped(self, map, *scale),
+            Some(Relief::Bump(_)) | None => ns,
+        });
+        self.turn_frame(tangent(0).0);
+        if let Surface::Layered(layered) = &material.surface
+            && layered.coat.factor > 0.0
+        {
             // The base's normal map is not the coat's (KHR_materials_clearcoat).
-            let coat = mapped(self, &material.coat_normal);
+            let coat = layered.coat_normal.as_ref().map_or(ns, |(map, scale)| mapped(self, map, *scale));
             self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
+        }
+    }
+
+    /// Turns the frame about its normal until x is as near to `tangent` as it can be.
+    fn turn_frame(&mut self, tangent: Vec3) {
+        let n = self.frame[2];
+        if let Some(s) = (tangent - n * n.dot(tangent)).try_normalize() {
+            self.frame = [s, n.cross(s), n];
         }
     }
 
@@ -299,7 +321,8 @@ fn mapped_normal(
 }
 
 /// Texture coordinates on a sphere: u around +y, v from the upper pole down.
-pub(crate) fn sphere_uv(n: Vec3) -> Vec2 {
+pub(crate) fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
+    let n = sphere.world_from_object.inverse() * n;
     let u = 0.5 + math::atan2(n.x, n.z) / (2.0 * PI);
     Vec2::new(u, math::acos(n.y) / PI)
 }
@@ -320,7 +343,7 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
     let vertices = mesh.triangles[triangle as usize];
     let alpha = interpolate(&mesh.colors, vertices, b.0, b.1).map_or(1.0, |color| color.w);
-    scene.materials[mesh.material as usize].opacity(scene, uvs_at(mesh, vertices, b.0, b.1), 0.0, alpha)
+    scene.materials[mesh.material as usize].opacity_at(scene, uvs_at(mesh, vertices, b.0, b.1), 0.0, alpha)
 }
 
 /// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent.
@@ -330,17 +353,17 @@ pub(crate) fn is_there(prepared: &PreparedScene, hit: &Hit, chance: impl FnOnce(
         Some(sphere) => (scene.spheres[sphere as usize].material, None),
         None => (scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material, Some(hit)),
     };
-    let (material, PreparedMaterial { has_opacity, .. }) = prepared.material(material);
-    if !has_opacity {
-        return true;
+    let (material, known) = prepared.material(material);
+    if !known.has_opacity || known.is_null {
+        return !known.is_null;
     }
     let opacity = match opacity {
         Some(hit) => opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)),
         // A sphere has no vertex colors, and the kernel's hit does not tell where on it: its factor alone counts.
         None => match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask { cutoff } => f32::from(u8::from(material.alpha >= cutoff)),
-            AlphaMode::Blend => material.alpha,
+            AlphaMode::Mask { cutoff } => f32::from(u8::from(material.opacity.factor >= cutoff)),
+            AlphaMode::Blend => material.opacity.factor,
         },
     };
     opacity >= 1.0 || (opacity > 0.0 && chance() < opacity)
@@ -380,7 +403,10 @@ mod tests {
             images: vec![bottega_scene::Image::from_linear_rgb("normals", 1, 1, vec![texel])],
             instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
             meshes: vec![mesh],
-            materials: vec![Material { normal: Some((map, 1.0)), coat: 1.0.into(), ..Material::default() }],
+            materials: vec![Material {
+                relief: Some(Relief::Normal(map, 1.0)),
+                ..Layered { coat: 1.0.into(), ..Layered::default() }.into()
+            }],
             ..Scene::default()
         };
         let prepared = PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap();

@@ -7,12 +7,12 @@ use std::sync::{
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{Material, Scene, Spectrum};
-use glam::{Affine3A, Mat3, Vec2, Vec4};
+use bottega_scene::{AlphaMode, Material, MediumId, Scene, Spectrum, Surface};
+use glam::{Affine3A, Mat3};
 
 use crate::{
     RenderError, View,
-    bsdf::{self, Bsdf, SurfaceParams},
+    bsdf::{Bsdf, SurfacePoint, scattering},
     guide::Guide,
     lights::{Lights, NO_LIGHT},
 };
@@ -61,16 +61,20 @@ pub(crate) struct PreparedInstance {
 pub(crate) struct PreparedMaterial {
     /// Whether a lookup depends on the footprint.
     pub(crate) is_textured: bool,
+    /// Whether it depends on the directions of the texture coordinates.
+    pub(crate) needs_tangents: bool,
     /// Whether rays may pass it as if it were not there.
     pub(crate) has_opacity: bool,
+    /// Whether it is no more than the boundary of media.
+    pub(crate) is_null: bool,
     /// Whether it emits light, other than by being unlit.
     pub(crate) shines: bool,
     /// Whether light may go through to the other side.
     pub(crate) transmits: bool,
     /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
     pub(crate) bsdfs: Option<[Bsdf; 2]>,
-    /// Absorption within the solid, per unit of distance; 0 for sheets and opaque things.
-    pub(crate) absorption: Spectrum,
+    /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
+    pub(crate) absorption: [Spectrum; 2],
 }
 
 impl PreparedScene {
@@ -183,16 +187,23 @@ fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
 }
 
 fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
-    let transmits = material.transmission.factor > 0.0;
-    let is_textured = material.textures().next().is_some();
-    let side = |front| Bsdf::new(&SurfaceParams::of(scene, material, [Vec2::ZERO; 2], Vec4::ONE, 0.0, front));
+    let transmits = material.transmits();
+    let is_textured = !material.textures().is_empty();
+    let is_null = material.surface == Surface::Null;
+    let is_blend = matches!(material.surface, Surface::Blend { .. });
+    let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
+    let absorption = |medium: Option<MediumId>| {
+        medium.filter(|_| transmits).map_or(Spectrum::ZERO, |medium| scene.media[medium.0 as usize].absorption)
+    };
     PreparedMaterial {
-        bsdfs: (!is_textured).then(|| [side(false), side(true)]),
+        bsdfs: (!is_textured && !is_blend).then(|| [side(false), side(true)]),
         transmits,
         is_textured,
-        has_opacity: material.has_opacity(),
-        shines: !material.unlit && material.emission.factor.max_element() > 0.0,
-        absorption: if transmits { bsdf::absorption(material) } else { Spectrum::ZERO },
+        is_null,
+        needs_tangents: material.needs_tangents(),
+        has_opacity: is_null || material.alpha_mode != AlphaMode::Opaque,
+        shines: material.emission.factor.max_element() > 0.0,
+        absorption: [material.exterior, material.interior].map(absorption),
     }
 }
 

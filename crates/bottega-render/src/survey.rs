@@ -238,7 +238,7 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
     }
     let u = chain.sampler.quad(DimensionSet::scattering(chain.step));
     let mut place = None;
-    let sample = bsdf_at(scene, &point, &mut place).sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
+    let sample = bsdf_at(scene, &point, || u[3], &mut place).sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
     let is_mirror = sample.is_delta() || (sample.lobe.contains(LobeFlags::GLOSSY) && sample.pdf > MIRROR_PDF);
     let direction = point.to_world(sample.wi);
     is_mirror.then(|| (Chain { origin: point.ray_origin(direction), direction, cone, step, ..chain }, 1.0))

@@ -1,6 +1,8 @@
 //! Cameras.
 
-use glam::Affine3A;
+use glam::{Affine3A, Vec2};
+
+use crate::MediumId;
 
 /// How a camera projects the scene onto its picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +24,7 @@ pub enum Projection {
 pub struct Camera {
     /// The name in the file; may be empty.
     pub name: String,
-    /// Where it stands: camera space to world space, without scale.
+    /// Where it stands: camera space to world space, without scale; it may mirror.
     pub world_from_camera: Affine3A,
     /// How it projects.
     pub projection: Projection,
@@ -32,4 +34,24 @@ pub struct Camera {
     pub lens_radius: f32,
     /// Distance of the plane in focus, in scene units.
     pub focus_distance: f32,
+    /// Where the axis meets the picture: to the right and up from its centre, in halves of its width and height.
+    pub lens_shift: Vec2,
+    /// What it stands in; `None`: vacuum.
+    pub medium: Option<MediumId>,
+}
+
+impl Default for Camera {
+    /// A pinhole at the origin.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            world_from_camera: Affine3A::IDENTITY,
+            projection: Projection::Perspective { vertical_fov: 0.7 },
+            aspect: None,
+            lens_radius: 0.0,
+            focus_distance: 1.0,
+            lens_shift: Vec2::ZERO,
+            medium: None,
+        }
+    }
 }

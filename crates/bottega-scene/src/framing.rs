@@ -80,9 +80,8 @@ fn frame(toward_camera: Vec3, (min, max): (Vec3, Vec3), points: impl Iterator<It
         name: "framing".into(),
         world_from_camera: Affine3A { matrix3: rotation, translation: Vec3A::from(center + z * distance) },
         projection: Projection::Perspective { vertical_fov: (2.0 * tan_upper.atan()) as f32 },
-        aspect: None,
-        lens_radius: 0.0,
         focus_distance: distance,
+        ..Camera::default()
     }
 }
 

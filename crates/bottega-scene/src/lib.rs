@@ -18,22 +18,29 @@ mod image;
 mod light;
 mod load;
 mod material;
+mod medium;
 mod mend;
 mod model;
 mod shapes;
 mod sky;
 mod summary;
+mod surface;
 mod texture;
 mod validate;
 
 pub use camera::{Camera, Projection};
 pub use error::{SceneError, Warning};
 pub use image::{Encoding, Image};
-pub use light::{Environment, Light, LightKind};
-pub use load::{LoadOptions, Loaded, Metadata, load};
-pub use material::{AlphaMode, ColorParam, Material, ScalarParam};
+pub use light::{Environment, EnvironmentMapping, Light, LightKind, SpotFalloff};
+pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
+pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ScalarParam, Sides};
+pub use medium::{Medium, MediumId};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use summary::SceneSummary;
+pub use surface::{
+    Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Iridescence, Layered,
+    Plastic, Principled, RoughnessScale, Surface,
+};
 pub use texture::{Channel, ImageId, TextureMap, Wrap};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.

@@ -1,6 +1,6 @@
 //! Lights that are no surfaces. Surfaces shine by the emission of their material.
 
-use glam::{Quat, Vec3};
+use glam::{Affine3A, Mat3, Vec3};
 
 use crate::{ImageId, Spectrum};
 
@@ -23,8 +23,7 @@ pub enum LightKind {
         /// Radiant intensity in W·sr⁻¹.
         intensity: Spectrum,
     },
-    /// Shines into a cone. Between the two angles the intensity falls off as KHR_lights_punctual says:
-    /// the square of the linear interpolation of the cosine.
+    /// Shines into a cone.
     Spot {
         /// Where it is, world space.
         position: Vec3,
@@ -36,6 +35,22 @@ pub enum LightKind {
         cos_inner: f32,
         /// Cosine of the half angle outside which there is none; below `cos_inner`.
         cos_outer: f32,
+        /// How the intensity falls off between the two angles.
+        falloff: SpotFalloff,
+    },
+    /// Throws a picture.
+    Projector {
+        /// Stands at the origin and looks along its own −z, as a camera does; without scale.
+        world_from_light: Affine3A,
+        /// The picture; black outside of it.
+        image: ImageId,
+        /// Multiplies the picture: radiant intensity on the axis in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
+        /// axis, so that a screen across the axis is lit evenly.
+        intensity: Spectrum,
+        /// Full angle between the upper and the lower edge of the picture, in radians.
+        vertical_fov: f32,
+        /// Width over height.
+        aspect: f32,
     },
     /// Parallel light from infinitely far away.
     Directional {
@@ -46,13 +61,55 @@ pub enum LightKind {
     },
 }
 
+/// How the intensity of a spot falls off from full, at the inner angle, to nothing, at the outer one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpotFalloff {
+    /// As the square of the linear interpolation of the cosine (KHR_lights_punctual).
+    #[default]
+    SquaredCosine,
+    /// Linearly with the angle (Mitsuba).
+    LinearAngle,
+    /// As the smooth step of the cosine (pbrt).
+    SmoothCosine,
+}
+
+/// How directions are laid out on an environment's picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EnvironmentMapping {
+    /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
+    #[default]
+    LatitudeLongitude,
+    /// Equal areas on an octahedron, as pbrt-v4 has it (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
+    /// SIMD): +z is the centre, −z the corners, +x to the right and +y up.
+    EqualArea,
+}
+
 /// What is seen where there is no surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
-    /// Latitude-longitude picture: the upper edge is +y, the centre column −z, u grows towards +x. `None`: 1 everywhere.
+    /// The picture; `None`: 1 everywhere.
     pub image: Option<ImageId>,
+    /// How it is laid out.
+    pub mapping: EnvironmentMapping,
     /// Multiplies the picture.
     pub factor: Spectrum,
-    /// Turns the environment: environment space to world space.
-    pub world_from_environment: Quat,
+    /// Environment space to world space: orthonormal, and mirroring where the file says so.
+    pub world_from_environment: Mat3,
+}
+
+impl Environment {
+    /// The same radiance from everywhere.
+    pub fn uniform(radiance: Spectrum) -> Self {
+        Self {
+            image: None,
+            mapping: EnvironmentMapping::LatitudeLongitude,
+            factor: radiance,
+            world_from_environment: Mat3::IDENTITY,
+        }
+    }
+
+    /// A picture by latitude and longitude.
+    pub fn picture(image: ImageId, factor: Spectrum, world_from_environment: Mat3) -> Self {
+        Self { image: Some(image), world_from_environment, ..Self::uniform(factor) }
+    }
 }

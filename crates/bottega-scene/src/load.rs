@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::Quat;
+use glam::{Mat3, Quat};
 
 use crate::error::Warnings;
 use crate::file::read_file;
@@ -49,6 +49,60 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// What the file says of itself.
     pub metadata: Metadata,
+    /// How the file wants to be painted.
+    pub hints: RenderHints,
+}
+
+/// How a file wants to be painted. What it does not say is left open; what the user says goes first. (Exposure is none of
+/// these: importers fold it into the lights.)
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RenderHints {
+    /// Columns and rows of the whole picture.
+    pub resolution: Option<[u32; 2]>,
+    /// Part of the picture: first column and row, columns and rows.
+    pub crop: Option<[u32; 4]>,
+    /// Samples of each pixel.
+    pub samples: Option<u32>,
+    /// Bounces: 0 shows only emission seen directly, 1 direct light; `u32::MAX`: no limit.
+    pub max_depth: Option<u32>,
+    /// The pixel filter.
+    pub filter: Option<FilmFilter>,
+}
+
+/// A pixel filter. Radii are in pixels, from the centre to the edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FilmFilter {
+    /// Constant.
+    Box {
+        /// Half its width; 0.5 is one pixel.
+        radius: f32,
+    },
+    /// Falls off linearly.
+    Tent {
+        /// Where it is 0.
+        radius: f32,
+    },
+    /// The bell, shifted down so that it ends at 0.
+    Gaussian {
+        /// Where it ends.
+        radius: f32,
+        /// Standard deviation, in pixels.
+        sigma: f32,
+    },
+    /// Mitchell and Netravali 1988.
+    Mitchell {
+        /// Where it ends.
+        radius: f32,
+        /// Their B.
+        b: f32,
+        /// Their C.
+        c: f32,
+    },
+    /// The four-term window of Blackman and Harris.
+    BlackmanHarris {
+        /// Where it ends.
+        radius: f32,
+    },
 }
 
 /// What a scene file says of itself.
@@ -78,7 +132,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if !gltf::recognizes(path, &file) {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     }
-    let (mut scene, metadata) = gltf::import(path, &file, options, &budget, &mut digest, &mut warnings)?;
+    let (mut scene, metadata, hints) = gltf::import(path, &file, options, &budget, &mut digest, &mut warnings)?;
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");
@@ -98,7 +152,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     scene.validate()?;
     let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
     tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
-    Ok(Loaded { scene, warnings: warnings.finish(), metadata })
+    Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints })
 }
 
 fn describe(file: &[u8]) -> &'static str {
@@ -146,11 +200,11 @@ impl Scene {
         self.images.push(image);
         // In double precision, and rounded: platforms differ in the last bit of their sines.
         let (sin, cos) = (0.5 * f64::from(rotation)).sin_cos();
-        self.environment = Some(Environment {
-            image: Some(ImageId(self.images.len() as u32 - 1)),
-            factor: Spectrum::splat(intensity),
-            world_from_environment: Quat::from_xyzw(0.0, sin as f32, 0.0, cos as f32),
-        });
+        self.environment = Some(Environment::picture(
+            ImageId(self.images.len() as u32 - 1),
+            Spectrum::splat(intensity),
+            Mat3::from_quat(Quat::from_xyzw(0.0, sin as f32, 0.0, cos as f32)),
+        ));
     }
 }
 

@@ -1,9 +1,8 @@
-//! The one layered surface material. It is a superset of glTF 2.0's metallic-roughness model and its extensions, in
-//! the manner of the Dielectric Specular / OpenPBR family.
+//! What a surface is made of: how it scatters, what it emits, where it is absent, and what it bounds.
 
 use glam::{Vec2, Vec4};
 
-use crate::{Channel, Scene, Spectrum, TextureMap};
+use crate::{Channel, Layered, MediumId, Scene, Spectrum, Surface, TextureMap};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +48,20 @@ fn look_up(scene: &Scene, map: &TextureMap, uvs: [Vec2; 2], footprint: f32) -> V
     scene.images[map.image.0 as usize].eval(map, uvs[usize::from(map.uv_set & 1)], footprint)
 }
 
+impl Default for ColorParam {
+    /// Black.
+    fn default() -> Self {
+        Spectrum::ZERO.into()
+    }
+}
+
+impl Default for ScalarParam {
+    /// 1.
+    fn default() -> Self {
+        1.0.into()
+    }
+}
+
 impl From<Spectrum> for ColorParam {
     fn from(factor: Spectrum) -> Self {
         Self { factor, texture: None }
@@ -75,88 +88,122 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// A surface material. From the outside in: sheen over coat over base; the base is a mix of metal, transmitting
-/// dielectric and diffuse dielectric.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    /// The name in the file; may be empty.
-    pub name: String,
-    /// Reflectance of the diffuse and metal base, tint of the transmission. Its texture's alpha is the opacity.
-    pub base_color: ColorParam,
-    /// Multiplied with the alpha of the base colour's texture and of the vertex colours.
-    pub alpha: f32,
-    /// How opacity is read.
-    pub alpha_mode: AlphaMode,
-    /// 0: dielectric, 1: metal.
-    pub metallic: ScalarParam,
-    /// Perceptual roughness: the microfacet α is its square.
-    pub roughness: ScalarParam,
-    /// Index of refraction of the dielectric. 0 stands for total reflection (KHR_materials_ior).
-    pub ior: f32,
-    /// Strength of the dielectric's specular reflection (KHR_materials_specular).
-    pub specular: ScalarParam,
-    /// Tint of the dielectric's reflection at normal incidence (KHR_materials_specular).
-    pub specular_color: ColorParam,
-    /// Share of light that enters the dielectric and is transmitted instead of scattered diffusely.
-    pub transmission: ScalarParam,
-    /// Whether the surface is a sheet without volume (light goes straight through), or bounds a solid.
-    pub thin: bool,
-    /// Distance after which white light has the colour `attenuation_color` within the solid; infinite: no absorption.
-    pub attenuation_distance: f32,
-    /// See `attenuation_distance`.
-    pub attenuation_color: Spectrum,
-    /// Strength of the clear coat.
-    pub coat: ScalarParam,
-    /// Perceptual roughness of the clear coat.
-    pub coat_roughness: ScalarParam,
-    /// Normal map of the clear coat.
-    pub coat_normal: Option<(TextureMap, f32)>,
-    /// Colour of the sheen; black: none.
-    pub sheen_color: ColorParam,
-    /// Perceptual roughness of the sheen.
-    pub sheen_roughness: ScalarParam,
-    /// Radiance that the surface emits, on its front (both sides where `double_sided`).
-    pub emission: ColorParam,
-    /// Tangent-space normal map and its scale.
-    pub normal: Option<(TextureMap, f32)>,
-    /// Whether the back is shaded like the front (else a non-transmitting back is still shaded, but emits nothing).
-    pub double_sided: bool,
-    /// KHR_materials_unlit: the base colour is emitted as it is, and nothing is reflected.
-    pub unlit: bool,
+/// Sides of a surface. The front is the side from which its triangles run counter-clockwise, and the outside of a
+/// sphere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sides {
+    /// The front alone.
+    Front,
+    /// The back alone.
+    Back,
+    /// Both.
+    #[default]
+    Both,
 }
 
-impl Default for Material {
-    /// glTF's default material, but dielectric and double-sided: white, rough.
-    fn default() -> Self {
-        Self {
-            name: String::new(),
-            base_color: Spectrum::ONE.into(),
-            alpha: 1.0,
-            alpha_mode: AlphaMode::Opaque,
-            metallic: 0.0.into(),
-            roughness: 1.0.into(),
-            ior: 1.5,
-            specular: 1.0.into(),
-            specular_color: Spectrum::ONE.into(),
-            transmission: 0.0.into(),
-            thin: false,
-            attenuation_distance: f32::INFINITY,
-            attenuation_color: Spectrum::ONE,
-            coat: 0.0.into(),
-            coat_roughness: 0.0.into(),
-            coat_normal: None,
-            sheen_color: Spectrum::ZERO.into(),
-            sheen_roughness: 0.0.into(),
-            emission: Spectrum::ZERO.into(),
-            normal: None,
-            double_sided: true,
-            unlit: false,
+impl Sides {
+    /// Whether that side is one of them.
+    pub fn has(self, front: bool) -> bool {
+        match self {
+            Self::Front => front,
+            Self::Back => !front,
+            Self::Both => true,
+        }
+    }
+
+    /// How many they are.
+    pub fn count(self) -> u32 {
+        if self == Self::Both { 2 } else { 1 }
+    }
+}
+
+/// What scatters on the back of a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Back {
+    /// The same as on the front: two equal sides of an opaque or thin surface, two sides of one boundary of a solid.
+    #[default]
+    Same,
+    /// Nothing: it is black.
+    Black,
+    /// Something else. Neither side may then let light through.
+    Other(Box<Surface>),
+}
+
+/// Unevenness too fine for the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Relief {
+    /// A tangent-space normal map, and the factor of its x and y (glTF).
+    Normal(TextureMap, f32),
+    /// Height above the surface along its normal, in scene units.
+    Bump(ScalarParam),
+}
+
+impl Relief {
+    /// The texture that tells of it.
+    pub fn texture(&self) -> Option<&TextureMap> {
+        match self {
+            Self::Normal(map, _) => Some(map),
+            Self::Bump(height) => height.texture.as_ref().map(|(map, _)| map),
         }
     }
 }
 
+/// A material.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Material {
+    /// The name in the file; may be empty.
+    pub name: String,
+    /// What scatters on the front, and on the back where `back` says so.
+    pub surface: Surface,
+    /// What scatters on the back.
+    pub back: Back,
+    /// Alpha; multiplied with the alpha of vertex colours.
+    pub opacity: ScalarParam,
+    /// How alpha is read.
+    pub alpha_mode: AlphaMode,
+    /// Radiance that the surface emits.
+    pub emission: ColorParam,
+    /// From where it is emitted.
+    pub emission_sides: Sides,
+    /// Perturbs the shading normal.
+    pub relief: Option<Relief>,
+    /// What fills the space behind the front; `None`: vacuum. Only where light may go through.
+    pub interior: Option<MediumId>,
+    /// What fills the space before the front; `None`: vacuum.
+    pub exterior: Option<MediumId>,
+}
+
+impl Default for AlphaMode {
+    fn default() -> Self {
+        Self::Opaque
+    }
+}
+
+impl From<Surface> for Material {
+    /// Opaque, dark, both sides equal.
+    fn from(surface: Surface) -> Self {
+        Self { surface, ..Self::default() }
+    }
+}
+
+impl From<Layered> for Material {
+    fn from(layered: Layered) -> Self {
+        Surface::from(layered).into()
+    }
+}
+
 impl Material {
-    /// Whether the surface may let rays pass as if it were not there. Where not, [`opacity`](Self::opacity) is 1.
+    /// Lambert's matte surface.
+    pub fn matte(reflectance: Spectrum) -> Self {
+        Surface::matte(reflectance).into()
+    }
+
+    /// A black surface that emits the same radiance everywhere, from its front.
+    pub fn lamp(radiance: Spectrum) -> Self {
+        Self { emission: radiance.into(), emission_sides: Sides::Front, ..Self::matte(Spectrum::ZERO) }
+    }
+
+    /// Whether the surface may let rays pass as if it were not there. Where not, [`opacity`](Self::opacity_at) is 1.
     pub fn has_opacity(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque
     }
@@ -165,14 +212,8 @@ impl Material {
     ///
     /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 where there are none.
     /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
-    pub fn opacity(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32, vertex_alpha: f32) -> f32 {
-        let alpha = || {
-            let texture = self.base_color.texture.as_ref().map_or(1.0, |map| {
-                let uv = uvs[usize::from(map.uv_set & 1)];
-                scene.images[map.image.0 as usize].alpha(map, uv, footprint)
-            });
-            self.alpha * vertex_alpha * texture
-        };
+    pub fn opacity_at(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32, vertex_alpha: f32) -> f32 {
+        let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha() >= cutoff)),
@@ -182,26 +223,43 @@ impl Material {
 
     /// Whether it shines: its emission is not black, or it is unlit.
     pub fn is_emissive(&self) -> bool {
-        self.unlit || self.emission.factor.max_element() > 0.0
+        matches!(self.surface, Surface::Unlit(_)) || self.emission.factor.max_element() > 0.0
+    }
+
+    /// Its surface, if that is the layered one of glTF.
+    pub fn layered(&self) -> Option<&Layered> {
+        if let Surface::Layered(layered) = &self.surface { Some(layered) } else { None }
+    }
+
+    /// What scatters on that side; `None`: it is black.
+    pub fn surface_of(&self, front: bool) -> Option<&Surface> {
+        match &self.back {
+            Back::Black if !front => None,
+            Back::Other(surface) if !front => Some(surface),
+            _ => Some(&self.surface),
+        }
+    }
+
+    /// Whether light may go through to the other side, other than by opacity.
+    pub fn transmits(&self) -> bool {
+        self.surface.transmits()
+    }
+
+    /// Whether it depends on the directions of the texture coordinates on the surface.
+    pub fn needs_tangents(&self) -> bool {
+        self.relief.is_some() || self.surface.needs_tangents()
     }
 
     /// Every texture that the material refers to.
-    pub fn textures(&self) -> impl Iterator<Item = &TextureMap> {
-        let colors = [&self.base_color, &self.specular_color, &self.sheen_color, &self.emission];
-        let scalars = [
-            &self.metallic,
-            &self.roughness,
-            &self.specular,
-            &self.transmission,
-            &self.coat,
-            &self.coat_roughness,
-            &self.sheen_roughness,
-        ];
-        let normals = [&self.normal, &self.coat_normal];
-        colors
-            .into_iter()
-            .filter_map(|color| color.texture.as_ref())
-            .chain(scalars.into_iter().filter_map(|scalar| scalar.texture.as_ref().map(|(map, _)| map)))
-            .chain(normals.into_iter().filter_map(|normal| normal.as_ref().map(|(map, _)| map)))
+    pub fn textures(&self) -> Vec<&TextureMap> {
+        let mut maps = Vec::new();
+        self.surface.add_textures(&mut maps);
+        if let Back::Other(surface) = &self.back {
+            surface.add_textures(&mut maps);
+        }
+        maps.extend(&self.emission.texture);
+        maps.extend(self.opacity.texture.as_ref().map(|(map, _)| map));
+        maps.extend(self.relief.as_ref().and_then(Relief::texture));
+        maps
     }
 }

@@ -1,9 +1,9 @@
 //! The scene and its shapes.
 
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Camera, Environment, Image, Light, Material};
+use crate::{Camera, Environment, Image, Light, Material, Medium, MediumId};
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
 /// Importers leave out texture coordinates and tangents that no texture of the material asks for.
@@ -44,6 +44,8 @@ pub struct Sphere {
     pub center: Vec3,
     /// Radius, above 0.
     pub radius: f32,
+    /// Turns its texture coordinates: object space, where +y is the pole, to world space.
+    pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
@@ -59,6 +61,8 @@ pub struct Scene {
     pub spheres: Vec<Sphere>,
     /// Never empty when a mesh or sphere exists.
     pub materials: Vec<Material>,
+    /// What fills space here and there.
+    pub media: Vec<Medium>,
     /// Pictures that textures and the environment refer to.
     pub images: Vec<Image>,
     /// Lights without extent.
@@ -145,6 +149,12 @@ impl Scene {
         self.materials.len() as u32 - 1
     }
 
+    /// Adds a medium.
+    pub fn push_medium(&mut self, medium: Medium) -> MediumId {
+        self.media.push(medium);
+        MediumId(self.media.len() as u32 - 1)
+    }
+
     /// Adds a mesh without showing it; see [`push_instance`](Self::push_instance).
     pub fn push_mesh(&mut self, mesh: Mesh) -> u32 {
         self.meshes.push(mesh);
@@ -173,7 +183,7 @@ impl Scene {
 
     /// Adds an analytic sphere.
     pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
-        self.spheres.push(Sphere { center, radius, material });
+        self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material });
     }
 
     /// Least and greatest coordinates of all surfaces, world space; both 0 where there are none. The box of an instance

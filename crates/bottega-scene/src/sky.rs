@@ -1,6 +1,6 @@
 //! The light for scenes that have none.
 
-use glam::{Quat, Vec3};
+use glam::{Mat3, Vec3};
 
 use crate::{Environment, Image, ImageId, Scene, Spectrum};
 
@@ -14,11 +14,8 @@ impl Scene {
     /// Surrounds the scene with a neutral sky of mean radiance 1, whatever its environment was.
     pub fn add_sky(&mut self) {
         self.images.push(image());
-        self.environment = Some(Environment {
-            image: Some(ImageId(self.images.len() as u32 - 1)),
-            factor: Spectrum::ONE,
-            world_from_environment: Quat::IDENTITY,
-        });
+        self.environment =
+            Some(Environment::picture(ImageId(self.images.len() as u32 - 1), Spectrum::ONE, Mat3::IDENTITY));
     }
 }
 

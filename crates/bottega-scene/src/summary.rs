@@ -51,6 +51,7 @@ impl SceneSummary {
             LightKind::Point { .. } => "point",
             LightKind::Spot { .. } => "spot",
             LightKind::Directional { .. } => "directional",
+            LightKind::Projector { .. } => "projector",
         };
         let material_name = |(index, material): (usize, &crate::Material)| {
             let name = if material.name.is_empty() { format!("material {index}") } else { material.name.clone() };

@@ -5,7 +5,10 @@ use std::fmt::Display;
 use rayon::prelude::*;
 
 use crate::model::is_placeable;
-use crate::{AlphaMode, COORDINATE_MAX, LightKind, Material, Mesh, Projection, Scene, SceneError};
+use crate::{
+    AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Projection, Relief,
+    Scene, SceneError, Surface,
+};
 
 impl Scene {
     /// Checks what every reader of a scene relies on: no index out of range, no array of the wrong length, no NaN, no
@@ -34,16 +37,18 @@ impl Scene {
                 sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite(),
                 "its centre is out of reach",
             )?;
+            check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")?;
             self.check_material(sphere.material)
         })?;
         each("materials", &self.materials, |material| self.check_parameters(material))?;
-        each("lights", &self.lights, |light| check_light(&light.kind))?;
+        each("media", &self.media, check_medium)?;
+        each("lights", &self.lights, |light| self.check_light(&light.kind))?;
         if let Some(environment) = &self.environment {
             let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
             let is_sound = has_image
                 && environment.factor.is_finite()
                 && environment.factor.min_element() >= 0.0
-                && environment.world_from_environment.is_normalized();
+                && is_orthonormal(&environment.world_from_environment);
             check(is_sound, "its image, factor or rotation does not exist")
                 .map_err(|problem| place("environment", problem))?;
         }
@@ -51,6 +56,8 @@ impl Scene {
             check(camera.world_from_camera.is_finite(), "its transformation is not finite")?;
             check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
             check(camera.focus_distance > 0.0, "its focus is not before it")?;
+            check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
+            self.check_medium_id(camera.medium)?;
             let is_sound = match camera.projection {
                 Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
                 Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
@@ -87,42 +94,79 @@ impl Scene {
             check(map.uv_set < 2, "there are only two sets of texture coordinates")?;
             check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
         }
-        let colors = [&material.base_color, &material.specular_color, &material.sheen_color, &material.emission];
-        let mut factors: Vec<f32> = colors.iter().flat_map(|color| color.factor.to_array()).collect();
-        let scalars = [
-            &material.metallic,
-            &material.roughness,
-            &material.specular,
-            &material.transmission,
-            &material.coat,
-            &material.coat_roughness,
-            &material.sheen_roughness,
-        ];
-        factors.extend(scalars.iter().map(|scalar| scalar.factor));
-        factors.extend(material.attenuation_color.to_array());
-        factors.extend([material.alpha, material.ior]);
-        if let AlphaMode::Mask { cutoff } = material.alpha_mode {
-            factors.push(cutoff);
+        self.check_surface(&material.surface)?;
+        if let Back::Other(back) = &material.back {
+            self.check_surface(back)?;
+            check(!back.transmits() && !material.surface.transmits(), "only one of its sides lets light through")?;
         }
-        check(factors.iter().all(|factor| factor.is_finite() && *factor >= 0.0), "a factor is negative or not finite")?;
-        check(material.attenuation_distance > 0.0, "its attenuation distance is not above 0")?;
-        let mut normals = [&material.normal, &material.coat_normal].into_iter().flatten();
-        check(normals.all(|(_, scale)| scale.is_finite()), "a normal map's scale is not finite")
+        check(is_color(&material.emission), FACTOR)?;
+        check(is_factor(material.opacity.factor), FACTOR)?;
+        if let AlphaMode::Mask { cutoff } = material.alpha_mode {
+            check(is_factor(cutoff), FACTOR)?;
+        }
+        match &material.relief {
+            Some(Relief::Normal(_, scale)) => check(scale.is_finite(), "a normal map's scale is not finite")?,
+            Some(Relief::Bump(height)) => check(height.factor.is_finite(), "a bump map's scale is not finite")?,
+            None => {}
+        }
+        self.check_medium_id(material.interior)?;
+        self.check_medium_id(material.exterior)
+    }
+
+    fn check_surface(&self, surface: &Surface) -> Result<(), String> {
+        let (colors, scalars) = surface.params();
+        check(colors.into_iter().all(is_color), FACTOR)?;
+        check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;
+        check(surface.indices_of_refraction().into_iter().all(is_factor), "an index of refraction is negative")
+    }
+
+    fn check_medium_id(&self, medium: Option<MediumId>) -> Result<(), String> {
+        check(medium.is_none_or(|medium| (medium.0 as usize) < self.media.len()), "there is no such medium")
+    }
+
+    fn check_light(&self, light: &LightKind) -> Result<(), String> {
+        let (power, position, direction) = match *light {
+            LightKind::Point { position, intensity } => (intensity, position, None),
+            LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, .. } => {
+                check(cos_outer < cos_inner && cos_outer >= -1.0 && cos_inner <= 1.0, "its cone is inside out")?;
+                (intensity, position, Some(direction))
+            }
+            LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
+            LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+                check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
+                let is_sound = vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI;
+                check(is_sound && aspect > 0.0 && aspect.is_finite(), "its picture shows nowhere")?;
+                check(world_from_light.is_finite(), "its transformation is not finite")?;
+                (intensity, world_from_light.translation.into(), None)
+            }
+        };
+        check(power.is_finite() && power.min_element() >= 0.0, "its colour is negative or not finite")?;
+        check(position.is_finite(), "its position is not finite")?;
+        check(direction.is_none_or(glam::Vec3::is_normalized), "its direction is not of unit length")
     }
 }
 
-fn check_light(light: &LightKind) -> Result<(), String> {
-    let (power, position, direction) = match *light {
-        LightKind::Point { position, intensity } => (intensity, position, None),
-        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-            check(cos_outer < cos_inner && cos_outer >= -1.0 && cos_inner <= 1.0, "its cone is inside out")?;
-            (intensity, position, Some(direction))
-        }
-        LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
-    };
-    check(power.is_finite() && power.min_element() >= 0.0, "its colour is negative or not finite")?;
-    check(position.is_finite(), "its position is not finite")?;
-    check(direction.is_none_or(glam::Vec3::is_normalized), "its direction is not of unit length")
+const FACTOR: &str = "a factor is negative or not finite";
+
+fn is_factor(factor: f32) -> bool {
+    factor.is_finite() && factor >= 0.0
+}
+
+fn is_color(color: &ColorParam) -> bool {
+    color.factor.is_finite() && color.factor.min_element() >= 0.0
+}
+
+fn check_medium(medium: &Medium) -> Result<(), String> {
+    let coefficients = [medium.absorption, medium.scattering, medium.emission];
+    check(
+        coefficients.iter().all(|c| c.is_finite() && c.min_element() >= 0.0),
+        "a coefficient is negative or not finite",
+    )?;
+    check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")
+}
+
+fn is_orthonormal(matrix: &glam::Mat3) -> bool {
+    (*matrix * matrix.transpose()).abs_diff_eq(glam::Mat3::IDENTITY, 1e-3)
 }
 
 fn check(holds: bool, problem: &str) -> Result<(), String> {

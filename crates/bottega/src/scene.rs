@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc};
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, View};
 use bottega_scene::{Environment, LoadOptions, Projection, Scene, Spectrum, Warning};
-use glam::Quat;
+use glam::Mat3;
 
 use crate::{
     cli::{EnvironmentArg, SceneArgs, Size},
@@ -62,7 +62,7 @@ pub(crate) fn shown(path: &Path) -> String {
 }
 
 fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
-    let world_from_environment = Quat::from_rotation_y(args.env_rotate.to_radians());
+    let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
     let mut options = LoadOptions::default();
     match &args.env {
         Some(EnvironmentArg::Picture(path)) => {
@@ -81,7 +81,7 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
     match &args.env {
         Some(EnvironmentArg::Constant(radiance)) => {
             let factor = Spectrum::from_array(*radiance) * args.env_strength;
-            scene.environment = Some(Environment { image: None, factor, world_from_environment });
+            scene.environment = Some(Environment::uniform(factor));
         }
         None | Some(EnvironmentArg::Sky) => {
             if let Some(environment) = &mut scene.environment {

@@ -2,8 +2,8 @@
 
 use std::{collections::HashMap, error::Error, fs, path::Path};
 
-use bottega_scene::{Camera, Environment, Material, Mesh, Projection, Scene};
-use glam::{Affine3A, Quat, Vec3};
+use bottega_scene::{Camera, Environment, Layered, Material, Mesh, Projection, Scene, Sides};
+use glam::{Affine3A, Vec3};
 use serde_json::Value;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -13,8 +13,7 @@ pub(crate) fn load(path: &Path) -> Outcome<Scene> {
     let folder = path.parent().ok_or("a file lies in a folder")?;
     let mut scene = Scene { cameras: vec![camera(&value["camera"])?], ..Scene::default() };
     if value["env"].is_array() {
-        scene.environment =
-            Some(Environment { image: None, factor: vector(&value["env"])?, world_from_environment: Quat::IDENTITY });
+        scene.environment = Some(Environment::uniform(vector(&value["env"])?));
     }
     let mut indices = HashMap::new();
     for (name, description) in value["materials"].as_object().ok_or("no materials")? {
@@ -45,35 +44,29 @@ fn camera(value: &Value) -> Outcome<Camera> {
     let fov = value["fov"].as_f64().ok_or("no fov")? as f32;
     let (z, x) = ((eye - target).normalize(), up.cross(eye - target).normalize());
     Ok(Camera {
-        name: String::new(),
         world_from_camera: Affine3A::from_cols(x.into(), z.cross(x).into(), z.into(), eye.into()),
         projection: Projection::Perspective { vertical_fov: fov.to_radians() },
-        aspect: None,
-        lens_radius: 0.0,
-        focus_distance: 1.0,
+        ..Camera::default()
     })
 }
 
 fn material(value: &Value) -> Outcome<Material> {
     Ok(match value["type"].as_str() {
-        Some("diffuse") => Material {
-            base_color: vector(&value["reflectance"])?.into(),
-            specular: 0.0.into(),
-            double_sided: false,
-            ..Material::default()
-        },
-        Some("mirror") => Material {
+        Some("diffuse") => Material { emission_sides: Sides::Front, ..Material::matte(vector(&value["reflectance"])?) },
+        Some("mirror") => Layered {
             base_color: vector(&value["reflectance"])?.into(),
             metallic: 1.0.into(),
             roughness: 0.0.into(),
-            ..Material::default()
-        },
-        Some("dielectric") => Material {
+            ..Layered::default()
+        }
+        .into(),
+        Some("dielectric") => Layered {
             ior: value["ior"].as_f64().ok_or("no ior")? as f32,
             transmission: 1.0.into(),
             roughness: 0.0.into(),
-            ..Material::default()
-        },
+            ..Layered::default()
+        }
+        .into(),
         _ => return Err("unknown material".into()),
     })
 }

@@ -26,14 +26,16 @@ mod layered;
 mod params;
 mod scattering;
 mod sheen;
+mod surface;
 mod tables;
 pub mod warp;
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-pub use params::{SurfaceParams, absorption};
+pub use params::SurfaceParams;
 pub use scattering::{Bsdf, BsdfAt};
+pub use surface::{SurfacePoint, scattering};
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a
 /// transmission, because radiance grows where light is squeezed into a denser medium.

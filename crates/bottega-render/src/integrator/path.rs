@@ -7,17 +7,17 @@ use std::sync::Arc;
 
 use bottega_image::SampleValues;
 use bottega_kernels::{Hit, Ray, math};
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
-    bsdf::{Bsdf, BsdfAt, BsdfSample, LobeFlags, SurfaceParams, warp::ONE_MINUS_EPSILON},
+    bsdf::{Bsdf, BsdfAt, BsdfSample, LobeFlags, SurfacePoint, scattering, warp::ONE_MINUS_EPSILON},
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
     guide::{Guide, Region, Trail, train},
     interaction::{Interaction, emitted, is_there, sphere_uv},
-    lights::LightSample,
+    lights::{LightSample, Receiver},
     sampler::{DimensionSet, PixelSampler, Quad},
     settings::DirectLight,
 };
@@ -30,6 +30,8 @@ const SHADOW_MARGIN: f32 = 1e-4;
 const VERTEX_STEPS: f32 = 8.0;
 /// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
+/// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
+const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
@@ -154,7 +156,7 @@ impl<'a> PathIntegrator<'a> {
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
-            previous: Previous { p: ray.origin, pdf: None },
+            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None },
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
         };
@@ -167,7 +169,7 @@ impl<'a> PathIntegrator<'a> {
 #[derive(Clone, Copy)]
 struct Previous {
     /// The point for which lights were sampled.
-    p: Vec3,
+    receiver: Receiver,
     /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
     pdf: Option<f32>,
 }
@@ -215,13 +217,13 @@ impl Path<'_> {
             self.record_first(&point, hit.t);
         }
         let (material, known) = prepared.material(point.material);
-        if material.unlit {
-            let color = material.base_color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate();
+        if let Surface::Unlit(color) = &material.surface {
+            let color = color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate();
             self.radiance += self.throughput * color;
             self.record_albedo(color);
             return false;
         }
-        if known.shines && (point.front || material.double_sided) {
+        if known.shines && material.emission_sides.has(point.front) {
             self.add_emission(&point);
         }
         let is_last = self.depth >= self.integrator.settings.max_depth;
@@ -229,7 +231,8 @@ impl Path<'_> {
             return false;
         }
         let mut place = None;
-        let bsdf = bsdf_at(prepared, &point, &mut place);
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
+        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
@@ -301,7 +304,7 @@ impl Path<'_> {
         let prepared = self.integrator.prepared;
         let radiance = prepared.lights().environment_radiance(prepared.scene(), self.direction);
         if radiance != Spectrum::ZERO {
-            let weight = self.found_by_bsdf(|_| prepared.lights().environment_pdf(self.direction));
+            let weight = self.found_by_bsdf(|from| prepared.lights().environment_pdf(from, self.direction));
             self.radiance += self.throughput * radiance * weight;
         }
     }
@@ -312,7 +315,10 @@ impl Path<'_> {
         let scene = &**prepared.scene();
         let hit = &point.hit;
         let radiance = match hit.sphere() {
-            Some(_) => prepared.material(point.material).0.emission.eval(scene, [sphere_uv(point.ng); 2], 0.0),
+            Some(sphere) => {
+                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
+                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
+            }
             None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
         };
         if radiance == Spectrum::ZERO {
@@ -328,14 +334,14 @@ impl Path<'_> {
     /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
     /// found it from the point before.
     #[inline]
-    fn found_by_bsdf(&self, light_pdf: impl FnOnce(Vec3) -> f32) -> f32 {
+    fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
         let Some(pdf) = self.previous.pdf else { return 1.0 };
         match settings.direct_light {
             DirectLight::LightSampling => 0.0,
             DirectLight::BsdfSampling => 1.0,
             DirectLight::Combined => {
-                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(self.previous.p))
+                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
             }
         }
     }
@@ -349,9 +355,10 @@ impl Path<'_> {
             return;
         }
         let count = settings.light_samples.max(1);
+        let receiver = receiver(prepared, point);
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
-            let Some(light) = prepared.lights().sample(prepared, point.p_outside, u) else { continue };
+            let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
             let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
             if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
                 self.radiance += self.throughput * contribution;
@@ -409,7 +416,9 @@ impl Path<'_> {
         if !is_reflection {
             let (material, known) = self.integrator.prepared.material(point.material);
             // Into the solid when the path came from its outside, else out of it.
-            self.absorption = if point.front && !material.thin { known.absorption } else { Spectrum::ZERO };
+            if !material.surface.is_thin() {
+                self.absorption = known.absorption[usize::from(point.front)];
+            }
             self.roulette_scale *= sample.eta * sample.eta;
         }
         if !is_delta {
@@ -418,7 +427,8 @@ impl Path<'_> {
                 self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }
         }
-        self.previous = Previous { p: point.p_outside, pdf: (!is_delta).then_some(sample.pdf) };
+        self.previous =
+            Previous { receiver: receiver(self.integrator.prepared, point), pdf: (!is_delta).then_some(sample.pdf) };
         self.origin = point.ray_origin(wi);
         self.direction = wi;
         self.depth += 1;
@@ -465,18 +475,36 @@ impl Path<'_> {
     }
 }
 
-/// The scattering at a point. It is put into `place` if it was not known before.
+/// The scattering at a point; `chance` is asked for a number in [0, 1) where surfaces are blended. It is put into `place` if it was not known before.
 #[inline]
-pub(crate) fn bsdf_at<'a>(prepared: &'a PreparedScene, point: &Interaction, place: &'a mut Option<Bsdf>) -> &'a Bsdf {
+pub(crate) fn bsdf_at<'a>(
+    prepared: &'a PreparedScene,
+    point: &Interaction,
+    chance: impl FnOnce() -> f32,
+    place: &'a mut Option<Bsdf>,
+) -> &'a Bsdf {
     let (material, known) = prepared.material(point.material);
     if let Some(sides) = &known.bsdfs
         && !point.is_colored
     {
         return &sides[usize::from(point.front)];
     }
-    let scene = prepared.scene();
-    let params = SurfaceParams::of(scene, material, point.uvs, point.color, point.footprint, point.front);
-    place.insert(Bsdf::new(&SurfaceParams { coat_normal: point.coat_normal, ..params }))
+    let point = SurfacePoint {
+        uvs: point.uvs,
+        footprint: point.footprint,
+        vertex_color: point.color,
+        front: point.front,
+        coat_normal: point.coat_normal,
+        chance: if matches!(material.surface, Surface::Blend { .. }) { chance() } else { 0.0 },
+    };
+    place.insert(scattering(prepared.scene(), material, &point))
+}
+
+/// A surface's point as the lights see it.
+#[inline]
+fn receiver(prepared: &PreparedScene, point: &Interaction) -> Receiver {
+    let n = if prepared.material(point.material).1.transmits { Vec3::ZERO } else { point.frame[2] };
+    Receiver { p: point.p_outside, n }
 }
 
 /// The ray that asks whether a light is seen.

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use bottega_kernels::math;
 use bottega_scene::{Environment, Scene, Spectrum, TextureMap, Wrap};
-use glam::{Affine2, Quat, Vec2, Vec3};
+use glam::{Affine2, Mat3, Vec2, Vec3};
 
 use crate::{luminance, sampling::uniform_sphere};
 
@@ -16,7 +16,7 @@ const TABLE_SIZE_MAX: (usize, usize) = (1024, 512);
 pub(crate) struct EnvironmentLight {
     picture: Option<TextureMap>,
     factor: Spectrum,
-    world_from_environment: Quat,
+    world_from_environment: Mat3,
     /// `None` where there is no picture, or where its compensated density is 0 everywhere: then directions are
     /// uniform, or not sampled at all.
     table: Option<Distribution2d>,
@@ -42,7 +42,7 @@ impl EnvironmentLight {
         let mut light = Self {
             picture,
             factor: environment.factor,
-            world_from_environment: environment.world_from_environment.normalize(),
+            world_from_environment: environment.world_from_environment,
             table: None,
             integral: 4.0 * PI * luminance(environment.factor),
             compensated: compensate,
@@ -107,7 +107,7 @@ impl EnvironmentLight {
         if self.picture.is_none() {
             return self.factor;
         }
-        let local = self.world_from_environment.inverse() * direction;
+        let local = self.world_from_environment.transpose() * direction;
         self.lookup(scene, uv_of(local), 0.0)
     }
 
@@ -143,7 +143,7 @@ impl EnvironmentLight {
         let Some(table) = &self.table else {
             return if self.compensated { 0.0 } else { 1.0 / (4.0 * PI) };
         };
-        let local = self.world_from_environment.inverse() * direction;
+        let local = self.world_from_environment.transpose() * direction;
         let sin_theta = (local.x * local.x + local.z * local.z).sqrt();
         if sin_theta <= 0.0 {
             return 0.0;
@@ -234,7 +234,7 @@ const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bottega_scene::{Image, ImageId};
+    use bottega_scene::{EnvironmentMapping, Image, ImageId};
 
     fn scene_with(environment_size: (u32, u32), texel: impl Fn(u32, u32) -> [f32; 3]) -> Scene {
         let (width, height) = environment_size;
@@ -246,7 +246,8 @@ mod tests {
         Environment {
             image: Some(ImageId(0)),
             factor: Spectrum::new(2.0, 1.0, 0.5),
-            world_from_environment: Quat::from_rotation_y(0.7) * Quat::from_rotation_x(0.3),
+            mapping: EnvironmentMapping::LatitudeLongitude,
+            world_from_environment: Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(0.3),
         }
     }
 

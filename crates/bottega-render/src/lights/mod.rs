@@ -13,7 +13,7 @@ mod triangle;
 
 use std::f32::consts::PI;
 
-use bottega_scene::{Scene, Spectrum};
+use bottega_scene::{Scene, Sides, Spectrum};
 use glam::Vec3;
 
 use crate::{
@@ -40,6 +40,16 @@ pub(crate) struct LightSample {
     pub(crate) pdf: f32,
     /// Whether only light sampling can find it.
     pub(crate) is_delta: bool,
+}
+
+/// A point that asks for light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    /// World space.
+    pub(crate) p: Vec3,
+    /// Normal of an opaque surface on the side that is lit; 0 where light counts from everywhere: in a medium, and on a
+    /// surface that lets light through.
+    pub(crate) n: Vec3,
 }
 
 /// All lights of a scene.
@@ -81,7 +91,7 @@ impl Lights {
             powers.push(disk * light.integral());
         }
         let first_punctual = powers.len() as u32;
-        powers.extend(scene.lights.iter().map(|light| punctual::power(&light.kind, disk)));
+        powers.extend((0..scene.lights.len() as u32).map(|light| punctual::power(scene, light, disk)));
 
         let first_sphere = powers.len() as u32;
         let shines = |material: u32| materials[material as usize].shines;
@@ -125,9 +135,10 @@ impl Lights {
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
 
-    /// Draws one light and a place on it for the point `p`. `None`: these numbers give no light.
+    /// Draws one light and a place on it. `None`: these numbers give no light.
     #[inline]
-    pub(crate) fn sample(&self, prepared: &PreparedScene, p: Vec3, u: Quad) -> Option<LightSample> {
+    pub(crate) fn sample(&self, prepared: &PreparedScene, receiver: &Receiver, u: Quad) -> Option<LightSample> {
+        let p = receiver.p;
         let (index, pmf) = self.choice.sample(u[0])?;
         let index = index as u32;
         let place = [u[1], u[2]];
@@ -137,7 +148,7 @@ impl Lights {
         } else if index >= self.first_sphere {
             sphere::sample(prepared.scene(), self.spheres[(index - self.first_sphere) as usize], p, place)?
         } else if index >= self.first_punctual {
-            punctual::sample(&prepared.scene().lights[(index - self.first_punctual) as usize].kind, p)?
+            punctual::sample(prepared.scene(), index - self.first_punctual, p)?
         } else {
             let (wi, radiance, pdf) = self.environment.as_ref()?.sample(prepared.scene(), place)?;
             LightSample { wi, distance: f32::INFINITY, radiance, pdf, is_delta: false }
@@ -159,14 +170,14 @@ impl Lights {
     }
 
     /// Density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf(&self, direction: Vec3) -> f32 {
+    pub(crate) fn environment_pdf(&self, _receiver: &Receiver, direction: Vec3) -> f32 {
         match &self.environment {
             Some(light) if self.first_punctual == 1 => light.pdf(direction) * self.choice.pmf(0),
             _ => 0.0,
         }
     }
 
-    /// Density per solid angle with which [`Self::sample`], at `from`, draws a place on a triangle.
+    /// Density per solid angle with which [`Self::sample`] draws a place on a triangle.
     ///
     /// - `p`, `ng`: the place, and the unit normal there.
     pub(crate) fn triangle_pdf(
@@ -174,7 +185,7 @@ impl Lights {
         prepared: &PreparedScene,
         instance: u32,
         triangle: u32,
-        from: Vec3,
+        receiver: &Receiver,
         p: Vec3,
         ng: Vec3,
     ) -> f32 {
@@ -183,20 +194,21 @@ impl Lights {
             return 0.0;
         }
         let pmf = self.choice.pmf((first + triangle) as usize);
-        if pmf > 0.0 { pmf * triangle::pdf(prepared, instance, triangle, from, p, ng) } else { 0.0 }
+        if pmf > 0.0 { pmf * triangle::pdf(prepared, instance, triangle, receiver.p, p, ng) } else { 0.0 }
     }
 
-    /// Density per solid angle with which [`Self::sample`], at `from`, draws a place on a sphere.
-    pub(crate) fn sphere_pdf(&self, scene: &Scene, sphere: u32, from: Vec3, p: Vec3) -> f32 {
+    /// Density per solid angle with which [`Self::sample`] draws a place on a sphere.
+    pub(crate) fn sphere_pdf(&self, scene: &Scene, sphere: u32, receiver: &Receiver, p: Vec3) -> f32 {
         match self.spheres.binary_search(&sphere) {
-            Ok(place) => self.choice.pmf(self.first_sphere as usize + place) * sphere::pdf(scene, sphere, from, p),
+            Ok(place) => {
+                self.choice.pmf(self.first_sphere as usize + place) * sphere::pdf(scene, sphere, receiver.p, p)
+            }
             Err(_) => 0.0,
         }
     }
 }
 
 /// Luminous exitance of a surface that shines with this radiance, on one side or both.
-fn exitance(radiance: Spectrum, double_sided: bool) -> f32 {
-    let sides = if double_sided { 2.0 } else { 1.0 };
-    sides * PI * luminance(radiance).max(0.0)
+fn exitance(radiance: Spectrum, sides: Sides) -> f32 {
+    sides.count() as f32 * PI * luminance(radiance).max(0.0)
 }

@@ -2,32 +2,37 @@
 
 use std::f32::consts::PI;
 
-use bottega_scene::{LightKind, Spectrum};
-use glam::Vec3;
+use bottega_kernels::math;
+use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
+use glam::{Vec2, Vec3};
 
 use super::LightSample;
 use crate::luminance;
 
 /// Luminous power, for the choice of a light; `disk` is the area of the scene's cross-section.
-pub(super) fn power(light: &LightKind, disk: f32) -> f32 {
-    match *light {
+pub(super) fn power(scene: &Scene, index: u32, disk: f32) -> f32 {
+    match scene.lights[index as usize].kind {
         LightKind::Point { intensity, .. } => 4.0 * PI * luminance(intensity),
         LightKind::Spot { intensity, cos_inner, cos_outer, .. } => {
             2.0 * PI * (1.0 - 0.5 * (cos_inner + cos_outer)) * luminance(intensity)
         }
         LightKind::Directional { irradiance, .. } => disk * luminance(irradiance),
+        LightKind::Projector { image, intensity, vertical_fov, aspect, .. } => {
+            // An evenly lit screen at distance 1.
+            let height = 2.0 * math::tan(0.5 * vertical_fov);
+            let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
+            height * height * aspect * luminance(mean.truncate() * intensity)
+        }
     }
 }
 
 /// The light at `p`. `None` where it shines not.
-pub(super) fn sample(light: &LightKind, p: Vec3) -> Option<LightSample> {
-    match *light {
+pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
+    match scene.lights[index as usize].kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),
-        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer } => from_point(position, p, |wi| {
-            let cosine = -wi.dot(direction);
-            let ramp = ((cosine - cos_outer) / (cos_inner - cos_outer).max(1e-6)).clamp(0.0, 1.0);
-            intensity * (ramp * ramp)
-        }),
+        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
+            from_point(position, p, |wi| intensity * fall_off(falloff, -wi.dot(direction), cos_inner, cos_outer))
+        }
         LightKind::Directional { direction, irradiance } => Some(LightSample {
             wi: -direction,
             distance: f32::INFINITY,
@@ -35,6 +40,42 @@ pub(super) fn sample(light: &LightKind, p: Vec3) -> Option<LightSample> {
             pdf: 1.0,
             is_delta: true,
         }),
+        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+            from_point(world_from_light.translation.into(), p, |wi| {
+                let local = world_from_light.matrix3.transpose() * -wi;
+                if local.z >= 0.0 {
+                    return Spectrum::ZERO;
+                }
+                let half_height = math::tan(0.5 * vertical_fov);
+                let place = Vec2::new(local.x / aspect, -local.y) / (-local.z * half_height);
+                if place.abs().max_element() > 1.0 {
+                    return Spectrum::ZERO;
+                }
+                let map = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(image) };
+                let texel = scene.images[image.0 as usize].eval(&map, place * 0.5 + 0.5, 0.0).truncate();
+                let cosine = -local.z;
+                texel * intensity / (cosine * cosine * cosine)
+            })
+        }
+    }
+}
+
+/// How strong a spot is at an angle to its axis, of which `cosine` is given.
+fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+    if cosine >= cos_inner {
+        return 1.0;
+    }
+    if cosine <= cos_outer {
+        return 0.0;
+    }
+    let ramp = (cosine - cos_outer) / (cos_inner - cos_outer);
+    match falloff {
+        SpotFalloff::SquaredCosine => ramp * ramp,
+        SpotFalloff::SmoothCosine => ramp * ramp * (3.0 - 2.0 * ramp),
+        SpotFalloff::LinearAngle => {
+            let [angle, inner, outer] = [cosine, cos_inner, cos_outer].map(math::acos);
+            (outer - angle) / (outer - inner)
+        }
     }
 }
 
@@ -52,28 +93,41 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bottega_scene::Light;
+
+    fn with(kind: LightKind) -> Scene {
+        Scene { lights: vec![Light { name: String::new(), kind }], ..Scene::default() }
+    }
 
     #[test]
     fn a_point_light_falls_off_with_the_square_of_the_distance() {
         let light = LightKind::Point { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::splat(8.0) };
-        let sample = sample(&light, Vec3::new(0.0, 2.0, 0.0)).unwrap();
+        let scene = with(light);
+        let sample = sample(&scene, 0, Vec3::new(0.0, 2.0, 0.0)).unwrap();
         assert_eq!((sample.wi, sample.distance, sample.radiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
-        assert!(super::sample(&light, Vec3::new(0.0, 4.0, 0.0)).is_none());
+        assert!(super::sample(&scene, 0, Vec3::new(0.0, 4.0, 0.0)).is_none());
     }
 
     #[test]
-    fn a_spot_fades_between_its_angles_as_the_square_of_the_ramp() {
-        let light = LightKind::Spot {
-            position: Vec3::ZERO,
-            direction: Vec3::NEG_Y,
-            intensity: Vec3::ONE,
-            cos_inner: 0.9,
-            cos_outer: 0.7,
-        };
-        let at = |cosine: f32| {
+    fn a_spot_fades_between_its_angles_as_its_format_says() {
+        let at = |falloff: SpotFalloff, cosine: f32| {
+            let scene = with(LightKind::Spot {
+                position: Vec3::ZERO,
+                direction: Vec3::NEG_Y,
+                intensity: Vec3::ONE,
+                cos_inner: 0.9,
+                cos_outer: 0.7,
+                falloff,
+            });
             let p = Vec3::new((1.0 - cosine * cosine).sqrt(), -cosine, 0.0);
-            sample(&light, p).map_or(0.0, |sample| sample.radiance.x)
+            sample(&scene, 0, p).map_or(0.0, |sample| sample.radiance.x)
         };
-        assert!((at(0.95) - 1.0).abs() < 1e-5 && (at(0.8) - 0.25).abs() < 1e-4 && at(0.6) == 0.0);
+        let linear = (0.7f32.acos() - 0.8f32.acos()) / (0.7f32.acos() - 0.9f32.acos());
+        for (falloff, middle) in
+            [(SpotFalloff::SquaredCosine, 0.25), (SpotFalloff::SmoothCosine, 0.5), (SpotFalloff::LinearAngle, linear)]
+        {
+            assert!((at(falloff, 0.95) - 1.0).abs() < 1e-5 && at(falloff, 0.6) == 0.0);
+            assert!((at(falloff, 0.8) - middle).abs() < 1e-4, "{falloff:?}");
+        }
     }
 }

@@ -22,12 +22,12 @@ pub(super) fn power(scene: &Scene, index: u32) -> f32 {
             uniform_sphere([((i % STEPS) as f32 + 0.5) / STEPS as f32, ((i / STEPS) as f32 + 0.5) / STEPS as f32])
         });
         let footprint = 1.0 / STEPS as f32;
-        normals.map(|n| material.emission.eval(scene, [sphere_uv(n); 2], footprint)).sum::<Spectrum>()
+        normals.map(|n| material.emission.eval(scene, [sphere_uv(sphere, n); 2], footprint)).sum::<Spectrum>()
             / (STEPS * STEPS) as f32
     } else {
         material.emission.factor
     };
-    4.0 * PI * sphere.radius * sphere.radius * exitance(mean, material.double_sided)
+    4.0 * PI * sphere.radius * sphere.radius * exitance(mean, material.emission_sides)
 }
 
 /// The part of the sphere of directions that a sphere covers, seen from outside.
@@ -79,10 +79,10 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
     };
     let n = (from + distance * wi - sphere.center).normalize_or_zero();
     let material = &scene.materials[sphere.material as usize];
-    if !(material.double_sided || wi.dot(n) < 0.0) {
+    if !material.emission_sides.has(wi.dot(n) < 0.0) {
         return None;
     }
-    let radiance = material.emission.eval(scene, [sphere_uv(n); 2], 0.0);
+    let radiance = material.emission.eval(scene, [sphere_uv(sphere, n); 2], 0.0);
     Some(LightSample { wi, distance, radiance, pdf, is_delta: false })
 }
 
@@ -121,14 +121,23 @@ pub(super) fn pdf(scene: &Scene, index: u32, from: Vec3, p: Vec3) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use bottega_scene::Sides;
+    use glam::Quat;
+
     use super::*;
     use bottega_scene::Material;
     use proptest::prelude::*;
 
     fn scene(radius: f32, double_sided: bool) -> Scene {
-        let material = Material { emission: Vec3::splat(3.0).into(), double_sided, ..Material::default() };
+        let emission_sides = if double_sided { Sides::Both } else { Sides::Front };
+        let material = Material { emission: Vec3::splat(3.0).into(), emission_sides, ..Material::default() };
         Scene {
-            spheres: vec![Sphere { center: Vec3::new(1.0, 2.0, 3.0), radius, material: 0 }],
+            spheres: vec![Sphere {
+                center: Vec3::new(1.0, 2.0, 3.0),
+                radius,
+                world_from_object: Quat::IDENTITY,
+                material: 0,
+            }],
             materials: vec![material],
             ..Scene::default()
         }

@@ -39,7 +39,7 @@ pub(super) fn power(scene: &Scene, instance: u32, triangle: u32) -> f32 {
     } else {
         material.emission.factor
     };
-    area * exitance(mean, material.double_sided)
+    area * exitance(mean, material.emission_sides)
 }
 
 /// The size of a triangle in texture coordinates.
@@ -97,7 +97,7 @@ pub(super) fn sample(
     let distance = distance_squared.sqrt();
     // Twice the projected area times the distance, above 0 where the front is seen.
     let facing = -normal.dot(to_light);
-    if !(distance > 0.0 && (facing > 0.0 || (material.double_sided && facing < 0.0))) {
+    if !(distance > 0.0 && facing != 0.0 && material.emission_sides.has(facing > 0.0)) {
         return None;
     }
     let pdf = solid_angle_pdf.unwrap_or_else(|| 2.0 * distance_squared * distance / facing.abs());

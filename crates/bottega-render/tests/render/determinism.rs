@@ -15,7 +15,7 @@ const VIEW: View = View { camera: 0, width: 20, height: 15 };
 
 fn scene() -> Arc<PreparedScene> {
     let mut scene = cornell();
-    let veil = Material { alpha_mode: AlphaMode::Blend, alpha: 0.4, ..matte(Vec3::splat(0.5)) };
+    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
     add_quad(&mut scene, Vec3::new(-0.5, -0.5, 0.8), Vec3::X, Vec3::Y, veil);
     prepare(scene)
 }

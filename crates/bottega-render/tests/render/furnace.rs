@@ -2,8 +2,8 @@
 
 use bottega_image::Tile;
 use bottega_render::{DirectLight, PathSettings};
-use bottega_scene::{Environment, Material, Scene};
-use glam::{Quat, Vec3};
+use bottega_scene::{Environment, Layered, Material, Scene};
+use glam::Vec3;
 
 use crate::scenes::{add_room, add_sphere, camera, color, glass, matte, mean_color, paint, prepare};
 
@@ -66,7 +66,7 @@ fn clear_glass_vanishes_before_a_white_sky() {
 fn white_metal_and_white_plastic_neither_gain_nor_lose() {
     for (metallic, roughness) in [(1.0, 0.0), (1.0, 0.5), (0.0, 0.3)] {
         let mut scene = sky(Vec3::new(1.0, 0.5, 2.0));
-        let white = Material { metallic: metallic.into(), roughness: roughness.into(), ..Material::default() };
+        let white = Layered { metallic: metallic.into(), roughness: roughness.into(), ..Layered::default() }.into();
         add_sphere(&mut scene, Vec3::ZERO, 1.0, white);
         let mean = mean_color(&paint(&prepare(scene), (8, 8), 128, deep()));
         assert!((mean / Vec3::new(1.0, 0.5, 2.0) - 1.0).abs().max_element() < 0.02, "{metallic} {roughness}: {mean}");
@@ -76,7 +76,7 @@ fn white_metal_and_white_plastic_neither_gain_nor_lose() {
 fn sky(radiance: Vec3) -> Scene {
     Scene {
         cameras: vec![camera(Vec3::new(0.0, 0.0, 2.2), Vec3::ZERO, 0.8)],
-        environment: Some(Environment { image: None, factor: radiance, world_from_environment: Quat::IDENTITY }),
+        environment: Some(Environment::uniform(radiance)),
         ..Scene::default()
     }
 }

@@ -4,8 +4,10 @@ use std::f32::consts::PI;
 
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{BlockWork, DirectLight, Filter, PathSettings, PreparedScene, View};
-use bottega_scene::{AlphaMode, Environment, Image, ImageId, Light, LightKind, Material, Scene};
-use glam::{Quat, Vec3};
+use bottega_scene::{
+    AlphaMode, Environment, Image, ImageId, Layered, Light, LightKind, Material, Medium, Scene, SpotFalloff, Surface,
+};
+use glam::{Mat3, Vec3};
 use std::sync::Arc;
 
 use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
@@ -58,7 +60,14 @@ fn a_spot_lights_its_cone_alone() {
         let mut scene = floor();
         let position = Vec3::new(3.0, 4.0, 0.0);
         let intensity = Vec3::splat(10.0);
-        let kind = LightKind::Spot { position, direction, intensity, cos_inner: 0.9, cos_outer: 0.8 };
+        let kind = LightKind::Spot {
+            position,
+            direction,
+            intensity,
+            cos_inner: 0.9,
+            cos_outer: 0.8,
+            falloff: SpotFalloff::SquaredCosine,
+        };
         scene.lights.push(Light { name: String::new(), kind });
         irradiance(scene, DirectLight::Combined)
     };
@@ -97,7 +106,7 @@ fn a_square_overhead_gives_its_configuration_factor() {
             let mut scene = floor();
             scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
             let corner = Vec3::new(-half, height, -half);
-            let light = Material { double_sided: false, ..lamp(Vec3::splat(3.0)) };
+            let light = Material::lamp(Vec3::splat(3.0));
             add_quad(&mut scene, corner, Vec3::X * (2.0 * half), Vec3::Z * (2.0 * half), light);
             assert_near(irradiance(scene, direct_light), PI * 3.0 * factor, 0.02);
         }
@@ -108,7 +117,7 @@ fn a_square_overhead_gives_its_configuration_factor() {
 fn the_back_of_a_one_sided_lamp_is_dark() {
     let mut scene = floor();
     scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
-    let light = Material { double_sided: false, ..lamp(Vec3::splat(3.0)) };
+    let light = Material::lamp(Vec3::splat(3.0));
     add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, light);
     assert_eq!(irradiance(scene, DirectLight::Combined), 0.0);
 }
@@ -117,8 +126,7 @@ fn the_back_of_a_one_sided_lamp_is_dark() {
 fn a_uniform_sky_gives_pi_times_its_radiance() {
     for direct_light in ALL {
         let mut scene = floor();
-        scene.environment =
-            Some(Environment { image: None, factor: Vec3::splat(0.7), world_from_environment: Quat::IDENTITY });
+        scene.environment = Some(Environment::uniform(Vec3::splat(0.7)));
         assert_near(irradiance(scene, direct_light), PI * 0.7, 0.01);
     }
 }
@@ -132,11 +140,7 @@ fn a_sun_in_a_picture_shines_from_its_place() {
     let by = |direct_light| {
         let mut scene = floor();
         scene.images.push(image.clone());
-        scene.environment = Some(Environment {
-            image: Some(ImageId(0)),
-            factor: Vec3::ONE,
-            world_from_environment: Quat::from_rotation_y(1.0),
-        });
+        scene.environment = Some(Environment::picture(ImageId(0), Vec3::ONE, Mat3::from_rotation_y(1.0)));
         irradiance(scene, direct_light)
     };
     // A bilinear peak integrates to one texel: L · cos θ · sin θ dθ dφ.
@@ -169,10 +173,10 @@ fn emission_seen_directly_needs_no_bounce() {
 
 #[test]
 fn a_half_transparent_lamp_shines_half_as_much() {
-    let by = |alpha_mode, alpha, direct_light| {
+    let by = |alpha_mode, alpha: f32, direct_light| {
         let mut scene = floor();
         scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
-        let light = Material { alpha_mode, alpha, ..lamp(Vec3::splat(3.0)) };
+        let light = Material { alpha_mode, opacity: alpha.into(), ..lamp(Vec3::splat(3.0)) };
         add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, light);
         irradiance(scene, direct_light)
     };
@@ -189,7 +193,7 @@ fn a_half_transparent_blind_lets_half_the_light_through() {
     let mut scene = floor();
     let kind = LightKind::Point { position: Vec3::new(3.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
     scene.lights.push(Light { name: String::new(), kind });
-    let blind = Material { alpha_mode: AlphaMode::Blend, alpha: 0.5, ..matte(Vec3::ZERO) };
+    let blind = Material { alpha_mode: AlphaMode::Blend, opacity: 0.5.into(), ..matte(Vec3::ZERO) };
     add_quad(&mut scene, Vec3::new(1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, blind);
     assert_near(irradiance(scene, DirectLight::Combined), 0.5 * 10.0 * 0.8 / 25.0, 0.03);
 }
@@ -199,11 +203,12 @@ fn a_solid_absorbs_by_the_length_of_the_way() {
     // Straight through the middle of a slab of no refraction but with absorption, before a white sky.
     let mut scene = Scene {
         cameras: vec![camera(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 0.001)],
-        environment: Some(Environment { image: None, factor: Vec3::ONE, world_from_environment: Quat::IDENTITY }),
+        environment: Some(Environment::uniform(Vec3::ONE)),
         ..Scene::default()
     };
-    let tinted =
-        Material { ior: 1.0, attenuation_distance: 2.0, attenuation_color: Vec3::new(0.5, 0.25, 1.0), ..glass() };
+    let tinted = Layered { ior: 1.0, roughness: 0.0.into(), transmission: 1.0.into(), ..Layered::default() };
+    let medium = scene.push_medium(Medium::absorbing(Vec3::new(2.0f32.ln() / 2.0, 4.0f32.ln() / 2.0, 0.0)));
+    let tinted = Material { interior: Some(medium), ..tinted.into() };
     add_sphere(&mut scene, Vec3::ZERO, 1.0, tinted);
     let settings = PathSettings { filter: Filter::Box, ..PathSettings::default() };
     let found = color(&paint(&prepare(scene), (1, 1), 64, settings), 0, 0);
@@ -213,7 +218,7 @@ fn a_solid_absorbs_by_the_length_of_the_way() {
 #[test]
 fn unlit_surfaces_show_their_color_and_light_up_nothing_by_light_sampling() {
     let mut scene = floor();
-    scene.materials[0] = Material { unlit: true, base_color: Vec3::new(0.2, 0.4, 0.6).into(), ..Material::default() };
+    scene.materials[0] = Surface::Unlit(Vec3::new(0.2, 0.4, 0.6).into()).into();
     let tile = paint(&prepare(scene), (1, 1), 4, PathSettings::default());
     assert!((color(&tile, 0, 0) - Vec3::new(0.2, 0.4, 0.6)).length() < 1e-6);
 }

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, View};
-use bottega_scene::{Camera, Instance, Material, Mesh, Projection, Scene, Spectrum, Sphere};
+use bottega_scene::{Camera, Instance, Layered, Material, Mesh, Projection, Scene, Spectrum};
 use glam::{Affine3A, Vec3};
 
 /// A matte surface: Lambert's, nothing else.
 pub(crate) fn matte(albedo: Vec3) -> Material {
-    Material { base_color: albedo.into(), specular: 0.0.into(), ..Material::default() }
+    Material::matte(albedo)
 }
 
 /// A black surface that shines on both sides.
@@ -19,19 +19,16 @@ pub(crate) fn lamp(radiance: Vec3) -> Material {
 
 /// Smooth clear glass.
 pub(crate) fn glass() -> Material {
-    Material { roughness: 0.0.into(), transmission: 1.0.into(), ..Material::default() }
+    Layered { roughness: 0.0.into(), transmission: 1.0.into(), ..Layered::default() }.into()
 }
 
 /// A camera at `eye` that looks at `target`.
 pub(crate) fn camera(eye: Vec3, target: Vec3, vertical_fov: f32) -> Camera {
     let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::Z } else { Vec3::Y };
     Camera {
-        name: String::new(),
         world_from_camera: Affine3A::from_mat4(glam::camera::rh::view::look_at_mat4(eye, target, up).inverse()),
         projection: Projection::Perspective { vertical_fov },
-        aspect: None,
-        lens_radius: 0.0,
-        focus_distance: 1.0,
+        ..Camera::default()
     }
 }
 
@@ -51,7 +48,7 @@ pub(crate) fn add_mesh(scene: &mut Scene, positions: Vec<Vec3>, triangles: Vec<[
 pub(crate) fn add_sphere(scene: &mut Scene, center: Vec3, radius: f32, material: Material) {
     let material_index = scene.materials.len() as u32;
     scene.materials.push(material);
-    scene.spheres.push(Sphere { center, radius, material: material_index });
+    scene.push_sphere(center, radius, material_index);
 }
 
 /// A box around the origin with these half sides, seen from inside.
@@ -79,7 +76,7 @@ pub(crate) fn cornell() -> Scene {
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), x, y, white.clone());
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), y, z, matte(Vec3::new(0.63, 0.065, 0.05)));
     add_quad(&mut scene, Vec3::new(1.0, -1.0, -1.0), z, y, matte(Vec3::new(0.14, 0.45, 0.091)));
-    let light = Material { double_sided: false, ..lamp(Vec3::new(17.0, 12.0, 4.0)) };
+    let light = Material::lamp(Vec3::new(17.0, 12.0, 4.0));
     add_quad(&mut scene, Vec3::new(-0.25, 0.99, -0.2), Vec3::X * 0.5, Vec3::Z * 0.4, light);
     add_sphere(&mut scene, Vec3::new(-0.4, -0.55, -0.3), 0.45, white);
     add_sphere(&mut scene, Vec3::new(0.4, -0.65, 0.3), 0.35, glass());

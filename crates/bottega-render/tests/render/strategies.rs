@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{DirectLight, Filter, PathSettings, PreparedScene};
-use bottega_scene::{Environment, Image, ImageId, Material, Scene};
-use glam::{Quat, Vec3};
+use bottega_scene::{Environment, Image, ImageId, Layered, Material, Scene};
+use glam::{Mat3, Vec3};
 use statrs::function::erf::erfc;
 
 use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, lamp, matte, paint, prepare};
@@ -66,18 +66,18 @@ fn in_a_room_with_a_lamp_at_the_ceiling() {
     // Without the glass: light sampling cannot see through it.
     scene.spheres.pop();
     let corner = Vec3::new(-0.6, 0.7, -0.6);
-    add_quad(&mut scene, corner, Vec3::X * 1.2, Vec3::Z * 1.2, Material { double_sided: false, ..lamp(Vec3::ONE) });
+    add_quad(&mut scene, corner, Vec3::X * 1.2, Vec3::Z * 1.2, Material::lamp(Vec3::ONE));
     assert_strategies_agree("cornell", scene);
 }
 
 #[test]
 fn with_glossy_surfaces_near_spheres_that_shine() {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 1.8), Vec3::ZERO, 1.2)], ..Scene::default() };
-    let glossy = Material { roughness: 0.4.into(), base_color: Vec3::splat(0.6).into(), ..Material::default() };
+    let glossy = Layered { roughness: 0.4.into(), base_color: Vec3::splat(0.6).into(), ..Layered::default() }.into();
     add_room(&mut scene, Vec3::new(1.0, 1.0, 2.0), &glossy);
     add_sphere(&mut scene, Vec3::new(0.3, 0.2, -0.5), 0.3, lamp(Vec3::new(3.0, 2.0, 1.0)));
     add_sphere(&mut scene, Vec3::new(-0.5, -0.4, 0.2), 0.5, lamp(Vec3::splat(0.5)));
-    let metal = Material { metallic: 1.0.into(), roughness: 0.3.into(), ..Material::default() };
+    let metal = Layered { metallic: 1.0.into(), roughness: 0.3.into(), ..Layered::default() }.into();
     add_sphere(&mut scene, Vec3::new(0.4, -0.6, 0.1), 0.35, metal);
     assert_strategies_agree("spheres", scene);
 }
@@ -86,18 +86,14 @@ fn with_glossy_surfaces_near_spheres_that_shine() {
 fn under_a_sky_with_bright_spots() {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.0), Vec3::ZERO, 0.8)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-5.0, -0.5, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, matte(Vec3::splat(0.6)));
-    let plastic = Material { roughness: 0.35.into(), ..Material::default() };
+    let plastic = Layered { roughness: 0.35.into(), ..Layered::default() }.into();
     add_sphere(&mut scene, Vec3::ZERO, 0.5, plastic);
     let texel = |i: u32| {
         let (x, y) = (i % 16, i / 16);
         if (3..6).contains(&x) && y == 2 { [20.0, 18.0, 12.0] } else { [0.2, 0.3, 0.1 + 0.05 * y as f32] }
     };
     scene.images.push(Image::from_linear_rgb("sky", 16, 8, (0..128).map(texel).collect()));
-    scene.environment = Some(Environment {
-        image: Some(ImageId(0)),
-        factor: Vec3::ONE,
-        world_from_environment: Quat::from_rotation_y(0.4),
-    });
+    scene.environment = Some(Environment::picture(ImageId(0), Vec3::ONE, Mat3::from_rotation_y(0.4)));
     assert_strategies_agree("sky", scene.clone());
     // Compensation changes the noise, not the mean.
     let options = bottega_render::PrepareOptions { threads: 1, compensate_environment: true };

@@ -29,7 +29,8 @@ fn glass_has_levels_of_recursion_and_walls_have_none() {
 #[test]
 fn between_two_mirrors_the_levels_end() {
     let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, Vec3::new(0.02, 0.01, -1.0), 0.3)], ..Scene::default() };
-    let mirror = bottega_scene::Material { metallic: 1.0.into(), roughness: 0.0.into(), ..Default::default() };
+    let mirror: bottega_scene::Material =
+        bottega_scene::Layered { metallic: 1.0.into(), roughness: 0.0.into(), ..Default::default() }.into();
     add_quad(&mut scene, Vec3::new(-50.0, -50.0, -1.0), Vec3::X * 100.0, Vec3::Y * 100.0, mirror.clone());
     add_quad(&mut scene, Vec3::new(-50.0, -50.0, 1.0), Vec3::Y * 100.0, Vec3::X * 100.0, mirror);
     let seen = survey(&prepare(scene), VIEW, &allocator(1).client()).unwrap();

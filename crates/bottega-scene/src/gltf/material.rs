@@ -6,13 +6,17 @@ use super::accessor::find;
 use super::texture::{Textures, Use};
 use super::{Source, document};
 use crate::error::Warnings;
-use crate::{AlphaMode, Channel, ColorParam, Material, ScalarParam, SceneError, TextureMap};
+use crate::{
+    AlphaMode, Channel, ColorParam, Layered, Material, Medium, MediumId, Relief, ScalarParam, SceneError, Sides,
+    Surface, TextureMap,
+};
 
 /// Converts one material of the document; `None` is the default material of the specification.
 pub(super) fn convert(
     source: &Source<'_>,
     index: Option<usize>,
     textures: &mut Textures<'_>,
+    media: &mut Vec<Medium>,
     warnings: &mut Warnings,
 ) -> Result<Material, SceneError> {
     let default = document::Material::default();
@@ -22,12 +26,13 @@ pub(super) fn convert(
             .map_err(|problem| source.invalid("meshes[*].primitives[*].material", problem))?,
     };
     let place = index.map_or_else(|| "default material".into(), |index| format!("materials[{index}]"));
-    Converter { place, textures, warnings }.convert(description)
+    Converter { place, textures, media, warnings }.convert(description)
 }
 
 struct Converter<'a, 's> {
     place: String,
     textures: &'a mut Textures<'s>,
+    media: &'a mut Vec<Medium>,
     warnings: &'a mut Warnings,
 }
 
@@ -45,28 +50,58 @@ impl Converter<'_, '_> {
             description.emissive_texture.as_deref(),
             f32::MAX,
         )?;
-        let mut material = Material {
-            name: description.name.clone(),
-            alpha_mode: self.alpha_mode(description),
-            emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
-            normal: self.normal("normalTexture", description.normal_texture.as_deref())?,
-            double_sided: description.double_sided,
-            unlit: extensions.unlit.is_some(),
-            ..Material::default()
-        };
-        match &extensions.specular_glossiness {
-            Some(description) => self.add_specular_glossiness(description, &mut material)?,
+        let relief = self.normal("normalTexture", description.normal_texture.as_deref())?;
+        let mut layered = Layered::default();
+        let mut interior = None;
+        let alpha = match &extensions.specular_glossiness {
+            Some(description) => self.add_specular_glossiness(description, &mut layered)?,
             None => {
                 let default = document::MetallicRoughness::default();
                 let description = description.pbr_metallic_roughness.as_deref();
-                self.add_metallic_roughness(description.unwrap_or(&default), &mut material)?;
+                let alpha = self.add_metallic_roughness(description.unwrap_or(&default), &mut layered)?;
+                self.add_dielectric(extensions, &mut layered)?;
+                interior = self.volume(extensions, &mut layered);
+                alpha
             }
+        };
+        self.add_layers(extensions, &mut layered)?;
+        let texture = layered.base_color.texture.clone().map(|map| (map, Channel::A));
+        let is_unlit = extensions.unlit.is_some();
+        Ok(Material {
+            name: description.name.clone(),
+            opacity: ScalarParam { factor: alpha, texture },
+            alpha_mode: self.alpha_mode(description),
+            emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
+            emission_sides: if description.double_sided { Sides::Both } else { Sides::Front },
+            relief: relief.map(|(map, scale)| Relief::Normal(map, scale)),
+            surface: if is_unlit { Surface::Unlit(layered.base_color) } else { layered.into() },
+            interior,
+            ..Material::default()
+        })
+    }
+
+    /// What fills a solid. A thickness of 0 is a sheet; how thick a solid is, its geometry says, the number is for
+    /// rasterizers.
+    fn volume(&mut self, extensions: &document::MaterialExtensions, layered: &mut Layered) -> Option<MediumId> {
+        let volume = extensions.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
+        layered.thin = false;
+        let color = volume.attenuation_color.unwrap_or([1.0; 3]);
+        let color = self.factor("KHR_materials_volume.attenuationColor", color, 1.0);
+        let distance = volume.attenuation_distance?;
+        if !(distance > 0.0 && distance.is_finite()) {
+            let place = "KHR_materials_volume.attenuationDistance";
+            self.warn(place, format!("{distance} is no distance; there is no absorption"));
+            return None;
         }
-        if extensions.specular_glossiness.is_none() {
-            self.add_dielectric(extensions, &mut material)?;
+        // Light has the colour after the distance. A black channel would be infinitely thick; e⁻⁸⁰ is as black as single
+        // precision needs.
+        let coefficient = |color: f32| if color < 1e-30 { 80.0 } else { -f64::from(color).ln() } / f64::from(distance);
+        let absorption = Vec3::from_array(color.to_array().map(|color| coefficient(color).min(1e30) as f32));
+        if absorption == Vec3::ZERO {
+            return None;
         }
-        self.add_layers(extensions, &mut material)?;
-        Ok(material)
+        self.media.push(Medium { name: self.place.clone(), ..Medium::absorbing(absorption) });
+        Some(MediumId(self.media.len() as u32 - 1))
     }
 
     fn alpha_mode(&mut self, description: &document::Material) -> AlphaMode {
@@ -85,41 +120,40 @@ impl Converter<'_, '_> {
         }
     }
 
+    /// Returns alpha.
     fn add_metallic_roughness(
         &mut self,
         description: &document::MetallicRoughness,
-        material: &mut Material,
-    ) -> Result<(), SceneError> {
+        layered: &mut Layered,
+    ) -> Result<f32, SceneError> {
         let [r, g, b, a] = description.base_color_factor.unwrap_or([1.0; 4]);
-        material.alpha = self.number("baseColorFactor", a, 0.0, 1.0);
-        material.base_color =
+        layered.base_color =
             self.color("baseColorFactor", [r, g, b], description.base_color_texture.as_deref(), 1.0)?;
         let texture = description.metallic_roughness_texture.as_deref();
         let metallic = description.metallic_factor.unwrap_or(1.0);
-        material.metallic = self.scalar("metallicFactor", metallic, texture, Channel::B)?;
+        layered.metallic = self.scalar("metallicFactor", metallic, texture, Channel::B)?;
         let roughness = description.roughness_factor.unwrap_or(1.0);
-        material.roughness = self.scalar("roughnessFactor", roughness, texture, Channel::G)?;
-        Ok(())
+        layered.roughness = self.scalar("roughnessFactor", roughness, texture, Channel::G)?;
+        Ok(self.number("baseColorFactor", a, 0.0, 1.0))
     }
 
     /// Specular-glossiness is a dielectric whose reflection at normal incidence is given outright: KHR_materials_ior
     /// keeps the index 0, reflecting everything, for this very purpose, and the colour of KHR_materials_specular
-    /// brings it down to what is wanted.
+    /// brings it down to what is wanted. Returns alpha.
     fn add_specular_glossiness(
         &mut self,
         description: &document::SpecularGlossiness,
-        material: &mut Material,
-    ) -> Result<(), SceneError> {
+        layered: &mut Layered,
+    ) -> Result<f32, SceneError> {
         let [r, g, b, a] = description.diffuse_factor.unwrap_or([1.0; 4]);
-        material.alpha = self.number("diffuseFactor", a, 0.0, 1.0);
-        material.base_color = self.color("diffuseFactor", [r, g, b], description.diffuse_texture.as_deref(), 1.0)?;
+        layered.base_color = self.color("diffuseFactor", [r, g, b], description.diffuse_texture.as_deref(), 1.0)?;
         let texture = description.specular_glossiness_texture.as_deref();
         let specular = description.specular_factor.unwrap_or([1.0; 3]);
-        material.specular_color = self.color("specularFactor", specular, texture, 1.0)?;
-        material.ior = 0.0;
+        layered.specular_color = self.color("specularFactor", specular, texture, 1.0)?;
+        layered.ior = 0.0;
         let glossiness = description.glossiness_factor.unwrap_or(1.0);
         let glossiness = self.number("glossinessFactor", glossiness, 0.0, 1.0);
-        material.roughness = match texture {
+        layered.roughness = match texture {
             None => (1.0 - glossiness).into(),
             Some(info) => {
                 let picture = Use::RoughnessOfGlossiness { factor_bits: glossiness.to_bits() };
@@ -127,47 +161,32 @@ impl Converter<'_, '_> {
                 ScalarParam { factor: 1.0, texture: Some((map, Channel::G)) }
             }
         };
-        Ok(())
+        Ok(self.number("diffuseFactor", a, 0.0, 1.0))
     }
 
     fn add_dielectric(
         &mut self,
         extensions: &document::MaterialExtensions,
-        material: &mut Material,
+        layered: &mut Layered,
     ) -> Result<(), SceneError> {
         if let Some(ior) = extensions.ior.as_ref().and_then(|ior| ior.ior) {
-            material.ior = if ior == 0.0 { 0.0 } else { self.number("KHR_materials_ior.ior", ior, 1.0, 100.0) };
+            layered.ior = if ior == 0.0 { 0.0 } else { self.number("KHR_materials_ior.ior", ior, 1.0, 100.0) };
         }
         if let Some(specular) = &extensions.specular {
             let factor = specular.specular_factor.unwrap_or(1.0);
             let texture = specular.specular_texture.as_deref();
-            material.specular = self.scalar("KHR_materials_specular.specularFactor", factor, texture, Channel::A)?;
+            layered.specular = self.scalar("KHR_materials_specular.specularFactor", factor, texture, Channel::A)?;
             let factor = specular.specular_color_factor.unwrap_or([1.0; 3]);
             let texture = specular.specular_color_texture.as_deref();
-            material.specular_color =
+            layered.specular_color =
                 self.color("KHR_materials_specular.specularColorFactor", factor, texture, f32::MAX)?;
         }
         if let Some(transmission) = &extensions.transmission {
             let texture = transmission.transmission_texture.as_deref();
             let factor = transmission.transmission_factor;
             let place = "KHR_materials_transmission.transmissionFactor";
-            material.transmission = self.scalar(place, factor, texture, Channel::R)?;
-            material.thin = true;
-        }
-        // A thickness of 0 is a sheet. How thick a solid is, its geometry says; the number is for rasterizers.
-        if let Some(volume) = extensions.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0) {
-            material.thin = false;
-            let color = volume.attenuation_color.unwrap_or([1.0; 3]);
-            material.attenuation_color = self.factor("KHR_materials_volume.attenuationColor", color, 1.0);
-            if let Some(distance) = volume.attenuation_distance {
-                let place = "KHR_materials_volume.attenuationDistance";
-                material.attenuation_distance = if distance > 0.0 && distance.is_finite() {
-                    distance
-                } else {
-                    self.warn(place, format!("{distance} is no distance; there is no absorption"));
-                    f32::INFINITY
-                };
-            }
+            layered.transmission = self.scalar(place, factor, texture, Channel::R)?;
+            layered.thin = true;
         }
         Ok(())
     }
@@ -175,24 +194,24 @@ impl Converter<'_, '_> {
     fn add_layers(
         &mut self,
         extensions: &document::MaterialExtensions,
-        material: &mut Material,
+        layered: &mut Layered,
     ) -> Result<(), SceneError> {
         if let Some(coat) = &extensions.clearcoat {
             let place = "KHR_materials_clearcoat.clearcoatFactor";
-            material.coat = self.scalar(place, coat.clearcoat_factor, coat.clearcoat_texture.as_deref(), Channel::R)?;
+            layered.coat = self.scalar(place, coat.clearcoat_factor, coat.clearcoat_texture.as_deref(), Channel::R)?;
             let place = "KHR_materials_clearcoat.clearcoatRoughnessFactor";
             let texture = coat.clearcoat_roughness_texture.as_deref();
-            material.coat_roughness = self.scalar(place, coat.clearcoat_roughness_factor, texture, Channel::G)?;
+            layered.coat_roughness = self.scalar(place, coat.clearcoat_roughness_factor, texture, Channel::G)?;
             let place = "KHR_materials_clearcoat.clearcoatNormalTexture";
-            material.coat_normal = self.normal(place, coat.clearcoat_normal_texture.as_deref())?;
+            layered.coat_normal = self.normal(place, coat.clearcoat_normal_texture.as_deref())?;
         }
         if let Some(sheen) = &extensions.sheen {
             let place = "KHR_materials_sheen.sheenColorFactor";
-            material.sheen_color =
+            layered.sheen_color =
                 self.color(place, sheen.sheen_color_factor, sheen.sheen_color_texture.as_deref(), 1.0)?;
             let place = "KHR_materials_sheen.sheenRoughnessFactor";
             let texture = sheen.sheen_roughness_texture.as_deref();
-            material.sheen_roughness = self.scalar(place, sheen.sheen_roughness_factor, texture, Channel::A)?;
+            layered.sheen_roughness = self.scalar(place, sheen.sheen_roughness_factor, texture, Channel::A)?;
         }
         Ok(())
     }

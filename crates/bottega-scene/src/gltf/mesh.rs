@@ -84,10 +84,10 @@ pub(super) fn read(
         ..Mesh::default()
     };
     mesh.normals = reader.optional(attributes.normal, ".attributes.NORMAL", Vec3::from_array)?;
-    if material.normal.is_some() || material.coat_normal.is_some() {
+    if material.needs_tangents() {
         mesh.tangents = reader.optional(attributes.tangent, ".attributes.TANGENT", Vec4::from_array)?;
     }
-    let uses_set = |set: u8| material.textures().any(|map| map.uv_set == set);
+    let uses_set = |set: u8| material.textures().iter().any(|map| map.uv_set == set);
     if uses_set(0) {
         mesh.uvs[0] = reader.optional(attributes.uv0, ".attributes.TEXCOORD_0", Vec2::from_array)?;
     }

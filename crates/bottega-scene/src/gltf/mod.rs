@@ -30,7 +30,7 @@ use std::path::Path;
 use document::Document;
 
 use crate::error::Warnings;
-use crate::load::{LoadOptions, MemoryBudget, Metadata};
+use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
 use crate::{Scene, SceneError};
 
 /// The extensions whose meaning is understood.
@@ -84,7 +84,7 @@ pub(crate) fn import(
     budget: &MemoryBudget,
     digest: &mut blake3::Hasher,
     warnings: &mut Warnings,
-) -> Result<(Scene, Metadata), SceneError> {
+) -> Result<(Scene, Metadata, RenderHints), SceneError> {
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
     let document = parse(path, parts.json, budget)?;
@@ -99,16 +99,17 @@ pub(crate) fn import(
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
     let mut textures = texture::Textures::new(&source);
     let mut materials = Vec::with_capacity(used.len());
+    let mut media = Vec::new();
     let mut material_of = BTreeMap::new();
     for index in used {
         material_of.insert(index, materials.len() as u32);
-        materials.push(material::convert(&source, index, &mut textures, warnings)?);
+        materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
     let loaded = textures.load(digest, warnings)?;
     loaded.remove_missing_normals(&mut materials);
     let images = loaded.images;
     let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
-    let mut scene = Scene { meshes, instances, materials, images, ..Scene::default() };
+    let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
     if !document.animations.is_empty() {
@@ -119,7 +120,7 @@ pub(crate) fn import(
         generator: document.asset.generator.clone(),
         extensions: document.extensions_used.clone(),
     };
-    Ok((scene, metadata))
+    Ok((scene, metadata, RenderHints::default()))
 }
 
 fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {

@@ -9,7 +9,7 @@ use super::accessor::find;
 use super::node::Hierarchy;
 use super::{Source, document, shortened};
 use crate::error::Warnings;
-use crate::{Camera, Light, LightKind, Projection, Scene, SceneError};
+use crate::{Camera, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
 
 /// Adds the cameras that stand in the scene, in the order of its nodes.
 pub(super) fn add_cameras(
@@ -38,8 +38,7 @@ pub(super) fn add_cameras(
             world_from_camera: world_from_camera.as_affine3a(),
             projection,
             aspect,
-            lens_radius: 0.0,
-            focus_distance: 1.0,
+            ..Camera::default()
         });
     }
     Ok(())
@@ -127,7 +126,14 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> 
             // The specification keeps the two apart by as much.
             let cos_inner = cos(inner).max(cos_outer + 1e-3).min(1.0);
             let cos_outer = cos_outer.min(cos_inner - 1e-3);
-            Ok(LightKind::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer })
+            Ok(LightKind::Spot {
+                position,
+                direction: direction()?,
+                intensity: power,
+                cos_inner,
+                cos_outer,
+                falloff: SpotFalloff::SquaredCosine,
+            })
         }
         other => Err(format!("its type `{}` is unknown", shortened(other))),
     }

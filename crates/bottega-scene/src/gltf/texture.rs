@@ -13,7 +13,7 @@ use super::{Source, document, shortened};
 use crate::error::Warnings;
 use crate::file::read_file;
 use crate::image::{Decoded, Encoding, Header, PictureFault};
-use crate::{Image, ImageId, Material, SceneError, TextureMap, Wrap};
+use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 
 /// What a picture is used for. A picture with several uses is decoded once and kept once for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -146,10 +146,12 @@ pub(super) struct LoadedImages {
 impl LoadedImages {
     /// Removes normal maps that could not be read: what stands for them would bend the surface.
     pub(super) fn remove_missing_normals(&self, materials: &mut [Material]) {
-        let is_there = |(map, _): &(TextureMap, f32)| !self.is_missing[map.image.0 as usize];
+        let is_there = |map: &TextureMap| !self.is_missing[map.image.0 as usize];
         for material in materials {
-            material.normal = material.normal.take().filter(is_there);
-            material.coat_normal = material.coat_normal.take().filter(is_there);
+            material.relief = material.relief.take().filter(|relief| relief.texture().is_none_or(is_there));
+            if let Surface::Layered(layered) = &mut material.surface {
+                layered.coat_normal = layered.coat_normal.take().filter(|(map, _)| is_there(map));
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Materials, textures and pictures.
 
-use bottega_scene::{AlphaMode, Material, Wrap};
+use bottega_scene::{AlphaMode, Layered, Material, Relief, Scene, Sides, Surface, Wrap};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -14,14 +14,24 @@ fn with_extension(name: &str, extension: &Value) -> Material {
     material(&json!({"extensions": {name: extension}}))
 }
 
+fn layers(material: &Material) -> &Layered {
+    material.layered().expect("a layered surface")
+}
+
 #[test]
 fn the_default_material_is_that_of_the_specification() {
-    for material in [material(&json!({})), File::triangle().load().scene.materials.remove(0)] {
-        assert_eq!((material.base_color.factor, material.alpha), (Vec3::ONE, 1.0));
-        assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 1.0));
-        assert_eq!((material.ior, material.specular.factor, material.transmission.factor), (1.5, 1.0, 0.0));
-        assert_eq!((material.alpha_mode, material.double_sided, material.thin), (AlphaMode::Opaque, false, false));
-        assert_eq!((material.emission.factor, material.coat.factor), (Vec3::ZERO, 0.0));
+    for material in [&material(&json!({})), &File::triangle().load().scene.materials.remove(0)] {
+        assert_eq!((layers(material).base_color.factor, material.opacity.factor), (Vec3::ONE, 1.0));
+        assert_eq!((layers(material).metallic.factor, layers(material).roughness.factor), (1.0, 1.0));
+        assert_eq!(
+            (layers(material).ior, layers(material).specular.factor, layers(material).transmission.factor),
+            (1.5, 1.0, 0.0)
+        );
+        assert_eq!(
+            (material.alpha_mode, material.emission_sides, layers(material).thin),
+            (AlphaMode::Opaque, Sides::Front, false)
+        );
+        assert_eq!((material.emission.factor, layers(material).coat.factor), (Vec3::ZERO, 0.0));
     }
 }
 
@@ -65,30 +75,30 @@ fn factors_and_channels_are_those_of_the_specification() {
     let scalar = |param: &bottega_scene::ScalarParam| param.eval(&scene, uvs, 0.0);
     let half = 0.502886;
     let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-4;
-    assert!(close(color(&material.base_color), Vec3::new(0.1, 0.2 * half, 0.3 * 0.0331)));
+    assert!(close(color(&layers(material).base_color), Vec3::new(0.1, 0.2 * half, 0.3 * 0.0331)));
     assert!(close(color(&material.emission), Vec3::new(4.0, 2.0 * half, 0.0)));
-    assert!(close(color(&material.sheen_color), Vec3::new(0.9, 0.8 * half, 0.7 * 0.0331)));
-    assert!(close(color(&material.specular_color), Vec3::new(2.0, half, 0.5 * 0.0331)));
+    assert!(close(color(&layers(material).sheen_color), Vec3::new(0.9, 0.8 * half, 0.7 * 0.0331)));
+    assert!(close(color(&layers(material).specular_color), Vec3::new(2.0, half, 0.5 * 0.0331)));
     let scalars = [
-        (&material.metallic, 0.5 * 0.2),
-        (&material.roughness, 0.6 * 188.0 / 255.0),
-        (&material.transmission, 0.9),
-        (&material.coat, 0.8),
-        (&material.coat_roughness, 0.3 * 188.0 / 255.0),
-        (&material.sheen_roughness, 0.2 * 0.4),
-        (&material.specular, 0.35 * 0.4),
+        (&layers(material).metallic, 0.5 * 0.2),
+        (&layers(material).roughness, 0.6 * 188.0 / 255.0),
+        (&layers(material).transmission, 0.9),
+        (&layers(material).coat, 0.8),
+        (&layers(material).coat_roughness, 0.3 * 188.0 / 255.0),
+        (&layers(material).sheen_roughness, 0.2 * 0.4),
+        (&layers(material).specular, 0.35 * 0.4),
     ];
     for (param, expected) in scalars {
         assert!((scalar(param) - expected).abs() < 1e-5, "{param:?}");
     }
-    assert_eq!((material.alpha_mode, material.alpha), (AlphaMode::Mask { cutoff: 0.25 }, 0.4));
+    assert_eq!((material.alpha_mode, material.opacity.factor), (AlphaMode::Mask { cutoff: 0.25 }, 0.4));
     // 0.4 × 0.4 is below the cutoff; twice that is not.
-    assert_eq!(material.opacity(&scene, uvs, 0.0, 1.0), 0.0);
-    assert_eq!(material.opacity(&scene, uvs, 0.0, 2.0), 1.0);
+    assert_eq!(material.opacity_at(&scene, uvs, 0.0, 1.0), 0.0);
+    assert_eq!(material.opacity_at(&scene, uvs, 0.0, 2.0), 1.0);
     assert_eq!(material.emission.texture.as_ref().map(|map| map.uv_set), Some(1));
-    assert_eq!(material.normal.as_ref().map(|normal| normal.1), Some(0.7));
-    assert_eq!(material.coat_normal.as_ref().map(|normal| normal.1), Some(2.0));
-    assert_eq!((material.ior, material.double_sided, material.thin), (1.33, true, true));
+    assert_eq!(material.relief.as_ref().map(|relief| matches!(relief, Relief::Normal(_, 0.7))), Some(true));
+    assert_eq!(layers(material).coat_normal.as_ref().map(|normal| normal.1), Some(2.0));
+    assert_eq!((layers(material).ior, material.emission_sides, layers(material).thin), (1.33, Sides::Both, true));
     assert_eq!(material.name, "everything");
 }
 
@@ -97,31 +107,34 @@ fn a_volume_is_solid_when_it_is_thick() {
     let transmission = json!({"transmissionFactor": 1});
     let volume = |volume: Value| {
         let extensions = json!({"KHR_materials_transmission": transmission, "KHR_materials_volume": volume});
-        material(&json!({"extensions": extensions}))
+        File::textured(&json!({"extensions": extensions})).load().scene
     };
-    let color = json!([0.5, 0.6, 0.7]);
+    let is_thin = |scene: &Scene| layers(&scene.materials[0]).thin;
+    let color = json!([0.5, 0.25, 1.0]);
     let solid = volume(json!({"thicknessFactor": 0.1, "attenuationDistance": 3, "attenuationColor": color}));
-    assert_eq!((solid.thin, solid.attenuation_distance), (false, 3.0));
-    assert_eq!(solid.attenuation_color, Vec3::new(0.5, 0.6, 0.7));
-    let sheet = volume(json!({"attenuationDistance": 3}));
-    assert_eq!((sheet.thin, sheet.attenuation_distance), (true, f32::INFINITY));
-    assert_eq!(volume(json!({"thicknessFactor": 1})).attenuation_distance, f32::INFINITY);
-    assert!(with_extension("KHR_materials_transmission", &transmission).thin);
+    let medium = &solid.media[solid.materials[0].interior.unwrap().0 as usize];
+    assert!(!is_thin(&solid) && medium.is_clear());
+    let expected = Vec3::new(2f32.ln(), 4f32.ln(), 0.0) / 3.0;
+    assert!((medium.absorption - expected).length() < 1e-6, "{}", medium.absorption);
+    let sheet = volume(json!({"attenuationDistance": 3, "attenuationColor": color}));
+    assert!(is_thin(&sheet) && sheet.materials[0].interior.is_none());
+    assert_eq!(volume(json!({"thicknessFactor": 1})).materials[0].interior, None);
+    assert!(layers(&with_extension("KHR_materials_transmission", &transmission)).thin);
 }
 
 #[test]
 fn an_ior_of_zero_reflects_everything_and_others_below_one_do_not_exist() {
-    assert_eq!(with_extension("KHR_materials_ior", &json!({"ior": 0})).ior, 0.0);
-    assert_eq!(with_extension("KHR_materials_ior", &json!({})).ior, 1.5);
+    assert_eq!(layers(&with_extension("KHR_materials_ior", &json!({"ior": 0}))).ior, 0.0);
+    assert_eq!(layers(&with_extension("KHR_materials_ior", &json!({}))).ior, 1.5);
     let loaded = File::textured(&json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}})).load();
-    assert_eq!(loaded.scene.materials[0].ior, 1.0);
+    assert_eq!(layers(&loaded.scene.materials[0]).ior, 1.0);
     assert!(warns(&loaded, &["materials[0].KHR_materials_ior.ior", "0.5"]));
 }
 
 #[test]
 fn unlit_and_blend_are_read() {
     let unlit = with_extension("KHR_materials_unlit", &json!({}));
-    assert!(unlit.unlit && unlit.is_emissive());
+    assert!(matches!(unlit.surface, Surface::Unlit(_)) && unlit.is_emissive());
     assert_eq!(material(&json!({"alphaMode": "BLEND"})).alpha_mode, AlphaMode::Blend);
     assert_eq!(material(&json!({"alphaMode": "MASK"})).alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
 }
@@ -130,7 +143,7 @@ fn unlit_and_blend_are_read() {
 fn factors_out_of_range_are_brought_back_with_a_warning() {
     let loaded = File::textured(&json!({"pbrMetallicRoughness": {"metallicFactor": 7, "roughnessFactor": -1}})).load();
     let material = &loaded.scene.materials[0];
-    assert_eq!((material.metallic.factor, material.roughness.factor), (1.0, 0.0));
+    assert_eq!((layers(material).metallic.factor, layers(material).roughness.factor), (1.0, 0.0));
     assert!(warns(&loaded, &["materials[0].metallicFactor", "7"]));
     assert!(warns(&loaded, &["materials[0].roughnessFactor", "-1"]));
 }
@@ -144,11 +157,11 @@ fn specular_glossiness_becomes_a_dielectric_with_that_reflectance() {
     file.texture(&png(1, 1, &[[255, 255, 255, 51]]));
     let scene = file.load().scene;
     let material = &scene.materials[0];
-    assert_eq!((material.base_color.factor, material.alpha), (Vec3::new(0.1, 0.2, 0.3), 0.5));
-    assert_eq!((material.metallic.factor, material.ior), (0.0, 0.0));
+    assert_eq!((layers(material).base_color.factor, material.opacity.factor), (Vec3::new(0.1, 0.2, 0.3), 0.5));
+    assert_eq!((layers(material).metallic.factor, layers(material).ior), (0.0, 0.0));
     let uvs = [Vec2::ZERO; 2];
-    assert_eq!(material.specular_color.eval(&scene, uvs, 0.0), Vec3::new(0.4, 0.5, 0.6));
-    assert!((material.roughness.eval(&scene, uvs, 0.0) - (1.0 - 0.8 * 0.2)).abs() < 0.003);
+    assert_eq!(layers(material).specular_color.eval(&scene, uvs, 0.0), Vec3::new(0.4, 0.5, 0.6));
+    assert!((layers(material).roughness.eval(&scene, uvs, 0.0) - (1.0 - 0.8 * 0.2)).abs() < 0.003);
 }
 
 #[test]
@@ -205,9 +218,9 @@ fn pictures_that_cannot_be_read_are_replaced() {
         let loaded = file.load();
         let material = &loaded.scene.materials[0];
         let uvs = [Vec2::ZERO; 2];
-        assert_eq!(material.base_color.eval(&loaded.scene, uvs, 0.0), Vec3::new(1.0, 0.0, 1.0), "{image}");
-        assert_eq!(material.roughness.eval(&loaded.scene, uvs, 0.0), 1.0);
-        assert!(material.normal.is_none());
+        assert_eq!(layers(material).base_color.eval(&loaded.scene, uvs, 0.0), Vec3::new(1.0, 0.0, 1.0), "{image}");
+        assert_eq!(layers(material).roughness.eval(&loaded.scene, uvs, 0.0), 1.0);
+        assert!(material.relief.is_none());
         assert!(warns(&loaded, &["images[0]", "magenta"]), "{image}: {:?}", loaded.warnings);
     }
     // The file that is there but for its picture format.

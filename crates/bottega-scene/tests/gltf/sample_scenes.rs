@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bottega_scene::{AlphaMode, LightKind, LoadOptions, Loaded, Scene, SceneError, load};
+use bottega_scene::{AlphaMode, LightKind, LoadOptions, Loaded, Scene, SceneError, Sides, Surface, load};
 use glam::{Mat4, Vec3};
 use serde_json::Value;
 
@@ -86,40 +86,46 @@ fn check_materials(json: &Value, scene: &Scene, name: &str) {
         };
         let what = format!("{name}: {}", material.name);
         let extension = |extension: &str| &description["extensions"][extension];
+        let is_unlit = matches!(material.surface, Surface::Unlit(_));
+        assert_eq!(is_unlit, !extension("KHR_materials_unlit").is_null(), "{what}");
+        let Some(layers) = material.layered() else { continue };
         if extension("KHR_materials_pbrSpecularGlossiness").is_null() {
             let pbr = &description["pbrMetallicRoughness"];
-            assert_eq!(material.base_color.factor, color(&pbr["baseColorFactor"], Vec3::ONE), "{what}");
-            assert_eq!(material.alpha, number(&pbr["baseColorFactor"][3], 1.0), "{what}");
-            assert_eq!(material.metallic.factor, number(&pbr["metallicFactor"], 1.0), "{what}");
-            assert_eq!(material.roughness.factor, number(&pbr["roughnessFactor"], 1.0), "{what}");
-            assert_eq!(material.base_color.texture.is_some(), !pbr["baseColorTexture"].is_null(), "{what}");
-            assert_eq!(material.roughness.texture.is_some(), !pbr["metallicRoughnessTexture"].is_null(), "{what}");
-            assert_eq!(material.ior, number(&extension("KHR_materials_ior")["ior"], 1.5), "{what}");
+            assert_eq!(layers.base_color.factor, color(&pbr["baseColorFactor"], Vec3::ONE), "{what}");
+            assert_eq!(material.opacity.factor, number(&pbr["baseColorFactor"][3], 1.0), "{what}");
+            assert_eq!(layers.metallic.factor, number(&pbr["metallicFactor"], 1.0), "{what}");
+            assert_eq!(layers.roughness.factor, number(&pbr["roughnessFactor"], 1.0), "{what}");
+            assert_eq!(layers.base_color.texture.is_some(), !pbr["baseColorTexture"].is_null(), "{what}");
+            assert_eq!(layers.roughness.texture.is_some(), !pbr["metallicRoughnessTexture"].is_null(), "{what}");
+            assert_eq!(layers.ior, number(&extension("KHR_materials_ior")["ior"], 1.5), "{what}");
         }
         let strength = number(&extension("KHR_materials_emissive_strength")["emissiveStrength"], 1.0);
         assert_eq!(material.emission.factor, color(&description["emissiveFactor"], Vec3::ZERO) * strength, "{what}");
-        assert_eq!(material.double_sided, description["doubleSided"] == true, "{what}");
-        assert_eq!(material.unlit, !extension("KHR_materials_unlit").is_null(), "{what}");
-        assert_eq!(material.normal.is_some(), !description["normalTexture"].is_null(), "{what}");
+        assert_eq!(material.emission_sides == Sides::Both, description["doubleSided"] == true, "{what}");
+        assert_eq!(material.relief.is_some(), !description["normalTexture"].is_null(), "{what}");
         let transmission = extension("KHR_materials_transmission");
-        assert_eq!(material.transmission.factor, number(&transmission["transmissionFactor"], 0.0), "{what}");
+        assert_eq!(layers.transmission.factor, number(&transmission["transmissionFactor"], 0.0), "{what}");
         let volume = extension("KHR_materials_volume");
         let is_solid = number(&volume["thicknessFactor"], 0.0) > 0.0;
-        assert_eq!(material.thin, !transmission.is_null() && !is_solid, "{what}");
+        assert_eq!(layers.thin, !transmission.is_null() && !is_solid, "{what}");
         if is_solid {
-            assert_eq!(material.attenuation_distance, number(&volume["attenuationDistance"], f32::INFINITY), "{what}");
-            assert_eq!(material.attenuation_color, color(&volume["attenuationColor"], Vec3::ONE), "{what}");
+            let distance = number(&volume["attenuationDistance"], f32::INFINITY);
+            let color = color(&volume["attenuationColor"], Vec3::ONE);
+            let found = material.interior.map_or(Vec3::ZERO, |medium| scene.media[medium.0 as usize].absorption);
+            let passed = found * -distance.min(1e6);
+            let passed = Vec3::new(passed.x.exp(), passed.y.exp(), passed.z.exp());
+            assert!((passed - color).abs().max_element() < 1e-5, "{what}: {passed}");
         }
         let coat = extension("KHR_materials_clearcoat");
-        assert_eq!(material.coat.factor, number(&coat["clearcoatFactor"], 0.0), "{what}");
-        assert_eq!(material.coat_roughness.factor, number(&coat["clearcoatRoughnessFactor"], 0.0), "{what}");
+        assert_eq!(layers.coat.factor, number(&coat["clearcoatFactor"], 0.0), "{what}");
+        assert_eq!(layers.coat_roughness.factor, number(&coat["clearcoatRoughnessFactor"], 0.0), "{what}");
         let sheen = extension("KHR_materials_sheen");
-        assert_eq!(material.sheen_color.factor, color(&sheen["sheenColorFactor"], Vec3::ZERO), "{what}");
-        assert_eq!(material.sheen_roughness.factor, number(&sheen["sheenRoughnessFactor"], 0.0), "{what}");
+        assert_eq!(layers.sheen_color.factor, color(&sheen["sheenColorFactor"], Vec3::ZERO), "{what}");
+        assert_eq!(layers.sheen_roughness.factor, number(&sheen["sheenRoughnessFactor"], 0.0), "{what}");
         let specular = extension("KHR_materials_specular");
         if !specular.is_null() {
-            assert_eq!(material.specular.factor, number(&specular["specularFactor"], 1.0), "{what}");
-            assert_eq!(material.specular_color.factor, color(&specular["specularColorFactor"], Vec3::ONE), "{what}");
+            assert_eq!(layers.specular.factor, number(&specular["specularFactor"], 1.0), "{what}");
+            assert_eq!(layers.specular_color.factor, color(&specular["specularColorFactor"], Vec3::ONE), "{what}");
         }
         let mode = match description["alphaMode"].as_str() {
             Some("BLEND") => AlphaMode::Blend,

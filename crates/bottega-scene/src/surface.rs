@@ -1,0 +1,464 @@
+//! How surfaces scatter: a closed set, which holds what the file formats have.
+
+use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
+
+/// How a surface scatters.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Surface {
+    /// Nothing scatters; the surface only parts two media (Mitsuba `null`, pbrt `interface`).
+    Null,
+    /// Emits its colour as it is, and scatters nothing (KHR_materials_unlit).
+    Unlit(ColorParam),
+    /// Matte, on the side of the light.
+    Diffuse(Diffuse),
+    /// Matte on both sides, as paper or a leaf.
+    DiffuseTransmission {
+        /// Share of light that stays on its side.
+        reflectance: ColorParam,
+        /// Share that leaves on the other side.
+        transmittance: ColorParam,
+    },
+    /// Metal.
+    Conductor(Conductor),
+    /// The boundary of a clear solid, or a sheet of it.
+    Dielectric(Dielectric),
+    /// A diffuse base below a dielectric boundary, as Mitsuba's `plastic` and `roughplastic` have it.
+    Plastic(Plastic),
+    /// A base below a dielectric boundary with all reflections between them, as pbrt's `coateddiffuse` and
+    /// `coatedconductor` have it.
+    Coated(Box<Coated>),
+    /// Disney's material, as Mitsuba's `principled` and `principledthin` have it.
+    Principled(Box<Principled>),
+    /// The layered material of glTF and its extensions.
+    Layered(Box<Layered>),
+    /// Two surfaces side by side, finer than can be seen.
+    Blend {
+        /// Share of the second.
+        weight: ScalarParam,
+        /// The first and the second.
+        surfaces: Box<[Surface; 2]>,
+    },
+}
+
+/// A matte surface: Lambert's, or Oren and Nayar's where it is rough.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diffuse {
+    /// Share of light that is reflected.
+    pub reflectance: ColorParam,
+    /// Standard deviation of the slope of its facets, in radians; 0: Lambert.
+    pub roughness: ScalarParam,
+}
+
+/// The distribution of a rough boundary's microfacet normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Distribution {
+    /// Trowbridge and Reitz.
+    #[default]
+    Ggx,
+    /// Beckmann and Spizzichino.
+    Beckmann,
+}
+
+/// What a roughness stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RoughnessScale {
+    /// The α of the distribution itself.
+    #[default]
+    Alpha,
+    /// α is its square root (pbrt, with `remaproughness`).
+    SquareRoot,
+    /// α is its square (glTF and Disney).
+    Square,
+}
+
+/// A boundary's microfacets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facets {
+    /// How their normals are distributed.
+    pub distribution: Distribution,
+    /// Roughness along u and along v. Both 0: smooth.
+    pub roughness: [ScalarParam; 2],
+    /// What roughness means.
+    pub scale: RoughnessScale,
+}
+
+/// Metal by its complex index of refraction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conductor {
+    /// Real part of the index of refraction.
+    pub eta: ColorParam,
+    /// Imaginary part. Both 0: a perfect mirror.
+    pub k: ColorParam,
+    /// Multiplies the reflection.
+    pub reflectance: ColorParam,
+    /// Its facets.
+    pub facets: Facets,
+}
+
+/// The boundary of a clear solid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dielectric {
+    /// Index of refraction behind the front over that before it.
+    pub eta: f32,
+    /// Multiplies the reflection.
+    pub reflectance: ColorParam,
+    /// Multiplies what goes through.
+    pub transmittance: ColorParam,
+    /// Its facets.
+    pub facets: Facets,
+    /// A sheet with two parallel boundaries: light goes straight through, with all reflections between them.
+    pub thin: bool,
+}
+
+/// A diffuse base below a dielectric boundary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plastic {
+    /// Index of refraction inside over outside.
+    pub eta: f32,
+    /// Reflectance of the base.
+    pub diffuse: ColorParam,
+    /// Multiplies the reflection of the boundary.
+    pub specular: ColorParam,
+    /// Whether colours shift as light is reflected within again and again.
+    pub nonlinear: bool,
+    /// Facets of the boundary.
+    pub facets: Facets,
+}
+
+/// What lies below a coat.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CoatedBase {
+    /// Matte.
+    Diffuse(Diffuse),
+    /// Metal.
+    Conductor(Conductor),
+}
+
+/// A base, a layer above it that may absorb and scatter, and the layer's boundary to the outside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coated {
+    /// Index of refraction of the layer over that of the outside.
+    pub eta: f32,
+    /// Facets of the boundary.
+    pub facets: Facets,
+    /// Thickness of the layer, in units of the mean free path's reciprocal.
+    pub thickness: ScalarParam,
+    /// Single-scattering albedo within the layer; black: nothing scatters.
+    pub albedo: ColorParam,
+    /// Asymmetry of that scattering (Henyey and Greenstein), in (−1, 1).
+    pub g: ScalarParam,
+    /// Greatest number of scatterings within.
+    pub max_depth: u32,
+    /// What lies below.
+    pub base: CoatedBase,
+}
+
+/// Disney's material (Burley 2012 and 2015).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Principled {
+    /// Colour of the base.
+    pub base_color: ColorParam,
+    /// Perceptual roughness: α is its square.
+    pub roughness: ScalarParam,
+    /// Anisotropy of the main lobes, in [0, 1].
+    pub anisotropic: ScalarParam,
+    /// 0: dielectric, 1: metal.
+    pub metallic: ScalarParam,
+    /// Share of the dielectric's light that goes through.
+    pub spec_trans: ScalarParam,
+    /// Index of refraction.
+    pub eta: f32,
+    /// How much the specular reflection takes the colour of the base.
+    pub spec_tint: ScalarParam,
+    /// Strength of the sheen.
+    pub sheen: ScalarParam,
+    /// How much the sheen takes the colour of the base.
+    pub sheen_tint: ScalarParam,
+    /// How much the diffuse lobe is that of flat subsurface scattering.
+    pub flatness: ScalarParam,
+    /// Strength of the clear coat.
+    pub clearcoat: ScalarParam,
+    /// Its gloss: 1 is sharp.
+    pub clearcoat_gloss: ScalarParam,
+    /// Of a sheet: share of diffuse light that goes through, in [0, 2] (half of the parameter).
+    pub diff_trans: ScalarParam,
+    /// Whether it is a sheet without volume.
+    pub thin: bool,
+}
+
+/// How the highlights of [`Layered`] are stretched (KHR_materials_anisotropy).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Anisotropy {
+    /// In [0, 1].
+    pub strength: f32,
+    /// Counter-clockwise from the tangent, in radians.
+    pub rotation: f32,
+    /// Red and green: direction in [−1, 1]; blue: strength.
+    pub texture: Option<TextureMap>,
+}
+
+/// A thin film upon [`Layered`] (KHR_materials_iridescence).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Iridescence {
+    /// Strength, in [0, 1].
+    pub factor: ScalarParam,
+    /// Index of refraction of the film.
+    pub ior: f32,
+    /// Thickness of the film in nanometres where the texture is 0, and where it is 1 or absent.
+    pub thickness: [f32; 2],
+    /// One channel.
+    pub thickness_texture: Option<(TextureMap, Channel)>,
+}
+
+/// A superset of glTF 2.0's metallic-roughness model and its extensions, in the manner of the Dielectric Specular and
+/// OpenPBR family. From the outside in: sheen over coat over base; the base is a mix of metal, transmitting dielectric
+/// and diffuse dielectric.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layered {
+    /// Reflectance of the diffuse and metal base, tint of the transmission. Vertex colours multiply it.
+    pub base_color: ColorParam,
+    /// 0: dielectric, 1: metal.
+    pub metallic: ScalarParam,
+    /// Perceptual roughness: the microfacet α is its square.
+    pub roughness: ScalarParam,
+    /// Stretches the highlights.
+    pub anisotropy: Option<Anisotropy>,
+    /// Index of refraction of the dielectric. 0 stands for total reflection (KHR_materials_ior).
+    pub ior: f32,
+    /// Dispersion: 20 over the Abbe number (KHR_materials_dispersion); 0: none.
+    pub dispersion: f32,
+    /// Strength of the dielectric's specular reflection (KHR_materials_specular).
+    pub specular: ScalarParam,
+    /// Tint of the dielectric's reflection at normal incidence (KHR_materials_specular).
+    pub specular_color: ColorParam,
+    /// Share of light that enters the dielectric and is transmitted instead of scattered diffusely.
+    pub transmission: ScalarParam,
+    /// Share of the diffusely scattered light that leaves on the other side (KHR_materials_diffuse_transmission).
+    pub diffuse_transmission: ScalarParam,
+    /// Colour of that light.
+    pub diffuse_transmission_color: ColorParam,
+    /// Whether the surface is a sheet without volume (light goes straight through), or bounds a solid.
+    pub thin: bool,
+    /// A film on the base.
+    pub iridescence: Option<Iridescence>,
+    /// Strength of the clear coat.
+    pub coat: ScalarParam,
+    /// Perceptual roughness of the clear coat.
+    pub coat_roughness: ScalarParam,
+    /// Normal map of the clear coat, and its scale. (The material's own is not one of the coat.)
+    pub coat_normal: Option<(TextureMap, f32)>,
+    /// Colour of the sheen; black: none.
+    pub sheen_color: ColorParam,
+    /// Perceptual roughness of the sheen.
+    pub sheen_roughness: ScalarParam,
+}
+
+impl Default for Layered {
+    /// glTF's default material, but dielectric: white, rough.
+    fn default() -> Self {
+        Self {
+            base_color: Spectrum::ONE.into(),
+            metallic: 0.0.into(),
+            roughness: 1.0.into(),
+            anisotropy: None,
+            ior: 1.5,
+            dispersion: 0.0,
+            specular: 1.0.into(),
+            specular_color: Spectrum::ONE.into(),
+            transmission: 0.0.into(),
+            diffuse_transmission: 0.0.into(),
+            diffuse_transmission_color: Spectrum::ONE.into(),
+            thin: false,
+            iridescence: None,
+            coat: 0.0.into(),
+            coat_roughness: 0.0.into(),
+            coat_normal: None,
+            sheen_color: Spectrum::ZERO.into(),
+            sheen_roughness: 0.0.into(),
+        }
+    }
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Layered::default().into()
+    }
+}
+
+impl From<Layered> for Surface {
+    fn from(layered: Layered) -> Self {
+        Self::Layered(Box::new(layered))
+    }
+}
+
+impl From<f32> for Facets {
+    /// GGX with the same α in all directions.
+    fn from(alpha: f32) -> Self {
+        Self { distribution: Distribution::Ggx, roughness: [alpha.into(), alpha.into()], scale: RoughnessScale::Alpha }
+    }
+}
+
+impl Facets {
+    /// No facets.
+    pub fn smooth() -> Self {
+        0.0.into()
+    }
+
+    /// Whether they are smooth everywhere.
+    pub fn is_smooth(&self) -> bool {
+        self.roughness.iter().all(|roughness| roughness.factor == 0.0)
+    }
+}
+
+impl Surface {
+    /// Lambert's.
+    pub fn matte(reflectance: Spectrum) -> Self {
+        Self::Diffuse(Diffuse { reflectance: reflectance.into(), roughness: 0.0.into() })
+    }
+
+    /// Whether light may go through to the other side.
+    pub fn transmits(&self) -> bool {
+        match self {
+            Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } => true,
+            Self::Unlit(_) | Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Coated(_) => false,
+            Self::Principled(p) => p.spec_trans.factor > 0.0 || (p.thin && p.diff_trans.factor > 0.0),
+            Self::Layered(l) => l.transmission.factor > 0.0 || l.diffuse_transmission.factor > 0.0,
+            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::transmits),
+        }
+    }
+
+    /// Whether it is a sheet: what goes through does not enter a solid.
+    pub fn is_thin(&self) -> bool {
+        match self {
+            Self::Dielectric(dielectric) => dielectric.thin,
+            Self::Principled(principled) => principled.thin,
+            Self::Layered(layered) => layered.thin,
+            Self::DiffuseTransmission { .. } => true,
+            Self::Blend { surfaces, .. } => surfaces.iter().all(Self::is_thin),
+            _ => false,
+        }
+    }
+
+    /// Whether it depends on the directions of the texture coordinates on the surface.
+    pub fn needs_tangents(&self) -> bool {
+        let is_stretched = |facets: &Facets| facets.roughness[0] != facets.roughness[1];
+        match self {
+            Self::Conductor(conductor) => is_stretched(&conductor.facets),
+            Self::Dielectric(dielectric) => is_stretched(&dielectric.facets),
+            Self::Plastic(plastic) => is_stretched(&plastic.facets),
+            Self::Coated(coated) => {
+                let base = match &coated.base {
+                    CoatedBase::Conductor(conductor) => is_stretched(&conductor.facets),
+                    CoatedBase::Diffuse(_) => false,
+                };
+                base || is_stretched(&coated.facets)
+            }
+            Self::Principled(principled) => principled.anisotropic.factor > 0.0,
+            Self::Layered(layered) => layered.anisotropy.is_some() || layered.coat_normal.is_some(),
+            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::needs_tangents),
+            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+        }
+    }
+
+    /// Every colour and every number that it is made of, textures and all.
+    pub fn params(&self) -> (Vec<&ColorParam>, Vec<&ScalarParam>) {
+        let (mut colors, mut scalars) = (Vec::new(), Vec::new());
+        self.add_params(&mut colors, &mut scalars);
+        (colors, scalars)
+    }
+
+    fn add_params<'a>(&'a self, colors: &mut Vec<&'a ColorParam>, scalars: &mut Vec<&'a ScalarParam>) {
+        match self {
+            Self::Null => {}
+            Self::Unlit(color) => colors.push(color),
+            Self::Diffuse(diffuse) => diffuse.add_params(colors, scalars),
+            Self::DiffuseTransmission { reflectance, transmittance } => colors.extend([reflectance, transmittance]),
+            Self::Conductor(conductor) => conductor.add_params(colors, scalars),
+            Self::Dielectric(dielectric) => {
+                colors.extend([&dielectric.reflectance, &dielectric.transmittance]);
+                scalars.extend(&dielectric.facets.roughness);
+            }
+            Self::Plastic(plastic) => {
+                colors.extend([&plastic.diffuse, &plastic.specular]);
+                scalars.extend(&plastic.facets.roughness);
+            }
+            Self::Coated(coated) => {
+                colors.push(&coated.albedo);
+                scalars.extend([&coated.thickness, &coated.g]);
+                scalars.extend(&coated.facets.roughness);
+                match &coated.base {
+                    CoatedBase::Diffuse(diffuse) => diffuse.add_params(colors, scalars),
+                    CoatedBase::Conductor(conductor) => conductor.add_params(colors, scalars),
+                }
+            }
+            Self::Principled(p) => {
+                colors.push(&p.base_color);
+                scalars.extend([&p.roughness, &p.anisotropic, &p.metallic, &p.spec_trans, &p.spec_tint, &p.sheen]);
+                scalars.extend([&p.sheen_tint, &p.flatness, &p.clearcoat, &p.clearcoat_gloss, &p.diff_trans]);
+            }
+            Self::Layered(l) => {
+                colors.extend([&l.base_color, &l.specular_color, &l.sheen_color, &l.diffuse_transmission_color]);
+                scalars.extend([&l.metallic, &l.roughness, &l.specular, &l.transmission, &l.diffuse_transmission]);
+                scalars.extend([&l.coat, &l.coat_roughness, &l.sheen_roughness]);
+                scalars.extend(l.iridescence.as_ref().map(|film| &film.factor));
+            }
+            Self::Blend { weight, surfaces } => {
+                scalars.push(weight);
+                surfaces.iter().for_each(|surface| surface.add_params(colors, scalars));
+            }
+        }
+    }
+
+    /// Every index of refraction that is no colour.
+    pub(crate) fn indices_of_refraction(&self) -> Vec<f32> {
+        match self {
+            Self::Dielectric(dielectric) => vec![dielectric.eta],
+            Self::Plastic(plastic) => vec![plastic.eta],
+            Self::Coated(coated) => vec![coated.eta],
+            Self::Principled(principled) => vec![principled.eta],
+            Self::Layered(layered) => {
+                let film = layered.iridescence.as_ref();
+                let film = film.into_iter().flat_map(|film| [film.ior, film.thickness[0], film.thickness[1]]);
+                film.chain([layered.ior, layered.dispersion]).collect()
+            }
+            Self::Blend { surfaces, .. } => surfaces.iter().flat_map(Self::indices_of_refraction).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Appends every texture that it refers to.
+    pub(crate) fn add_textures<'a>(&'a self, maps: &mut Vec<&'a TextureMap>) {
+        let (colors, scalars) = self.params();
+        maps.extend(colors.into_iter().filter_map(|color| color.texture.as_ref()));
+        maps.extend(scalars.into_iter().filter_map(|scalar| scalar.texture.as_ref().map(|(map, _)| map)));
+        self.add_maps(maps);
+    }
+
+    /// Appends the textures that are neither colours nor numbers.
+    fn add_maps<'a>(&'a self, maps: &mut Vec<&'a TextureMap>) {
+        match self {
+            Self::Layered(layered) => {
+                maps.extend(layered.coat_normal.as_ref().map(|(map, _)| map));
+                maps.extend(layered.anisotropy.as_ref().and_then(|anisotropy| anisotropy.texture.as_ref()));
+                let film = layered.iridescence.as_ref();
+                maps.extend(film.and_then(|film| film.thickness_texture.as_ref()).map(|(map, _)| map));
+            }
+            Self::Blend { surfaces, .. } => surfaces.iter().for_each(|surface| surface.add_maps(maps)),
+            _ => {}
+        }
+    }
+}
+
+impl Diffuse {
+    fn add_params<'a>(&'a self, colors: &mut Vec<&'a ColorParam>, scalars: &mut Vec<&'a ScalarParam>) {
+        colors.push(&self.reflectance);
+        scalars.push(&self.roughness);
+    }
+}
+
+impl Conductor {
+    fn add_params<'a>(&'a self, colors: &mut Vec<&'a ColorParam>, scalars: &mut Vec<&'a ScalarParam>) {
+        colors.extend([&self.eta, &self.k, &self.reflectance]);
+        scalars.extend(&self.facets.roughness);
+    }
+}
