@@ -41,6 +41,7 @@ pub struct PreparedScene {
     materials: Vec<PreparedMaterial>,
     lights: Lights,
     has_opacity: bool,
+    threads: usize,
     guides: Mutex<Vec<(View, Arc<OnceLock<Arc<Guide>>>)>>,
     id: DataId,
 }
@@ -91,7 +92,7 @@ impl PreparedScene {
         let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, guides: Mutex::default(), id })
+        Ok(Self { scene, accel, instances, materials, lights, has_opacity, threads: options.threads, guides: Mutex::default(), id })
     }
 
     /// The scene as it was imported.
@@ -116,7 +117,9 @@ impl PreparedScene {
 
     /// Bytes that preparation added to the scene.
     pub fn memory_bytes(&self) -> usize {
-        self.accel.memory_bytes()
+        let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+        let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
+        guides.sum::<usize>() + self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)
@@ -124,6 +127,11 @@ impl PreparedScene {
 
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Threads that may be used for what is made once.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads
     }
 
     /// What is known of where light comes from, for a view. The first who asks learns it by `learn`; who asks meanwhile

@@ -88,7 +88,7 @@ impl Pyramid {
         out
     }
 
-    /// What a cell has, per solid angle a mean square.
+    /// The part of the whole that a cell has.
     pub(super) fn cell(&self, cell: usize) -> f32 {
         self.mass[FIRST_CELL + morton(cell)]
     }
@@ -100,10 +100,11 @@ fn morton(cell: usize) -> usize {
     (0..SIDE.ilog2()).fold(0, |place, bit| place | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
 }
 
-/// The cell that a unit direction falls into.
-#[inline]
-pub(super) fn cell_of(w: Vec3) -> usize {
-    cell_at(square_from_direction(w).0)
+/// The cell that a unit direction falls into, and what a density over the square is to be divided by there for one per
+/// solid angle.
+pub(super) fn place_of(w: Vec3) -> (u16, f32) {
+    let (place, s) = square_from_direction(w);
+    (cell_at(place) as u16, s * s * s)
 }
 
 #[inline]
@@ -210,7 +211,7 @@ mod tests {
         for u in numbers() {
             let (w, pdf) = directions.sample(u);
             assert!(w.is_normalized() && pdf > 0.0);
-            counts[cell_of(w)] += 1.0 / 40_000.0;
+            counts[usize::from(place_of(w).0)] += 1.0 / 40_000.0;
         }
         for (cell, &count) in counts.iter().enumerate() {
             let expected = directions.weight(cell) * CELL_AREA;

@@ -7,7 +7,7 @@
 //! density of both together: so whatever the guide holds, it moves the noise and never the mean.
 //!
 //! The guide is a function of the scene and the view: learnt with a seed of its own from whole paths all over the
-//! picture, in passes of fixed size whose records are folded in the order of the paths. All who paint a picture guide
+//! picture, in passes of fixed size whose vertices are folded in the order of the paths. All who paint a picture guide
 //! their paths alike.
 //!
 //! Sources: Müller, Gross, Novák 2017, *Practical Path Guiding for Efficient Light-Transport Simulation* (a tree over space,
@@ -15,6 +15,7 @@
 //! target); Müller 2019, *Path Guiding in Production*, section 10.5 (a learnt share of the BSDF).
 
 mod directions;
+mod learn;
 mod octahedron;
 mod train;
 mod tree;

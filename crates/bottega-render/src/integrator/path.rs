@@ -101,7 +101,7 @@ impl<'a> PathIntegrator<'a> {
             ..*self
         };
         let size = Vec2::new(view.width as f32, view.height as f32);
-        train(u64::from(view.width) * u64::from(view.height), |guide, index, trail| {
+        train(u64::from(view.width) * u64::from(view.height), self.prepared.threads(), |guide, index, trail| {
             // One sequence of samples for the whole picture.
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
