@@ -99,6 +99,18 @@ pub enum SceneError {
         /// Why, and what to do.
         reason: &'static str,
     },
+    /// The options ask for a part that the file does not have.
+    #[error("`{}` has no {what} `{wanted}`; what it has: {known}", path.display())]
+    NoSuch {
+        /// The file.
+        path: PathBuf,
+        /// Which kind of part.
+        what: &'static str,
+        /// What was asked for.
+        wanted: String,
+        /// Numbers and names of what there is.
+        known: String,
+    },
     /// A picture that cannot be done without, such as the environment.
     #[error("cannot decode the picture `{}`: {problem}", path.display())]
     Picture {

@@ -20,11 +20,15 @@ mod load;
 mod material;
 mod medium;
 mod mend;
+mod mesh_file;
 mod model;
+mod resource;
 mod shapes;
 mod sky;
+mod spectrum;
 mod summary;
 mod surface;
+mod text;
 mod texture;
 mod validate;
 

@@ -71,7 +71,7 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// At least one after import: a framing camera is made where the file has none.
     pub cameras: Vec<Camera>,
-    /// BLAKE3 of all the bytes that were read, hexadecimal.
+    /// BLAKE3 of all the bytes that were read and of what was chosen among them, hexadecimal.
     pub digest: String,
 }
 

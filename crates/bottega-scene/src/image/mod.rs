@@ -2,12 +2,14 @@
 
 mod decode;
 mod lookup;
+mod pictures;
 mod pyramid;
 mod srgb;
 
 use glam::Vec4;
 
 pub(crate) use decode::{Decoded, Header, PictureFault};
+pub(crate) use pictures::{Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 
@@ -171,5 +173,16 @@ impl Image {
 fn make_radiance(value: &mut f32) {
     if !(value.is_finite() && *value > 0.0) {
         *value = 0.0;
+    }
+}
+
+/// sRGB to linear, for one channel in [0, 1]. Codes of 8 bits are looked up.
+pub(crate) fn linear_of_srgb(encoded: f64) -> f64 {
+    let code = encoded * 255.0;
+    let nearest = code.round();
+    if (code - nearest).abs() < 1e-9 {
+        f64::from(srgb::LINEAR_OF_SRGB[nearest as usize & 255])
+    } else {
+        srgb::decode(encoded)
     }
 }
