@@ -11,6 +11,7 @@ pub mod sampler;
 pub mod survey;
 
 mod error;
+mod guide;
 mod interaction;
 mod lights;
 mod media;

@@ -1,7 +1,7 @@
 //! A scene made ready for painting.
 
 use std::sync::{
-    Arc,
+    Arc, Mutex, OnceLock, PoisonError,
     atomic::{AtomicU64, Ordering},
 };
 
@@ -11,8 +11,9 @@ use bottega_scene::{AlphaMode, Material, MediumId, Scene, Spectrum, Surface};
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    RenderError,
+    RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
+    guide::Guide,
     lights::{Lights, NO_LIGHT},
 };
 
@@ -42,6 +43,8 @@ pub struct PreparedScene {
     has_opacity: bool,
     has_boundaries: bool,
     needs_volume: bool,
+    threads: usize,
+    guides: Mutex<Vec<(View, Arc<OnceLock<Arc<Guide>>>)>>,
     id: DataId,
 }
 
@@ -100,7 +103,19 @@ impl PreparedScene {
             || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, has_boundaries, needs_volume, id })
+        Ok(Self {
+            scene,
+            accel,
+            instances,
+            materials,
+            lights,
+            has_opacity,
+            has_boundaries,
+            needs_volume,
+            threads: options.threads,
+            guides: Mutex::default(),
+            id,
+        })
     }
 
     /// The scene as it was imported.
@@ -136,7 +151,10 @@ impl PreparedScene {
 
     /// Bytes that preparation added to the scene.
     pub fn memory_bytes(&self) -> usize {
-        self.accel.memory_bytes()
+        let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+        let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
+        guides.sum::<usize>()
+            + self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)
@@ -144,6 +162,33 @@ impl PreparedScene {
 
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Threads that may be used for what is made once.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// What is known of where light comes from, for a view. The first who asks learns it by `learn`; who asks meanwhile
+    /// waits.
+    pub(crate) fn guide(&self, view: View, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        /// Views whose guides are kept.
+        const VIEWS_MAX: usize = 4;
+        let place = {
+            let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+            match guides.iter().find(|(known, _)| *known == view) {
+                Some((_, place)) => Arc::clone(place),
+                None => {
+                    if guides.len() == VIEWS_MAX {
+                        guides.remove(0);
+                    }
+                    let place = Arc::default();
+                    guides.push((view, Arc::clone(&place)));
+                    place
+                }
+            }
+        };
+        Arc::clone(place.get_or_init(|| Arc::new(learn())))
     }
 
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {

@@ -72,6 +72,9 @@ impl LoadOptions {
                 digest.update(what.as_bytes()).update(&(choice.len() as u64).to_le_bytes()).update(choice.as_bytes());
             }
         }
+        for text in self.defines.iter().flat_map(|(name, value)| [name, value]) {
+            digest.update(b"define").update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
+        }
     }
 }
 

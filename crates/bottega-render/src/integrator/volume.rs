@@ -16,7 +16,7 @@ use super::path::{PathIntegrator, PathRecord, bsdf_at};
 use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
-    camera::RayCone,
+    camera::{CameraRay, RayCone},
     interaction::{Interaction, emitted, is_there, sphere_uv},
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
     media::{Homogeneous, channel_probabilities},
@@ -38,10 +38,8 @@ const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
 const SCATTERED_SPREAD: f32 = 0.05;
 
 /// Follows one path. The integrator gives the camera and the settings.
-pub(super) fn trace(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_index: u32) -> PathRecord {
+pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
-    let sampler = PixelSampler::new(settings.seed, x, y, sample_index);
-    let ray = integrator.camera_ray(&sampler, x, y);
     let mut path = Path {
         prepared,
         settings,

@@ -80,7 +80,9 @@ fn describe(bytes: &[u8]) -> &'static str {
         [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture of version 1; use KTX2, PNG or JPEG",
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
-        _ => "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)",
+        _ => {
+            "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
+        }
     }
 }
 
