@@ -3,6 +3,7 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use bottega_image::{Aov, Rect};
+use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
 /// A physically based renderer whose work is shared out by agents.
@@ -41,27 +42,58 @@ pub(crate) enum Command {
     },
 }
 
+/// Which scene file, and how it is read.
+#[derive(Debug, Args)]
+pub(crate) struct FileArgs {
+    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene: PathBuf,
+    /// Refuse the scene when something in it is not supported, instead of painting a substitute.
+    #[arg(long, help_heading = "Scene file")]
+    pub(crate) strict: bool,
+    /// Let the scene read files outside of its own folder.
+    #[arg(long, help_heading = "Scene file")]
+    pub(crate) allow_outside: bool,
+    /// Set a parameter of a Mitsuba scene (its `<default>`s, used as `$NAME`).
+    #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = parse_define, help_heading = "Scene file")]
+    pub(crate) defines: Vec<(String, String)>,
+    /// Show the animations of a glTF scene at this time; default: the scene as its file describes it.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_negative_numbers = true, help_heading = "Scene file")]
+    pub(crate) at: Option<f32>,
+    /// The animation to show, by name or by number from 0; default: all, the first one where several move the same.
+    #[arg(long, value_name = "NAME", help_heading = "Scene file")]
+    pub(crate) animation: Option<String>,
+    /// Which of a glTF file's variants of materials to show, by name or by number from 0.
+    #[arg(long, value_name = "NAME", help_heading = "Scene file")]
+    pub(crate) variant: Option<String>,
+}
+
+impl FileArgs {
+    /// How the file is read.
+    pub(crate) fn options(&self) -> LoadOptions {
+        LoadOptions {
+            strict: self.strict,
+            allow_outside: self.allow_outside,
+            defines: self.defines.clone(),
+            at: self.at,
+            animation: self.animation.clone(),
+            variant: self.variant.clone(),
+            ..LoadOptions::default()
+        }
+    }
+}
+
 /// Which scene, which camera, how large: what `render` and `analyze` share.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// The scene: a .glb or .gltf file.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) file: FileArgs,
     /// Size of the picture in pixels; default: what the scene file asks for, or 720 high and as wide as the camera says.
     #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = "Picture")]
     pub(crate) size: Option<Size>,
     /// The camera, by name or by number from 0; default: the file's first.
     #[arg(long, value_name = "NAME", help_heading = "Picture")]
     pub(crate) camera: Option<String>,
-    /// Time at which animations are shown; default: the scene as its file describes it.
-    #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_negative_numbers = true, help_heading = "Picture")]
-    pub(crate) at: Option<f32>,
-    /// The animation to show, by name or by number from 0; default: all, the first one where several move the same.
-    #[arg(long, value_name = "NAME", help_heading = "Picture")]
-    pub(crate) animation: Option<String>,
-    /// Which of the file's variants of materials to show, by name or by number from 0.
-    #[arg(long, value_name = "NAME", help_heading = "Picture")]
-    pub(crate) variant: Option<String>,
     /// Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp.
     #[arg(long, value_name = "RADIUS", value_parser = parse_factor, requires = "focus_distance", help_heading = "Picture")]
     pub(crate) lens_radius: Option<f32>,
@@ -200,9 +232,8 @@ pub(crate) struct DiffArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// The scene: a .glb or .gltf file.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) file: FileArgs,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
@@ -414,6 +445,13 @@ fn parse_aov(text: &str) -> Result<Aov, String> {
         .into_iter()
         .find(|aov| aov.name() == text.trim())
         .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
+}
+
+fn parse_define(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
+        _ => Err("a name, `=` and a value are needed, such as spp=64".to_owned()),
+    }
 }
 
 fn parse_factor(text: &str) -> Result<f32, String> {

@@ -211,7 +211,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
     let crop = settings.crop;
     reporter.say(&format!(
         "{}: {} triangles; {}x{} pixels, {} samples each, {} agents on {} processors",
-        shown(&args.scene.scene),
+        shown(&args.scene.file.scene),
         subject.scene().triangle_count(),
         crop.width(),
         crop.height(),
@@ -221,7 +221,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
     ));
     reporter.tell(Event::Started {
         version: 1,
-        scene: shown(&args.scene.scene),
+        scene: shown(&args.scene.file.scene),
         output: shown(&args.output),
         width: settings.width,
         height: settings.height,
@@ -236,7 +236,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
 /// What a picture says of how it was made.
 fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
     let mut metadata = Metadata::new();
-    metadata.set("scene", shown(&args.scene.scene));
+    metadata.set("scene", shown(&args.scene.file.scene));
     metadata.set("scene_digest", &*subject.scene().digest);
     metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
     metadata.set("samples_per_pixel", settings.samples.to_string());

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, View};
-use bottega_scene::{Environment, LoadOptions, Projection, RenderHints, Scene, Spectrum, Warning};
+use bottega_scene::{Environment, Projection, RenderHints, Scene, Spectrum, Warning};
 use glam::Mat3;
 
 use crate::{
@@ -66,12 +66,7 @@ pub(crate) fn shown(path: &Path) -> String {
 
 fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError> {
     let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
-    let mut options = LoadOptions {
-        at: args.at,
-        animation: args.animation.clone(),
-        variant: args.variant.clone(),
-        ..LoadOptions::default()
-    };
+    let mut options = args.file.options();
     match &args.env {
         Some(EnvironmentArg::Picture(path)) => {
             options.environment = Some(path.clone());
@@ -81,7 +76,7 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError
         Some(EnvironmentArg::Constant(_) | EnvironmentArg::Sky) => options.add_sky = false,
         None => {}
     }
-    let loaded = bottega_scene::load(&args.scene, &options)?;
+    let loaded = bottega_scene::load(&args.file.scene, &options)?;
     let mut scene = loaded.scene;
     if args.env == Some(EnvironmentArg::Sky) {
         scene.add_sky();
