@@ -179,7 +179,7 @@ impl<'a> ObjFile<'a> {
     /// One mesh for each material, in the order of their first triangles. Smoothing groups make smooth normals where the
     /// file has none.
     pub(crate) fn into_parts(self) -> Result<Vec<ObjPart>, SceneError> {
-        let mut parts: Vec<(Option<usize>, Vec<(usize, usize, u32)>)> = Vec::new();
+        let mut parts: Vec<(Option<usize>, Vec<weld::Range>)> = Vec::new();
         let mut part_of: BTreeMap<Option<usize>, usize> = BTreeMap::new();
         let start = Run { first: 0, material: None, smoothing: 0 };
         let runs: Vec<Run> = std::iter::once(start).chain(self.runs.iter().copied()).collect();
@@ -192,7 +192,7 @@ impl<'a> ObjFile<'a> {
             parts[part].1.push((run.first, end, run.smoothing));
         }
         let mut welder = weld::Welder::new(&self);
-        let weld = |(material, runs): (Option<usize>, Vec<(usize, usize, u32)>)| {
+        let weld = |(material, runs): (Option<usize>, Vec<weld::Range>)| {
             let material = material.map(|material| self.materials[material].clone());
             let mut mesh = finish(welder.weld(&runs, true)?);
             mesh.name = material.clone().unwrap_or_default();

@@ -10,6 +10,9 @@ const GROUP: u32 = 1 << 31;
 /// Stands for the normal of a triangle, together with its number.
 const FLAT: u32 = 3 << 30;
 
+/// Triangles, from the first one to the one before the end, and their smoothing group.
+pub(super) type Range = (usize, usize, u32);
+
 /// Makes meshes of parts of a file. Vertices are in the order in which the triangles need them.
 pub(super) struct Welder<'f, 'a> {
     file: &'f ObjFile<'a>,
@@ -28,10 +31,10 @@ impl<'f, 'a> Welder<'f, 'a> {
         Self { file, first: vec![NONE; file.positions.len()] }
     }
 
-    /// Makes a mesh of some runs of triangles: first, end, and smoothing group.
+    /// Makes a mesh of some runs of triangles.
     ///
     /// - `smooths`: whether smoothing groups count.
-    pub(super) fn weld(&mut self, runs: &[(usize, usize, u32)], smooths: bool) -> Result<Mesh, SceneError> {
+    pub(super) fn weld(&mut self, runs: &[Range], smooths: bool) -> Result<Mesh, SceneError> {
         let file = self.file;
         let corners = || runs.iter().flat_map(|&(first, end, _)| file.triangles[first..end].iter().flatten());
         let has_uvs = corners().any(|corner| corner[1] != NONE);
@@ -46,7 +49,7 @@ impl<'f, 'a> Welder<'f, 'a> {
                 let normal = match normal {
                     NONE if !has_normals || !smooths => NONE,
                     // Flat triangles beside smooth ones have vertices of their own.
-                    NONE if group == 0 => FLAT | (number as u32 & (GROUP >> 1) - 1),
+                    NONE if group == 0 => FLAT | (number as u32 & !FLAT),
                     NONE => GROUP | group,
                     normal => normal,
                 };
