@@ -41,7 +41,7 @@ const SCATTERED_SPREAD: f32 = 0.05;
 pub(super) fn trace(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_index: u32) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
     let sampler = PixelSampler::new(settings.seed, x, y, sample_index);
-    let ray = integrator.camera_ray(&sampler, x, y);
+    let (ray, factor) = integrator.camera_ray(&sampler, x, y);
     let mut path = Path {
         prepared,
         settings,
@@ -62,7 +62,9 @@ pub(super) fn trace(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_inde
         record: PathRecord::default(),
     };
     while path.advance() {}
-    path.finish()
+    let mut record = path.finish();
+    record.values.radiance = record.values.radiance.map(|value| value * factor);
+    record
 }
 
 /// Where the path comes from, as far as multiple importance sampling must know.
