@@ -1,7 +1,10 @@
 //! Pictures with their mip levels: decoding, storage, lookup.
 
 mod decode;
+mod ktx2;
 mod lookup;
+mod openexr;
+mod pfm;
 mod pictures;
 mod pyramid;
 mod srgb;
