@@ -154,6 +154,7 @@ impl Document {
             search_folders: Vec::new(),
             included: Vec::new(),
             include_count: 0,
+            depth: 0,
         };
         let root = reader.parse(text, 0)?;
         if root.name != "scene" {
@@ -207,6 +208,8 @@ struct Reader<'a, 'b> {
     /// The files that are being read, innermost last.
     included: Vec<Location>,
     include_count: usize,
+    /// Objects that are open.
+    depth: usize,
 }
 
 impl Reader<'_, '_> {
@@ -296,8 +299,14 @@ impl Reader<'_, '_> {
             return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
         };
         let id = element.attribute("id").unwrap_or_default().to_owned();
+        self.depth += 1;
+        if self.depth > DEPTH_MAX {
+            let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
+            return Err(self.report.invalid(at, problem));
+        }
         let mut container = Container::default();
         self.contents(element.children, &mut container, false)?;
+        self.depth -= 1;
         let object = ObjectId(self.objects.len());
         for (child, reference) in container.pending {
             self.references[reference].0 = object;
@@ -469,6 +478,8 @@ fn check_cycles(objects: &[Object], report: &Report) -> Result<(), SceneError> {
         Done,
     }
     let mut states = vec![State::New; objects.len()];
+    // Levels below each object that is done.
+    let mut depths = vec![0; objects.len()];
     for start in 0..objects.len() {
         if states[start] != State::New {
             continue;
@@ -477,8 +488,15 @@ fn check_cycles(objects: &[Object], report: &Report) -> Result<(), SceneError> {
         // Object and its next child; no recursion, since references may chain as long as the file is.
         let mut path = vec![(start, 0)];
         while let Some((object, next)) = path.last_mut() {
-            let Some(child) = objects[*object].children.get(*next) else {
-                states[*object] = State::Done;
+            let object = *object;
+            let Some(child) = objects[object].children.get(*next) else {
+                let below = objects[object].children.iter().map(|child| depths[child.object.0] + 1).max();
+                depths[object] = below.unwrap_or(0);
+                if depths[object] > DEPTH_MAX {
+                    let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
+                    return Err(report.invalid(objects[object].at, problem));
+                }
+                states[object] = State::Done;
                 path.pop();
                 continue;
             };
@@ -489,9 +507,6 @@ fn check_cycles(objects: &[Object], report: &Report) -> Result<(), SceneError> {
                 State::Open => return Err(report.invalid(child.at, "an object contains itself by this reference")),
                 State::New => {
                     states[target] = State::Open;
-                    if path.len() >= DEPTH_MAX {
-                        return Err(report.invalid(child.at, format!("references lead more than {DEPTH_MAX} deep")));
-                    }
                     path.push((target, 0));
                 }
             }

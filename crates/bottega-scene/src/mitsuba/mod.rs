@@ -41,8 +41,11 @@ use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{Scene, SceneError};
 
-/// Conversions of one object into another in all: references that double at every step would never end.
-const CONVERSIONS_MAX: usize = 1 << 20;
+/// Conversions for each object of the file, on average: references that double at every step would never end.
+const CONVERSIONS_PER_OBJECT: usize = 64;
+
+/// Conversions that are always allowed.
+const CONVERSIONS_MIN: usize = 1 << 14;
 
 /// Whether a file looks like one of ours: by its name, or by its outermost element.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
@@ -133,7 +136,7 @@ impl<'a> Importer<'a> {
         let object = document.get(id);
         self.visited[id.0] = true;
         self.conversions += 1;
-        if self.conversions > CONVERSIONS_MAX {
+        if self.conversions > CONVERSIONS_MIN + CONVERSIONS_PER_OBJECT * document.objects.len() {
             return Err(self.report.invalid(object.at, "references multiply beyond measure"));
         }
         Ok(object)

@@ -26,6 +26,7 @@ fn read_operation(operation: &Element) -> Result<DMat4, String> {
         "scale" => DMat4::from_scale(vector(operation, 1.0)?),
         "rotate" => {
             let angle = operation.attribute("angle").ok_or("<rotate> has no `angle`")?;
+            // Mitsuba 3 takes an axis of another length as it is, and shears; its documentation speaks of a rotation.
             let axis = vector(operation, 0.0)?.try_normalize().ok_or("<rotate> has no axis")?;
             DMat4::from_axis_angle(axis, number(angle)?.to_radians())
         }

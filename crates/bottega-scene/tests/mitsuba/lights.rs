@@ -1,0 +1,97 @@
+//! What shines.
+
+use bottega_scene::{LightKind, Sides, SpotFalloff};
+use glam::Vec3;
+
+use crate::support::{read, read_old, silent, told};
+
+#[test]
+fn area_lights_shine_from_their_front_and_are_black_by_default() {
+    let loaded =
+        silent("<shape type='rectangle'><emitter type='area'><rgb name='radiance' value='1 2 3'/></emitter></shape>");
+    let material = &loaded.scene.materials[0];
+    assert_eq!((material.emission.factor, material.emission_sides), (Vec3::new(1.0, 2.0, 3.0), Sides::Front));
+    assert_eq!(material.surface, bottega_scene::Surface::matte(Vec3::ZERO));
+}
+
+#[test]
+fn lights_without_extent_keep_place_direction_and_strength() {
+    let loaded = silent(
+        "<emitter type='point'><point name='position' value='1 2 3'/><rgb name='intensity' value='4'/></emitter>
+         <emitter type='spot'><transform name='to_world'><lookat origin='0 5 0' target='0 0 0' up='1 0 0'/></transform>
+            <float name='cutoff_angle' value='60'/></emitter>
+         <emitter type='directional'><vector name='direction' value='0 -2 0'/><rgb name='irradiance' value='3'/></emitter>",
+    );
+    let kinds: Vec<LightKind> = loaded.scene.lights.iter().map(|light| light.kind).collect();
+    assert_eq!(kinds[0], LightKind::Point { position: Vec3::new(1.0, 2.0, 3.0), intensity: Vec3::splat(4.0) });
+    let LightKind::Spot { position, direction, cos_inner, cos_outer, falloff, .. } = kinds[1] else { panic!() };
+    assert_eq!((position, falloff), (Vec3::Y * 5.0, SpotFalloff::LinearAngle));
+    assert!((direction - Vec3::NEG_Y).length() < 1e-6);
+    assert!((cos_outer - 0.5).abs() < 1e-6 && (cos_inner - 45f32.to_radians().cos()).abs() < 1e-6);
+    assert_eq!(kinds[2], LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(3.0) });
+}
+
+#[test]
+fn spectra_of_emitters_have_the_color_of_their_line() {
+    let radiance = |loaded: &bottega_scene::Loaded| loaded.scene.environment.as_ref().unwrap().factor;
+    // As Mitsuba 3.9 has it in scalar_rgb: equal energy is not white.
+    let text = "<emitter type='constant'><spectrum name='radiance' value='2'/></emitter>";
+    assert!((radiance(&silent(text)) - Vec3::new(2.409_59, 1.896_58, 1.817_83)).length() < 2e-3);
+    assert_eq!(radiance(&read_old(text)), Vec3::splat(2.0));
+    let text = "<emitter type='constant'><spectrum name='radiance' value='400:1, 500:2, 600:8, 700:9'/></emitter>";
+    assert!((radiance(&silent(text)) - Vec3::new(11.0355, 4.287_32, 0.887_223)).length() < 0.02);
+    let text = "<emitter type='constant'><spectrum name='radiance' type='d65'><float name='scale' value='3'/></spectrum></emitter>";
+    assert_eq!(radiance(&silent(text)), Vec3::splat(3.0));
+}
+
+#[test]
+fn the_sun_stands_where_the_file_says() {
+    for (version_is_old, direction) in [(false, "0 0.6 0.8"), (true, "0.6 0.8 0")] {
+        let text = format!("<emitter type='sunsky'><vector name='sun_direction' value='{direction}'/></emitter>");
+        let loaded = if version_is_old { read_old(&text) } else { read(&text) };
+        assert!(told(&loaded)[0].contains("Preetham"), "{:?}", told(&loaded));
+        let environment = loaded.scene.environment.as_ref().unwrap();
+        let image = &loaded.scene.images[environment.image.unwrap().0 as usize];
+        let (width, height) = image.size();
+        let mut brightest = (0.0, Vec3::ZERO);
+        for y in 0..height {
+            for x in 0..width {
+                let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+                let (azimuth, polar) = ((u - 0.5) * std::f32::consts::TAU, v * std::f32::consts::PI);
+                // As the model lays pictures out: −z in the middle, u towards +x.
+                let local = Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos());
+                let value = image.texel(x, y).y;
+                if value > brightest.0 {
+                    brightest = (value, environment.world_from_environment * local);
+                }
+            }
+        }
+        let expected = if version_is_old { Vec3::new(0.6, 0.8, 0.0) } else { Vec3::new(0.0, 0.6, 0.8) };
+        assert!(brightest.1.dot(expected) > 0.9999, "{:?}", brightest);
+    }
+}
+
+#[test]
+fn the_default_sun_is_that_of_mitsuba() {
+    let loaded = read("<emitter type='sun'/>");
+    let environment = loaded.scene.environment.as_ref().unwrap();
+    let image = &loaded.scene.images[environment.image.unwrap().0 as usize];
+    let (width, height) = image.size();
+    let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let (x, y) = texels.max_by(|a, b| image.texel(a.0, a.1).y.total_cmp(&image.texel(b.0, b.1).y)).unwrap();
+    let (azimuth, polar) = (
+        ((x as f32 + 0.5) / width as f32 - 0.5) * std::f32::consts::TAU,
+        (y as f32 + 0.5) / height as f32 * std::f32::consts::PI,
+    );
+    let local = Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos());
+    // Mitsuba 3.9: Tokyo in July, at three in the afternoon.
+    let expected = Vec3::new(0.051_385, 0.691_748, 0.720_308);
+    let angle = (environment.world_from_environment * local).angle_between(expected).to_degrees();
+    assert!(angle < 1.0, "{angle}°");
+}
+
+#[test]
+fn a_second_environment_is_told() {
+    let loaded = read("<emitter type='constant'/><emitter type='constant'/>");
+    assert!(told(&loaded)[0].contains("second environment"), "{:?}", told(&loaded));
+}

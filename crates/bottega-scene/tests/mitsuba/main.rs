@@ -1,0 +1,11 @@
+//! The importer of Mitsuba's scenes, at its boundary: text in, scene out.
+
+mod bad_input;
+mod fuzz;
+mod lights;
+mod materials;
+mod parameters;
+mod real_scenes;
+mod sensors;
+mod shapes;
+mod support;

@@ -1,0 +1,148 @@
+//! What surfaces are made of.
+
+use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, Relief, Surface, Wrap};
+use glam::{Vec2, Vec3};
+
+use crate::support::{Folder, bare, read, read_old, silent, told};
+
+fn material(bsdf: &str) -> Material {
+    let loaded = silent(&format!("<shape type='rectangle'>{bsdf}</shape>"));
+    loaded.scene.materials[0].clone()
+}
+
+#[test]
+fn a_bsdf_is_black_behind_unless_it_is_two_sided_or_transmits() {
+    assert_eq!(material("<bsdf type='diffuse'/>").back, Back::Black);
+    assert_eq!(material("<bsdf type='twosided'><bsdf type='diffuse'/></bsdf>").back, Back::Same);
+    assert_eq!(material("<bsdf type='dielectric'/>").back, Back::Same);
+    assert_eq!(material("<bsdf type='principled'/>").back, Back::Black);
+    let spec_trans = "<bsdf type='principled'><float name='spec_trans' value='1'/></bsdf>";
+    assert_eq!(material(spec_trans).back, Back::Same);
+    let two = "<bsdf type='twosided'><bsdf type='diffuse'/><bsdf type='plastic'/></bsdf>";
+    assert!(matches!(material(two).back, Back::Other(surface) if matches!(*surface, Surface::Plastic(_))));
+}
+
+#[test]
+fn defaults_are_those_of_mitsuba() {
+    let Surface::Dielectric(glass) = material("<bsdf type='roughdielectric'/>").surface else { panic!() };
+    assert!((glass.eta - 1.504_183_3).abs() < 1e-6);
+    assert_eq!(glass.facets, Facets { distribution: Distribution::Beckmann, ..Facets::from(0.1) });
+    let Surface::Plastic(plastic) = material("<bsdf type='plastic'/>").surface else { panic!() };
+    assert!((plastic.eta - 1.489_587_3).abs() < 1e-6);
+    assert_eq!((plastic.diffuse.factor, plastic.nonlinear), (Vec3::splat(0.5), false));
+    let Surface::Principled(principled) = material("<bsdf type='principled'/>").surface else { panic!() };
+    assert_eq!(
+        (principled.eta, principled.roughness.factor, principled.base_color.factor),
+        (1.5, 0.5, Vec3::splat(0.5))
+    );
+    let Surface::Conductor(mirror) = material("<bsdf type='conductor'/>").surface else { panic!() };
+    assert_eq!((mirror.eta.factor, mirror.k.factor), (Vec3::ZERO, Vec3::ZERO));
+}
+
+#[test]
+fn metals_are_known_by_name_and_by_number() {
+    let gold = "<bsdf type='roughconductor'><string name='material' value='Au'/><string name='distribution' value='ggx'/><float name='alpha_v' value='0.3'/></bsdf>";
+    let Surface::Conductor(gold) = material(gold).surface else { panic!() };
+    // As Mitsuba 3.9 has it in scalar_rgb.
+    assert!((gold.eta.factor - Vec3::new(0.143_036, 0.375_307, 1.442_05)).length() < 2e-3, "{}", gold.eta.factor);
+    assert!((gold.k.factor - Vec3::new(3.983, 2.385_56, 1.603_36)).length() < 1e-2, "{}", gold.k.factor);
+    assert_eq!(gold.facets.distribution, Distribution::Ggx);
+    assert_eq!((gold.facets.roughness[0].factor, gold.facets.roughness[1].factor), (0.1, 0.3));
+    let numbers = "<bsdf type='conductor'><rgb name='eta' value='1 2 3'/><rgb name='k' value='4'/></bsdf>";
+    let Surface::Conductor(numbers) = material(numbers).surface else { panic!() };
+    assert_eq!((numbers.eta.factor, numbers.k.factor), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(4.0)));
+}
+
+#[test]
+fn masks_blends_and_reliefs_wrap_what_is_within() {
+    let mask = material(
+        "<bsdf type='mask'><float name='opacity' value='0.25'/><bsdf type='twosided'><bsdf type='diffuse'/></bsdf></bsdf>",
+    );
+    assert_eq!((mask.alpha_mode, mask.opacity.factor, mask.back), (AlphaMode::Blend, 0.25, Back::Same));
+    let blend = material(
+        "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf type='diffuse'/><bsdf type='conductor'/></bsdf>",
+    );
+    let Surface::Blend { weight, surfaces } = blend.surface else { panic!() };
+    assert_eq!(weight.factor, 0.3);
+    assert!(matches!(surfaces.as_ref(), [Surface::Diffuse(_), Surface::Conductor(_)]));
+    assert_eq!(blend.back, Back::Black);
+    let bump = material(
+        "<bsdf type='bumpmap'><float name='scale' value='3'/><texture name='arbitrary' type='checkerboard'/><bsdf type='diffuse'/></bsdf>",
+    );
+    assert!(matches!(bump.relief, Some(Relief::Bump(height)) if height.factor == 3.0 && height.texture.is_some()));
+}
+
+#[test]
+fn mixtures_of_the_old_line_leave_a_rest_that_absorbs() {
+    let loaded = read_old(
+        "<shape type='rectangle'><bsdf type='mixturebsdf'><string name='weights' value='0.25, 0.25'/><bsdf type='diffuse'/><bsdf type='conductor'/></bsdf></shape>",
+    );
+    let Surface::Blend { weight, surfaces } = &loaded.scene.materials[0].surface else { panic!() };
+    assert_eq!(weight.factor, 0.5);
+    assert!(matches!(&surfaces[0], Surface::Blend { weight, .. } if weight.factor == 0.5));
+    assert_eq!(surfaces[1], Surface::matte(Vec3::ZERO));
+}
+
+#[test]
+fn colors_come_in_many_ways() {
+    let reflectance = |property: &str| {
+        let Surface::Diffuse(diffuse) = material(&format!("<bsdf type='diffuse'>{property}</bsdf>")).surface else {
+            panic!()
+        };
+        diffuse.reflectance.factor
+    };
+    assert_eq!(reflectance("<rgb name='reflectance' value='0.1, 0.2, 0.3'/>"), Vec3::new(0.1, 0.2, 0.3));
+    assert_eq!(reflectance("<spectrum name='reflectance' value='0.25'/>"), Vec3::splat(0.25));
+    assert_eq!(reflectance("<float name='reflectance' value='0.25'/>"), Vec3::splat(0.25));
+    // As Mitsuba 3.9 has it in scalar_rgb.
+    let spectrum = reflectance("<spectrum name='reflectance' value='400:0.1, 500:0.2, 600:0.8, 700:0.9'/>");
+    assert!((spectrum - Vec3::new(0.958_689, 0.446_356, 0.105_71)).length() < 2e-3, "{spectrum}");
+    let loaded =
+        read("<shape type='sphere'><bsdf type='diffuse'><rgb name='reflectance' value='1.5 -1 0.5'/></bsdf></shape>");
+    assert!(told(&loaded)[0].contains("out of range"), "{:?}", told(&loaded));
+}
+
+#[test]
+fn pictures_are_laid_out_as_the_file_says() {
+    let bitmap =
+        "<bsdf type='diffuse'><texture name='reflectance' type='bitmap'><string name='filename' value='a.bmp'/>
+        <string name='wrap_mode' value='mirror'/><string name='filter_type' value='nearest'/>
+        <transform name='to_uv'><scale x='2' y='3'/><translate x='0.5'/></transform></texture></bsdf>";
+    let folder = Folder::new().scene(&format!("<shape type='rectangle'>{bitmap}</shape>"));
+    let loaded = folder.load(&bare()).unwrap();
+    // The picture is not there: magenta stands for it, and this is told.
+    assert!(told(&loaded)[0].contains("a.bmp"), "{:?}", told(&loaded));
+    let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!() };
+    let map = diffuse.reflectance.texture.as_ref().unwrap();
+    assert_eq!((map.wrap_u, map.smooth), (Wrap::Mirror, false));
+    assert_eq!(map.picture_from_uv.transform_point2(Vec2::ONE), Vec2::new(2.5, 3.0));
+}
+
+#[test]
+fn a_checkerboard_begins_with_its_first_color() {
+    let loaded = silent(
+        "<shape type='rectangle'><bsdf type='diffuse'><texture name='reflectance' type='checkerboard'>
+            <rgb name='color0' value='1 0 0'/><rgb name='color1' value='0 0 1'/>
+            <transform name='to_uv'><scale x='2' y='2'/></transform></texture></bsdf></shape>",
+    );
+    let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!() };
+    let at = |u: f32, v: f32| diffuse.reflectance.eval(&loaded.scene, [Vec2::new(u, v); 2], 0.0);
+    assert_eq!((at(0.1, 0.1), at(0.3, 0.1), at(0.3, 0.3)), (Vec3::X, Vec3::Z, Vec3::X));
+}
+
+#[test]
+fn media_lie_where_light_goes_through() {
+    let medium = "<medium name='interior' type='homogeneous'><rgb name='sigma_t' value='1 2 3'/><float name='albedo' value='0.5'/><float name='scale' value='2'/><phase type='hg'><float name='g' value='0.7'/></phase></medium>";
+    let loaded =
+        silent(&format!("<shape type='cube'><bsdf type='null'/>{medium}</shape><shape type='cube'>{medium}</shape>"));
+    let medium = &loaded.scene.media[0];
+    assert_eq!((medium.scattering, medium.absorption), (Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 3.0)));
+    assert_eq!(medium.g, 0.7);
+    assert!(loaded.scene.materials[0].interior.is_some());
+    // Within what is opaque nothing is seen.
+    assert!(loaded.scene.materials[1].interior.is_none());
+    let old = read_old(
+        "<shape type='cube'><bsdf type='null'/><medium name='interior' type='homogeneous'><rgb name='sigmaS' value='3'/><rgb name='sigmaA' value='1'/></medium></shape>",
+    );
+    assert!((old.scene.media[0].scattering - Vec3::splat(3.0)).length() < 1e-6);
+}

@@ -1,0 +1,89 @@
+//! Cameras, films and how deep paths go.
+
+use bottega_scene::{Camera, FilmFilter, Projection};
+use glam::{Vec2, Vec3};
+
+use crate::support::{read, silent, told};
+
+/// The direction in which a camera looks at a point of the picture, (0, 0) in its upper left corner; world space.
+fn direction(camera: &Camera, at: Vec2) -> Vec3 {
+    let Projection::Perspective { vertical_fov } = camera.projection else { panic!() };
+    let tan = (0.5 * vertical_fov).tan();
+    let ndc = Vec2::new(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y) - camera.lens_shift;
+    let local = Vec3::new(ndc.x * tan * camera.aspect.unwrap(), ndc.y * tan, -1.0);
+    camera.world_from_camera.transform_vector3(local)
+}
+
+/// Rays of Mitsuba 3.9 for a film of 200 × 100 and a field of view of 90°, divided by their z.
+#[test]
+fn rays_are_those_of_mitsuba() {
+    let film = "<film type='hdrfilm'><integer name='width' value='200'/><integer name='height' value='100'/></film>";
+    let cases = [
+        ("<float name='fov' value='90'/>", Vec2::ZERO, Vec2::new(1.0, 0.5)),
+        ("<float name='fov' value='90'/>", Vec2::X, Vec2::new(-1.0, 0.5)),
+        ("<float name='fov' value='90'/><string name='fov_axis' value='y'/>", Vec2::ONE, Vec2::new(-2.0, -1.0)),
+        (
+            "<float name='fov' value='90'/><string name='fov_axis' value='diagonal'/>",
+            Vec2::ZERO,
+            Vec2::new(0.8944, 0.4472),
+        ),
+        ("<string name='focal_length' value='50mm'/>", Vec2::ZERO, Vec2::new(0.387, 0.1935)),
+        ("", Vec2::ONE, Vec2::new(-0.387, -0.1935)),
+        (
+            "<float name='fov' value='90'/><float name='principal_point_offset_x' value='0.1'/>",
+            Vec2::ZERO,
+            Vec2::new(0.8, 0.5),
+        ),
+        (
+            "<float name='fov' value='90'/><float name='principal_point_offset_y' value='0.1'/>",
+            Vec2::ONE,
+            Vec2::new(-1.0, -0.6),
+        ),
+    ];
+    for (properties, at, expected) in cases {
+        let loaded = silent(&format!("<sensor type='perspective'>{properties}{film}</sensor>"));
+        let d = direction(&loaded.scene.cameras[0], at);
+        assert!((d.truncate() / d.z - expected).length() < 1e-3 && d.z > 0.0, "{properties} {at}: {d}");
+    }
+}
+
+#[test]
+fn cameras_stand_where_they_look_from() {
+    let loaded = silent(
+        "<sensor type='thinlens'><float name='fov' value='40'/><float name='aperture_radius' value='0.25'/><float name='focus_distance' value='3'/><transform name='to_world'><lookat origin='0 0 5' target='0 0 0' up='0 1 0'/></transform></sensor>",
+    );
+    let camera = &loaded.scene.cameras[0];
+    assert_eq!(camera.world_from_camera.transform_point3(Vec3::ZERO), Vec3::Z * 5.0);
+    assert!(camera.world_from_camera.transform_vector3(Vec3::NEG_Z).abs_diff_eq(Vec3::NEG_Z, 1e-6));
+    assert!(camera.world_from_camera.transform_vector3(Vec3::X).abs_diff_eq(Vec3::X, 1e-6));
+    assert_eq!((camera.lens_radius, camera.focus_distance), (0.25, 3.0));
+    let loaded = silent(
+        "<sensor type='orthographic'><transform name='to_world'><scale x='3' y='2'/></transform><film type='hdrfilm'><integer name='width' value='200'/><integer name='height' value='100'/></film></sensor>",
+    );
+    let camera = &loaded.scene.cameras[0];
+    assert_eq!(camera.projection, Projection::Orthographic { height: 2.0 });
+    assert_eq!(camera.aspect, Some(3.0));
+}
+
+#[test]
+fn film_and_integrator_become_hints() {
+    let loaded = silent(
+        "<integrator type='path'><integer name='max_depth' value='6'/><integer name='rr_depth' value='5'/></integrator>
+         <sensor type='perspective'><sampler type='multijitter'><integer name='sample_count' value='36'/></sampler>
+         <film type='hdrfilm'><integer name='width' value='64'/><integer name='height' value='32'/>
+            <integer name='crop_offset_x' value='1'/><integer name='crop_offset_y' value='2'/>
+            <integer name='crop_width' value='3'/><integer name='crop_height' value='4'/><rfilter type='box'/></film></sensor>",
+    );
+    let hints = &loaded.hints;
+    assert_eq!((hints.resolution, hints.crop), (Some([64, 32]), Some([1, 2, 3, 4])));
+    assert_eq!((hints.samples, hints.max_depth), (Some(36), Some(5)));
+    assert_eq!(hints.filter, Some(FilmFilter::Box { radius: 0.5 }));
+    assert_eq!(silent("<integrator type='volpath'/>").hints.max_depth, Some(u32::MAX));
+    assert_eq!(silent("<integrator type='direct'/>").hints.max_depth, Some(1));
+    let filter = silent("<sensor type='perspective'><film type='hdrfilm'/></sensor>").hints.filter;
+    assert_eq!(filter, Some(FilmFilter::Gaussian { radius: 2.0, sigma: 0.5 }));
+    let loaded = read(
+        "<integrator type='bdpt'/><sensor type='perspective'><film type='hdrfilm'><rfilter type='lanczos'/></film></sensor>",
+    );
+    assert_eq!(told(&loaded).len(), 2, "{:?}", told(&loaded));
+}

@@ -1,0 +1,188 @@
+//! Where surfaces are, and which side of them is the front.
+
+use bottega_scene::{Mesh, Scene, Sides, Surface};
+use glam::{Affine3A, Quat, Vec2, Vec3};
+
+use crate::support::{Folder, bare, read, silent, told};
+
+/// The front normal of the first triangle of an instance, world space.
+fn front(scene: &Scene, instance: usize) -> Vec3 {
+    let instance = &scene.instances[instance];
+    let mesh = &scene.meshes[instance.mesh as usize];
+    let [a, b, c] =
+        mesh.triangles[0].map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]));
+    (b - a).cross(c - a).normalize()
+}
+
+fn world_area(scene: &Scene) -> f64 {
+    let area = |transform: &Affine3A, mesh: &Mesh| -> f64 {
+        let corners = |triangle: &[u32; 3]| triangle.map(|v| transform.transform_point3(mesh.positions[v as usize]));
+        mesh.triangles.iter().map(corners).map(|[a, b, c]| f64::from((b - a).cross(c - a).length()) / 2.0).sum()
+    };
+    scene.instances.iter().map(|i| area(&i.world_from_object, &scene.meshes[i.mesh as usize])).sum()
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 -1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1/1 2/2/1 3/3/1\n";
+const BARE_TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// The sides are those that Mitsuba 3.9 shows: of a mesh with normals by the normals, else by the winding.
+#[test]
+fn the_front_of_a_mesh_is_that_of_its_shading_normals() {
+    let mirror = "<transform name='to_world'><scale x='-1'/></transform>";
+    let cases = [
+        (TRIANGLE, "", -1.0),
+        (TRIANGLE, "<boolean name='flip_normals' value='true'/>", 1.0),
+        (TRIANGLE, "<boolean name='face_normals' value='true'/>", 1.0),
+        (TRIANGLE, "<boolean name='face_normals' value='true'/><boolean name='flip_normals' value='true'/>", -1.0),
+        (TRIANGLE, mirror, -1.0),
+        (BARE_TRIANGLE, "", 1.0),
+        (BARE_TRIANGLE, "<boolean name='flip_normals' value='true'/>", -1.0),
+        (BARE_TRIANGLE, mirror, -1.0),
+    ];
+    for (file, properties, z) in cases {
+        let content = format!("<shape type='obj'><string name='filename' value='a.obj'/>{properties}</shape>");
+        let loaded = Folder::new().with("a.obj", file).scene(&content).load(&bare()).unwrap();
+        assert_eq!(front(&loaded.scene, 0), Vec3::Z * z, "{file} {properties}");
+    }
+}
+
+#[test]
+fn solids_look_outwards_also_when_they_are_mirrored() {
+    for (plugin, area) in [("rectangle", 4.0), ("cube", 24.0), ("disk", 3.14159), ("cylinder", 6.28318)] {
+        for (transform, z) in [("", 1.0), ("<scale x='-1'/>", 1.0), ("<scale z='-1'/>", -1.0)] {
+            let text = format!("<shape type='{plugin}'><transform name='to_world'>{transform}</transform></shape>");
+            let loaded = silent(&text);
+            assert!((world_area(&loaded.scene) / area - 1.0).abs() < 3e-4, "{plugin}");
+            if plugin == "rectangle" || plugin == "disk" {
+                assert_eq!(front(&loaded.scene, 0), Vec3::Z * z, "{plugin} {transform}");
+            } else {
+                let mesh = &loaded.scene.meshes[0];
+                let [a, b, c] = mesh.triangles[0].map(|vertex| mesh.positions[vertex as usize]);
+                // Not towards the axis of the solid.
+                let outwards = (a + b + c) / 3.0 - if plugin == "cylinder" { Vec3::Z * a.z } else { Vec3::ZERO };
+                assert!((b - a).cross(c - a).dot(outwards * Vec3::new(1.0, 1.0, 0.0)) >= 0.0, "{plugin} {transform}");
+            }
+        }
+    }
+}
+
+#[test]
+fn round_spheres_stay_spheres_and_others_become_triangles() {
+    let loaded = silent(
+        "<shape type='sphere'><point name='center' value='1 2 3'/><float name='radius' value='0.5'/>
+            <transform name='to_world'><rotate y='1' angle='90'/><scale value='2'/><translate x='10'/></transform></shape>",
+    );
+    let sphere = &loaded.scene.spheres[0];
+    assert!((sphere.center - Vec3::new(16.0, 4.0, -2.0)).length() < 1e-5, "{}", sphere.center);
+    assert!((sphere.radius - 1.0).abs() < 1e-6);
+    let loaded = silent("<shape type='sphere'><transform name='to_world'><scale x='2'/></transform></shape>");
+    assert!(loaded.scene.spheres.is_empty());
+    // Knud Thomsen's formula for the surface of an ellipsoid (within 1.1 %).
+    let p = 1.6075f64;
+    let mean = (2.0 * 2f64.powf(p) + 1.0) / 3.0;
+    let expected = 4.0 * std::f64::consts::PI * mean.powf(1.0 / p);
+    assert!((world_area(&loaded.scene) / expected - 1.0).abs() < 0.011);
+}
+
+/// Where the texture coordinates of a sphere are (0, ½), (¼, ½) and (½, 0), in Mitsuba: +x, +y, +z.
+#[test]
+fn the_poles_of_a_sphere_lie_along_z() {
+    let loaded = silent("<shape type='sphere'/>");
+    let ours = loaded.scene.spheres[0].world_from_object;
+    let uv = |n: Vec3| {
+        let n = ours.inverse() * n;
+        Vec2::new((0.5 + n.x.atan2(n.z) / std::f32::consts::TAU).rem_euclid(1.0), n.y.acos() / std::f32::consts::PI)
+    };
+    for (n, expected) in [
+        (Vec3::new(0.933, 0.3, 0.2), Vec2::new(0.0495, 0.4359)),
+        (Vec3::new(0.2, 0.933, 0.3), Vec2::new(0.2164, 0.403)),
+        (Vec3::new(0.3, -0.2, -0.933), Vec2::new(0.9064, 0.8826)),
+    ] {
+        assert!((uv(n.normalize()) - expected).length() < 1e-3, "{n}: {}", uv(n.normalize()));
+    }
+    assert!(ours.is_normalized() && ours != Quat::IDENTITY);
+}
+
+#[test]
+fn a_sphere_that_looks_inwards_shines_inwards() {
+    let loaded =
+        silent("<shape type='sphere'><boolean name='flip_normals' value='true'/><emitter type='area'/></shape>");
+    let sphere = &loaded.scene.spheres[0];
+    assert_eq!(loaded.scene.materials[sphere.material as usize].emission_sides, Sides::Back);
+    let loaded = silent(
+        "<shape type='sphere'><boolean name='flip_normals' value='true'/><bsdf type='dielectric'>
+            <float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/></bsdf></shape>",
+    );
+    let material = &loaded.scene.materials[loaded.scene.spheres[0].material as usize];
+    assert!(matches!(&material.surface, Surface::Dielectric(d) if (d.eta - 1.0 / 1.5).abs() < 1e-6));
+}
+
+#[test]
+fn instances_of_instances_are_placed_one_by_one() {
+    let loaded = silent(
+        "<shape type='shapegroup' id='inner'><shape type='rectangle'/><shape type='sphere'/></shape>
+         <shape type='shapegroup' id='outer'>
+            <shape type='instance'><ref id='inner'/><transform name='to_world'><translate x='1'/></transform></shape>
+            <shape type='instance'><ref id='inner'/><transform name='to_world'><scale x='-1'/><translate x='-1'/></transform></shape>
+         </shape>
+         <shape type='instance'><ref id='outer'/><transform name='to_world'><translate y='5'/></transform></shape>
+         <shape type='instance'><ref id='outer'/><transform name='to_world'><scale value='2'/></transform></shape>",
+    );
+    let scene = &loaded.scene;
+    assert_eq!((scene.instances.len(), scene.spheres.len()), (4, 4));
+    // One mesh, and its mirrored copy.
+    assert_eq!(scene.meshes.len(), 2);
+    let origins: Vec<Vec3> = scene.instances.iter().map(|i| i.world_from_object.transform_point3(Vec3::ZERO)).collect();
+    assert_eq!(
+        origins,
+        [Vec3::new(1.0, 5.0, 0.0), Vec3::new(-1.0, 5.0, 0.0), Vec3::new(2.0, 0.0, 0.0), Vec3::new(-2.0, 0.0, 0.0)]
+    );
+    for index in 0..4 {
+        assert_eq!(front(scene, index), Vec3::Z);
+    }
+    let radii: Vec<f32> = scene.spheres.iter().map(|sphere| sphere.radius).collect();
+    assert!(radii.iter().zip([1.0, 1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{radii:?}");
+}
+
+#[test]
+fn texture_coordinates_are_kept_where_a_texture_asks_for_them() {
+    let textured = "<bsdf type='diffuse'><texture name='reflectance' type='checkerboard'/></bsdf>";
+    let obj = |bsdf: &str| {
+        let content = format!("<shape type='obj'><string name='filename' value='a.obj'/>{bsdf}</shape>");
+        Folder::new().with("a.obj", TRIANGLE).scene(&content).load(&bare()).unwrap()
+    };
+    assert!(obj("").scene.meshes[0].uvs[0].is_empty());
+    // v of an OBJ file points up.
+    assert_eq!(obj(textured).scene.meshes[0].uvs[0], [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::ZERO]);
+    let rectangle = silent(&format!("<shape type='rectangle'>{textured}</shape>"));
+    assert_eq!(rectangle.scene.meshes[0].uvs[0][2], Vec2::ONE);
+}
+
+#[test]
+fn normal_maps_bring_tangents_as_mitsuba_has_them() {
+    let content = "<shape type='rectangle'><bsdf type='normalmap'><texture name='normalmap' type='checkerboard'/>
+        <bsdf type='diffuse'/></bsdf></shape>";
+    let loaded = silent(content);
+    let mesh = &loaded.scene.meshes[0];
+    assert!(mesh.tangents.iter().all(|t| t.truncate().abs_diff_eq(Vec3::X, 1e-6) && t.w == 1.0), "{:?}", mesh.tangents);
+}
+
+#[test]
+fn vertex_colors_are_kept_where_they_are_asked_for() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float r\nproperty float g\nproperty float b\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0.5 0\n3 0 1 2\n";
+    let load = |bsdf: &str| {
+        let content = format!("<shape type='ply'><string name='filename' value='a.ply'/>{bsdf}</shape>");
+        Folder::new().with("a.ply", ply).scene(&content).load(&bare()).unwrap()
+    };
+    assert!(load("").scene.meshes[0].colors.is_empty());
+    let attribute = "<bsdf type='diffuse'><texture type='mesh_attribute' name='reflectance'><string name='name' value='vertex_color'/></texture></bsdf>";
+    let colors = load(attribute).scene.meshes[0].colors.clone();
+    assert!((colors[2].truncate() - Vec3::new(0.0, 0.5, 0.0)).length() < 1e-6, "{colors:?}");
+}
+
+#[test]
+fn a_shape_without_volume_is_told_and_left_out() {
+    let loaded = read("<shape type='cube'><transform name='to_world'><scale x='0'/></transform></shape>");
+    assert!(loaded.scene.instances.is_empty());
+    assert!(told(&loaded)[0].contains("squeezed flat"), "{:?}", told(&loaded));
+}
