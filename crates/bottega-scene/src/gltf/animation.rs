@@ -205,11 +205,11 @@ impl Track<'_> {
         let last = self.times.count.checked_sub(1)?;
         let time_of = |key: usize| self.times.at::<1>(key)[0];
         let hold = |key: usize| Some(Span { keys: [key; 2], fraction: 0.0, duration: 0.0 });
-        if !(time < time_of(last)) {
-            return hold(last);
-        }
-        if !(time > time_of(0)) {
+        if time_of(0).total_cmp(&time).is_ge() {
             return hold(0);
+        }
+        if time_of(last).total_cmp(&time).is_le() {
+            return hold(last);
         }
         let (mut before, mut after) = (0, last);
         while after - before > 1 {

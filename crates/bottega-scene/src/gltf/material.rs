@@ -66,7 +66,7 @@ impl Converter<'_, '_> {
         };
         self.add_layers(extensions, &mut layered)?;
         self.add_effects(extensions, &mut layered)?;
-        let texture = layered.base_color.texture.clone().map(|map| (map, Channel::A));
+        let texture = layered.base_color.texture.map(|map| (map, Channel::A));
         let is_unlit = extensions.unlit.is_some();
         Ok(Material {
             name: description.name.clone(),

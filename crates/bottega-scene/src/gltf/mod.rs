@@ -93,14 +93,16 @@ impl Source<'_> {
         &self,
         what: &'static str,
         wanted: &str,
-        names: impl Iterator<Item = &'n str> + Clone,
+        names: impl Iterator<Item = &'n str>,
     ) -> Result<usize, SceneError> {
-        let by_number = || wanted.parse().ok().filter(|&number| number < names.clone().count());
-        names.clone().position(|name| name == wanted).or_else(by_number).ok_or_else(|| {
-            const SHOWN: usize = 20;
+        const SHOWN: usize = 20;
+        let names: Vec<&str> = names.collect();
+        let by_number = || wanted.parse().ok().filter(|&number| number < names.len());
+        names.iter().position(|&name| name == wanted).or_else(by_number).ok_or_else(|| {
+            let shown = names.iter().take(SHOWN).enumerate();
             let mut known: Vec<String> =
-                names.clone().take(SHOWN).enumerate().map(|(n, name)| format!("{n} `{}`", shortened(name))).collect();
-            if names.clone().nth(SHOWN).is_some() {
+                shown.map(|(number, name)| format!("{number} `{}`", shortened(name))).collect();
+            if names.len() > SHOWN {
                 known.push("…".into());
             }
             let known = if known.is_empty() { "none".into() } else { known.join(", ") };

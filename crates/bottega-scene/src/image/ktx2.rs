@@ -5,7 +5,6 @@
 
 use std::io::Read;
 
-use ::ktx2::{ColorModel, Format, Reader, SupercompressionScheme};
 use rayon::prelude::*;
 use ruzstd::decoding::StreamingDecoder;
 
@@ -40,66 +39,96 @@ struct Picture<'a> {
     width: u32,
     height: u32,
     layout: Layout,
-    /// The finest level, still compressed by Zstandard if `zstd`.
+    /// The finest level, still packed.
     level: &'a [u8],
-    zstd: bool,
+    packing: Packing,
+}
+
+/// What a level is compressed by once more, as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Packing {
+    None,
+    Zstd,
+    Zlib,
 }
 
 /// Width, height and bytes of a texel as it is kept. An error says what is wrong.
 pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
-    let reader = open(bytes)?;
-    let picture = Picture::of(&reader)?;
+    let picture = Picture::of(bytes)?;
     Ok((picture.width, picture.height, 4))
 }
 
 /// The texels of a picture whose header was read, `[width × height]`. An error says what is wrong.
 pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
-    let reader = open(bytes)?;
-    let picture = Picture::of(&reader)?;
+    let picture = Picture::of(bytes)?;
     if picture.layout == Layout::BasisLz {
         return basis_lz(bytes);
     }
-    let unpacked = if picture.zstd { Some(inflate(picture.level, picture.level_bytes()?)?) } else { None };
-    picture.decode(unpacked.as_deref().unwrap_or(picture.level))
+    match picture.packing {
+        Packing::None => picture.decode(picture.level),
+        Packing::Zstd => {
+            let decoder = StreamingDecoder::new(picture.level).map_err(|error| damaged(&error))?;
+            picture.decode(&unpack(decoder, picture.level_bytes()?)?)
+        }
+        Packing::Zlib => {
+            picture.decode(&unpack(flate2::bufread::ZlibDecoder::new(picture.level), picture.level_bytes()?)?)
+        }
+    }
 }
 
-fn open(bytes: &[u8]) -> Result<Reader<&[u8]>, String> {
-    Reader::new(bytes).map_err(|error| format!("its KTX2 container is damaged ({error})"))
-}
+/// Colour models of a file without a format number, as its data format descriptor names them.
+const MODEL_ETC1S: u8 = 163;
+const MODEL_UASTC: u8 = 166;
+/// The supercompression scheme that keeps codebooks for all levels.
+const SCHEME_BASIS_LZ: u32 = 1;
 
 impl<'a> Picture<'a> {
-    fn of(reader: &'a Reader<&[u8]>) -> Result<Self, String> {
-        let header = reader.header();
-        let (width, height) = (header.pixel_width, header.pixel_height);
-        if width == 0 || height == 0 || header.pixel_depth > 1 || header.layer_count > 1 || header.face_count > 1 {
-            return Err("its KTX2 texture is not one flat picture".into());
+    fn of(bytes: &'a [u8]) -> Result<Self, String> {
+        Self::parse(bytes).ok_or("its KTX2 container is cut off")?
+    }
+
+    /// Follows the header: section 3 of the specification. `None`: it leads out of the file.
+    fn parse(bytes: &'a [u8]) -> Option<Result<Self, String>> {
+        let word = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
+        let long = |at: usize| Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
+        let (format, width, height) = (word(12)?, word(20)?, word(24)?);
+        let (depth, layers, faces) = (word(28)?, word(32)?, word(36)?);
+        let scheme = word(44)?;
+        // The colour model stands in the descriptor's first block, behind its total size and the block's own header.
+        let model = *bytes.get((word(48)? as usize).checked_add(12)?)?;
+        let (start, length) = (usize::try_from(long(80)?).ok()?, usize::try_from(long(88)?).ok()?);
+        let level = bytes.get(start..start.checked_add(length)?)?;
+
+        if width == 0 || height == 0 || depth > 1 || layers > 1 || faces > 1 {
+            return Some(Err("its KTX2 texture is not one flat picture".into()));
         }
         if u64::from(width) * u64::from(height) > PIXELS_MAX {
-            return Err(format!("it has {width} × {height} pixels, too many for a KTX2 texture"));
+            return Some(Err(format!("it has {width} × {height} pixels, too many for a KTX2 texture")));
         }
-        let is_basis_lz = header.supercompression_scheme == Some(SupercompressionScheme::BasisLZ);
-        let zstd = match header.supercompression_scheme {
-            None | Some(SupercompressionScheme::BasisLZ) => false,
-            Some(SupercompressionScheme::Zstandard) => true,
-            Some(other) => return Err(format!("its KTX2 data is compressed by the unsupported scheme {other:?}")),
-        };
-        let layout = match (header.format, reader.color_model()) {
-            (None, Some(ColorModel::ETC1S)) if is_basis_lz => Layout::BasisLz,
-            (None, Some(ColorModel::UASTC)) => Layout::Blocks(Block::Uastc),
-            (None, model) => return Err(format!("its KTX2 texture has the unsupported colour model {model:?}")),
-            (Some(format), _) => {
-                layout(format).ok_or_else(|| format!("its KTX2 format {format:?} is not supported"))?
+        let packing = match scheme {
+            0 | SCHEME_BASIS_LZ => Packing::None,
+            2 => Packing::Zstd,
+            3 => Packing::Zlib,
+            other => {
+                return Some(Err(format!("its KTX2 data is compressed by scheme {other}, which is not supported")));
             }
         };
-        let level = reader.levels().next().ok_or("its KTX2 texture has no level")?.data;
-        let picture = Self { width, height, layout, level, zstd };
-        if layout != Layout::BasisLz && !zstd && level.len() < picture.level_bytes()? {
-            return Err(format!(
-                "it announces {width} × {height} pixels, but its level has only {} bytes",
-                level.len()
-            ));
-        }
-        Ok(picture)
+        let layout = match (format, model) {
+            (0, MODEL_ETC1S) if scheme == SCHEME_BASIS_LZ => Layout::BasisLz,
+            (0, MODEL_UASTC) => Layout::Blocks(Block::Uastc),
+            (0, other) => return Some(Err(format!("its KTX2 colour model {other} is not supported"))),
+            (format, _) => match layout(format) {
+                Some(layout) => layout,
+                None => return Some(Err(format!("its KTX2 format {format} is not supported"))),
+            },
+        };
+        let picture = Self { width, height, layout, level, packing };
+        let is_whole = packing != Packing::None || level.len() >= picture.level_bytes().ok()?;
+        Some(if is_whole {
+            Ok(picture)
+        } else {
+            Err(format!("it announces {width} × {height} pixels, but its level has only {length} bytes"))
+        })
     }
 
     /// Bytes of the finest level.
@@ -116,9 +145,8 @@ impl<'a> Picture<'a> {
     fn decode(&self, level: &[u8]) -> Result<Vec<[u8; 4]>, String> {
         let (width, height) = (self.width as usize, self.height as usize);
         let mut texels = Vec::new();
-        texels
-            .try_reserve_exact(width * height)
-            .map_err(|_| format!("there is no memory for {width} × {height} pixels"))?;
+        let memory = texels.try_reserve_exact(width * height);
+        memory.map_err(|_| format!("there is no memory for {width} × {height} pixels"))?;
         match self.layout {
             Layout::BasisLz => return Err("it is not stored in blocks".into()),
             Layout::Bytes { channels, bgr } => {
@@ -146,17 +174,15 @@ impl<'a> Picture<'a> {
     }
 }
 
-fn layout(format: Format) -> Option<Layout> {
+/// By the number of the format in Vulkan.
+fn layout(format: u32) -> Option<Layout> {
     Some(match format {
-        Format::R8G8B8_UNORM | Format::R8G8B8_SRGB => Layout::Bytes { channels: 3, bgr: false },
-        Format::R8G8B8A8_UNORM | Format::R8G8B8A8_SRGB => Layout::Bytes { channels: 4, bgr: false },
-        Format::B8G8R8A8_UNORM | Format::B8G8R8A8_SRGB => Layout::Bytes { channels: 4, bgr: true },
-        Format::BC1_RGB_UNORM_BLOCK
-        | Format::BC1_RGB_SRGB_BLOCK
-        | Format::BC1_RGBA_UNORM_BLOCK
-        | Format::BC1_RGBA_SRGB_BLOCK => Layout::Blocks(Block::Bc1),
-        Format::BC3_UNORM_BLOCK | Format::BC3_SRGB_BLOCK => Layout::Blocks(Block::Bc3),
-        Format::BC7_UNORM_BLOCK | Format::BC7_SRGB_BLOCK => Layout::Blocks(Block::Bc7),
+        23 | 29 => Layout::Bytes { channels: 3, bgr: false },
+        37 | 43 => Layout::Bytes { channels: 4, bgr: false },
+        44 | 50 => Layout::Bytes { channels: 4, bgr: true },
+        131..=134 => Layout::Blocks(Block::Bc1),
+        137 | 138 => Layout::Blocks(Block::Bc3),
+        145 | 146 => Layout::Blocks(Block::Bc7),
         _ => return None,
     })
 }
@@ -190,12 +216,14 @@ fn basis_lz(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
     Ok(texels.as_chunks().0.to_vec())
 }
 
-/// Undoes Zstandard, where `length` bytes are to come out.
-fn inflate(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
-    let damaged = |error: &dyn std::fmt::Display| format!("its Zstandard data is damaged ({error})");
-    let decoder = StreamingDecoder::new(bytes).map_err(|error| damaged(&error))?;
-    let mut inflated = Vec::new();
-    inflated.try_reserve_exact(length).map_err(|_| format!("there is no memory for {length} bytes"))?;
-    decoder.take(length as u64).read_to_end(&mut inflated).map_err(|error| damaged(&error))?;
-    if inflated.len() == length { Ok(inflated) } else { Err(damaged(&"it is cut off")) }
+/// Reads `length` bytes out of what unpacks them.
+fn unpack(decoder: impl Read, length: usize) -> Result<Vec<u8>, String> {
+    let mut unpacked = Vec::new();
+    unpacked.try_reserve_exact(length).map_err(|_| format!("there is no memory for {length} bytes"))?;
+    decoder.take(length as u64).read_to_end(&mut unpacked).map_err(|error| damaged(&error))?;
+    if unpacked.len() == length { Ok(unpacked) } else { Err(damaged(&"it is cut off")) }
+}
+
+fn damaged(error: &dyn std::fmt::Display) -> String {
+    format!("its KTX2 data cannot be unpacked ({error})")
 }

@@ -119,6 +119,8 @@ fn check_materials(json: &Value, scene: &Scene, name: &str) {
         let coat = extension("KHR_materials_clearcoat");
         assert_eq!(layers.coat.factor, number(&coat["clearcoatFactor"], 0.0), "{what}");
         assert_eq!(layers.coat_roughness.factor, number(&coat["clearcoatRoughnessFactor"], 0.0), "{what}");
+        let strength = number(&extension("KHR_materials_anisotropy")["anisotropyStrength"], 0.0);
+        assert_eq!(layers.anisotropy.as_ref().map_or(0.0, |anisotropy| anisotropy.strength), strength, "{what}");
         let sheen = extension("KHR_materials_sheen");
         assert_eq!(layers.sheen_color.factor, color(&sheen["sheenColorFactor"], Vec3::ZERO), "{what}");
         assert_eq!(layers.sheen_roughness.factor, number(&sheen["sheenRoughnessFactor"], 0.0), "{what}");

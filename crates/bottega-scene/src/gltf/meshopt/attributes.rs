@@ -28,7 +28,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
         Version::V1 => modes.iter().map(|&mode| Channel::new(mode)).collect::<Result<_, _>>()?,
     };
 
-    let block_elements = (8192 / stride & !(GROUP - 1)).min(BLOCK_MAX);
+    let block_elements = ((8192 / stride) & !(GROUP - 1)).min(BLOCK_MAX);
     // Every block has at least this many bytes, so that a lie about the count is found before memory is taken.
     let least = count.div_ceil(block_elements).saturating_mul(stride / 4);
     if blocks.len() < least {

@@ -4,10 +4,7 @@ use super::attributes::CUT_OFF;
 
 /// Decodes the indices of a list of triangles. `count` is a multiple of 3. An error says what is wrong with the data.
 pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
-    let rest = match data {
-        [0xe1, rest @ ..] => rest,
-        _ => return Err("it does not begin like triangles"),
-    };
+    let [0xe1, rest @ ..] = data else { return Err("it does not begin like triangles") };
     let (codes, rest) = rest.split_at_checked(count / 3).ok_or(CUT_OFF)?;
     let (extra, pairs) = rest.split_last_chunk::<16>().ok_or(CUT_OFF)?;
     let mut decoder = Triangles { extra, pairs, next: 0, last: 0, edges: Fifo::default(), vertices: Fifo::default() };
@@ -20,10 +17,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, &'static 
 
 /// Decodes indices that are no triangles. An error says what is wrong with the data.
 pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
-    let rest = match data {
-        [0xd1, rest @ ..] => rest,
-        _ => return Err("it does not begin like a sequence of indices"),
-    };
+    let [0xd1, rest @ ..] = data else { return Err("it does not begin like a sequence of indices") };
     let (mut rest, _) = rest.split_last_chunk::<4>().ok_or(CUT_OFF)?;
     if count > rest.len() {
         return Err(CUT_OFF);
