@@ -92,7 +92,17 @@ impl PreparedScene {
         let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, threads: options.threads, guides: Mutex::default(), id })
+        Ok(Self {
+            scene,
+            accel,
+            instances,
+            materials,
+            lights,
+            has_opacity,
+            threads: options.threads,
+            guides: Mutex::default(),
+            id,
+        })
     }
 
     /// The scene as it was imported.
@@ -119,7 +129,8 @@ impl PreparedScene {
     pub fn memory_bytes(&self) -> usize {
         let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
         let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
-        guides.sum::<usize>() + self.accel.memory_bytes()
+        guides.sum::<usize>()
+            + self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)

@@ -70,12 +70,8 @@ pub struct Survey {
 /// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene and the
 /// view alone.
 pub fn survey(scene: &Arc<PreparedScene>, view: View, client: &HraClient<RenderWork>) -> Result<Survey, RenderError> {
-    let settings = PathSettings {
-        max_depth: PROBE_DEPTH,
-        filter: Filter::PIXEL,
-        guiding: false,
-        ..PathSettings::default()
-    };
+    let settings =
+        PathSettings { max_depth: PROBE_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };
     let settings = Arc::new(settings);
     let mut pixels = probe_all(scene, view, &settings, client)?;
     let levels = recursion_levels(scene, view, &settings, client)?;

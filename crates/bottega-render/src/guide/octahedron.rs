@@ -21,8 +21,7 @@ pub(super) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
 pub(super) fn direction_from_square(place: Vec2) -> (Vec3, f32) {
     let z = 1.0 - place.x.abs() - place.y.abs();
     let under = (-z).max(0.0);
-    let on_octahedron =
-        Vec3::new(place.x - under.copysign(place.x), place.y - under.copysign(place.y), z);
+    let on_octahedron = Vec3::new(place.x - under.copysign(place.x), place.y - under.copysign(place.y), z);
     let s = 1.0 / on_octahedron.length();
     (on_octahedron * s, s)
 }

@@ -3,7 +3,8 @@
 //! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without
 //! the error of the reference itself. For all who sample without bias, error times seconds is a constant of renderer and
 //! scene; its inverse is the efficiency, and the quotient of two efficiencies says how many times as fast as the other
-//! one comes to the same error.
+//! one comes to the same error. Time is that of the clock on the wall, or, on a machine that has other work as well, that of
+//! the processors.
 
 use std::{
     fs::{self, File},
@@ -14,10 +15,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_image::{Picture, read_picture, rel_mse_trimmed, USUAL_TRIM};
+use bottega_image::{Picture, USUAL_TRIM, read_picture, rel_mse_trimmed};
 use serde_json::{Value, json};
 
-use super::{paint_ours, scene::{self, NeutralScene}};
+use super::{
+    paint_ours,
+    scene::{self, NeutralScene},
+};
 use crate::{cli::PeersArgs, devices::processors, error::CliError};
 
 /// A renderer that is run as a child of its own: some hang, some abort, none may take the others along.
@@ -84,8 +88,7 @@ pub(super) fn run(args: &PeersArgs) -> Result<ExitCode, CliError> {
             all.extend(PEERS.iter().map(|peer| (peer.name, Vec::new())));
             // In turn, so that whatever else the machine does meanwhile meets all of them.
             for seed in 0..args.repeat {
-                all[0].1.push(paint_ours(&scene, threads, args.spp, seed.into()).map(
-                    |(picture, seconds)| Painted { picture, seconds, samples: args.spp.into() })?);
+                all[0].1.push(ours(&scene, threads, args, seed)?);
                 for (peer, (_, painted)) in PEERS.iter().zip(&mut all[1..]) {
                     if missing.iter().any(|(name, _)| *name == peer.name) {
                         continue;
@@ -158,6 +161,33 @@ fn row(
     Ok(Row { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse })
 }
 
+fn ours(scene: &NeutralScene, threads: usize, args: &PeersArgs, seed: u16) -> Result<Painted, CliError> {
+    let before = processor_seconds();
+    let (picture, time) = paint_ours(scene, threads, args.spp, seed.into())?;
+    let seconds = match (args.processor_time, before.zip(processor_seconds())) {
+        (false, _) => time.as_secs_f64(),
+        (true, Some((before, after))) => after - before,
+        (true, None) => {
+            return Err(CliError::usage(
+                "this system does not tell processor times",
+                "leave out --processor-time, and let the machine do nothing else meanwhile",
+            ));
+        }
+    };
+    Ok(Painted { picture, seconds, samples: args.spp.into() })
+}
+
+/// Time that the processors have spent on this process so far; `None` where the system does not tell (only Linux does).
+fn processor_seconds() -> Option<f64> {
+    /// Linux counts in hundredths of a second in this place.
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let stat = fs::read_to_string("/proc/self/stat").ok()?;
+    // The name may hold anything, but ends with the last parenthesis; user and system time are 12th and 13th after it.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_SECOND)
+}
+
 /// Runs a peer. The error says why there is no picture of it.
 fn paint(
     peer: &Peer,
@@ -207,7 +237,8 @@ fn paint(
     let result = match spent {
         Some(spent) if status.success() => read_raw(&out, scene).and_then(|picture| {
             let number = |key: &str| spent[key].as_f64().ok_or_else(|| format!("its answer lacks `{key}`"));
-            Ok(Painted { picture, seconds: number("seconds")?, samples: number("samples")? })
+            let time = if args.processor_time { "processor_seconds" } else { "seconds" };
+            Ok(Painted { picture, seconds: number(time)?, samples: number("samples")? })
         }),
         _ => {
             let log = fs::read_to_string(&log).unwrap_or_default();
@@ -237,9 +268,8 @@ fn ratios(rows: &[Row]) -> Vec<(usize, Vec<(String, f64)>, f64)> {
         let ours = rows.iter().filter(|row| row.threads == threads && row.renderer == OURS);
         let ratios: Vec<(String, f64)> = ours
             .filter_map(|ours| {
-                let others = rows.iter().filter(|row| {
-                    row.threads == threads && row.scene == ours.scene && row.renderer != OURS
-                });
+                let others =
+                    rows.iter().filter(|row| row.threads == threads && row.scene == ours.scene && row.renderer != OURS);
                 let best = others.map(Row::efficiency).max_by(f64::total_cmp)?;
                 Some((ours.scene.clone(), ours.efficiency() / best))
             })
@@ -252,9 +282,8 @@ fn ratios(rows: &[Row]) -> Vec<(usize, Vec<(String, f64)>, f64)> {
 
 /// Our efficiency over that of a row on the same scene with as many threads.
 fn ratio(rows: &[Row], other: &Row) -> Option<f64> {
-    let ours = rows
-        .iter()
-        .find(|row| row.renderer == OURS && row.scene == other.scene && row.threads == other.threads)?;
+    let ours =
+        rows.iter().find(|row| row.renderer == OURS && row.scene == other.scene && row.threads == other.threads)?;
     Some(ours.efficiency() / other.efficiency())
 }
 
@@ -267,16 +296,20 @@ fn as_text(rows: &[Row]) -> String {
         let ratio = ratio(rows, row).map_or_else(String::new, |ratio| format!("{ratio:.2}"));
         out += &format!(
             "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>12.3}  {ratio}\n",
-            row.scene, row.threads, row.renderer, row.mpaths, row.seconds, row.rel_mse, row.efficiency()
+            row.scene,
+            row.threads,
+            row.renderer,
+            row.mpaths,
+            row.seconds,
+            row.rel_mse,
+            row.efficiency()
         );
     }
     for (threads, ratios, mean) in ratios(rows) {
         let each: Vec<String> = ratios.iter().map(|(scene, ratio)| format!("{scene} {ratio:.2}")).collect();
         if !each.is_empty() {
-            out += &format!(
-                "\nover the best of them, {threads} threads: {}; geometric mean {mean:.2}\n",
-                each.join(", ")
-            );
+            out +=
+                &format!("\nover the best of them, {threads} threads: {}; geometric mean {mean:.2}\n", each.join(", "));
         }
     }
     out
@@ -341,13 +374,14 @@ mod tests {
             repeat: 1,
             threads: vec![1],
             python: "no such python".to_owned(),
+            processor_time: true,
             timeout: 5,
             json: false,
         };
-        let scene =
-            NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
+        let scene = NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
         let reason = paint(&PEERS[0], &args, &scene, "a", 1, 0).err().unwrap_or_default();
         assert!(reason.starts_with("no such python"), "{reason}");
+        assert!(processor_seconds().is_none_or(|seconds| seconds >= 0.0));
         assert!(scenes(&args).is_err());
     }
 }

@@ -93,9 +93,7 @@ fn material(value: &Value) -> Outcome<Material> {
             let base_color = vector(&value["reflectance"])?.into();
             smooth(Layered { base_color, metallic: 1.0.into(), ..Layered::default() })
         }
-        "dielectric" => {
-            smooth(Layered { ior: number(&value["ior"])?, transmission: 1.0.into(), ..Layered::default() })
-        }
+        "dielectric" => smooth(Layered { ior: number(&value["ior"])?, transmission: 1.0.into(), ..Layered::default() }),
         other => return Err(format!("no material is of type `{other}`")),
     })
 }
@@ -128,9 +126,5 @@ fn read_ply(path: &Path) -> Outcome<Mesh> {
     let positions = vertices.chunks_exact(VERTEX_BYTES).map(|v| Vec3::new(float(v, 0), float(v, 4), float(v, 8)));
     // One byte for the number of corners.
     let triangles = faces.chunks_exact(TRIANGLE_BYTES).map(|f| [index(f, 1), index(f, 5), index(f, 9)]);
-    Ok(Mesh {
-        positions: positions.collect(),
-        triangles: triangles.take(triangle_count).collect(),
-        ..Mesh::default()
-    })
+    Ok(Mesh { positions: positions.collect(), triangles: triangles.take(triangle_count).collect(), ..Mesh::default() })
 }
