@@ -1,12 +1,9 @@
-//! What a developer runs: `cargo xtask ci | test | peers`.
+//! What a developer runs: `cargo xtask ci | test`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
 mod layers;
 mod needs;
-mod peers;
-
-use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Parser;
@@ -19,19 +16,11 @@ enum Command {
     Ci,
     /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, from the system's packages.
     Test,
-    /// Converts the scenes of the comparison with other renderers (JSON + PLY) to glTF.
-    Peers {
-        /// Folder with the `.json` scenes and their `meshes/`.
-        from: PathBuf,
-        /// Folder that gets the `.glb` files.
-        to: PathBuf,
-    },
 }
 
 fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
-        Command::Peers { from, to } => peers::convert_all(&from, &to),
     }
 }

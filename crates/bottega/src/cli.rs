@@ -284,6 +284,9 @@ pub(crate) struct PeersArgs {
     /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
     #[arg(long, value_name = "PROGRAM", default_value = "python3")]
     pub(crate) python: String,
+    /// Compare the time of the processors, not of the clock: for a machine that has other work as well.
+    #[arg(long)]
+    pub(crate) processor_time: bool,
     /// How long one picture of another renderer may take, in seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
     pub(crate) timeout: u64,

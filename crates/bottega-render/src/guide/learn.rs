@@ -8,6 +8,8 @@ use super::tree::{FACES, Guide, Node, Region, Tree};
 
 /// Vertices from which one region learns, at most.
 const VERTICES_PER_REGION: usize = 1200;
+/// Directions from which a region learns, at least.
+const SAMPLES_MIN: usize = 64;
 /// Shares of the guide that a region may choose between.
 const SHARES: [f32; 6] = [0.0, 0.2, 0.35, 0.5, 0.65, 0.8];
 /// By what factor the mean square must fall for the guide to be worth its time.
@@ -174,6 +176,9 @@ fn directions(learnt: &Pyramid) -> Option<Directions> {
 
 /// `None` where the BSDF is as good a guide.
 fn region(learnt: &Learnt, samples: &[Sample]) -> Option<Region> {
+    if samples.len() < SAMPLES_MIN {
+        return None;
+    }
     // What one half has learnt is tried on the other.
     let mut squares = [0.0_f64; SHARES.len()];
     for which in 0..2 {

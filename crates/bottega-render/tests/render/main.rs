@@ -2,6 +2,7 @@
 
 mod determinism;
 mod furnace;
+mod guiding;
 mod known_answers;
 mod media;
 mod scenes;

@@ -17,7 +17,7 @@ const SPP: u32 = 256;
 const BLOCK: u32 = 4;
 
 /// Mean luminance of a block of pixels and the variance of that mean.
-fn moments(tile: &Tile, block: &Rect) -> (f64, f64) {
+pub(crate) fn moments(tile: &Tile, block: &Rect) -> (f64, f64) {
     let pixels = block.area() as f64;
     block.pixels().fold((0.0, 0.0), |(sum, variance_sum), (x, y)| {
         let sums = tile.pixel(x, y);
@@ -32,7 +32,7 @@ fn moments(tile: &Tile, block: &Rect) -> (f64, f64) {
 /// Two-sided z-test on every block of pixels, corrected for their number (Šidák), and on the whole picture.
 ///
 /// The variance estimate takes samples for independent; as they are stratified it is too large, on the safe side.
-fn assert_same_mean(what: &str, a: &Tile, b: &Tile) {
+pub(crate) fn assert_same_mean(what: &str, a: &Tile, b: &Tile) {
     let blocks: Vec<Rect> = a.rect().blocks(BLOCK).chain([a.rect()]).collect();
     let significance = 1.0 - (1.0 - 0.001_f64).powf(1.0 / blocks.len() as f64);
     for block in blocks {

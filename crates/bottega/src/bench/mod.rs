@@ -100,8 +100,8 @@ fn paint(scene: &Arc<PreparedScene>, threads: usize) -> Result<Duration, CliErro
     Ok(paint_zone(scene, view, PathSettings::default(), threads, PATHS_SAMPLES)?.1)
 }
 
-/// Paints a neutral scene as its peers do, and how many seconds that took; the preparation is not in them.
-fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Result<(Picture, f64), CliError> {
+/// Paints a neutral scene as its peers do, and how long that took.
+fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Result<(Picture, Duration), CliError> {
     // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
@@ -111,7 +111,7 @@ fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Resu
     let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;
     let mut film = Film::new(tile.rect(), tile.layout());
     film.add_tile(&tile, |_, _| 1.0);
-    Ok((film.to_picture(), time.as_secs_f64()))
+    Ok((film.to_picture(), time))
 }
 
 /// Paints a whole picture as one zone.

@@ -3,7 +3,8 @@
 //! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without
 //! the error of the reference itself. For all who sample without bias, error times seconds is a constant of renderer and
 //! scene; its inverse is the efficiency, and the quotient of two efficiencies says how many times as fast as the other
-//! one comes to the same error.
+//! one comes to the same error. Time is that of the clock on the wall, or, on a machine that has other work as well, that of
+//! the processors.
 
 use std::{
     fs::{self, File},
@@ -87,13 +88,7 @@ pub(super) fn run(args: &PeersArgs) -> Result<ExitCode, CliError> {
             all.extend(PEERS.iter().map(|peer| (peer.name, Vec::new())));
             // In turn, so that whatever else the machine does meanwhile meets all of them.
             for seed in 0..args.repeat {
-                all[0].1.push(
-                    paint_ours(&scene, threads, args.spp, seed.into()).map(|(picture, seconds)| Painted {
-                        picture,
-                        seconds,
-                        samples: args.spp.into(),
-                    })?,
-                );
+                all[0].1.push(ours(&scene, threads, args, seed)?);
                 for (peer, (_, painted)) in PEERS.iter().zip(&mut all[1..]) {
                     if missing.iter().any(|(name, _)| *name == peer.name) {
                         continue;
@@ -166,6 +161,33 @@ fn row(
     Ok(Row { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse })
 }
 
+fn ours(scene: &NeutralScene, threads: usize, args: &PeersArgs, seed: u16) -> Result<Painted, CliError> {
+    let before = processor_seconds();
+    let (picture, time) = paint_ours(scene, threads, args.spp, seed.into())?;
+    let seconds = match (args.processor_time, before.zip(processor_seconds())) {
+        (false, _) => time.as_secs_f64(),
+        (true, Some((before, after))) => after - before,
+        (true, None) => {
+            return Err(CliError::usage(
+                "this system does not tell processor times",
+                "leave out --processor-time, and let the machine do nothing else meanwhile",
+            ));
+        }
+    };
+    Ok(Painted { picture, seconds, samples: args.spp.into() })
+}
+
+/// Time that the processors have spent on this process so far; `None` where the system does not tell (only Linux does).
+fn processor_seconds() -> Option<f64> {
+    /// Linux counts in hundredths of a second in this place.
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let stat = fs::read_to_string("/proc/self/stat").ok()?;
+    // The name may hold anything, but ends with the last parenthesis; user and system time are 12th and 13th after it.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_SECOND)
+}
+
 /// Runs a peer. The error says why there is no picture of it.
 fn paint(
     peer: &Peer,
@@ -215,7 +237,8 @@ fn paint(
     let result = match spent {
         Some(spent) if status.success() => read_raw(&out, scene).and_then(|picture| {
             let number = |key: &str| spent[key].as_f64().ok_or_else(|| format!("its answer lacks `{key}`"));
-            Ok(Painted { picture, seconds: number("seconds")?, samples: number("samples")? })
+            let time = if args.processor_time { "processor_seconds" } else { "seconds" };
+            Ok(Painted { picture, seconds: number(time)?, samples: number("samples")? })
         }),
         _ => {
             let log = fs::read_to_string(&log).unwrap_or_default();
@@ -351,12 +374,14 @@ mod tests {
             repeat: 1,
             threads: vec![1],
             python: "no such python".to_owned(),
+            processor_time: true,
             timeout: 5,
             json: false,
         };
         let scene = NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
         let reason = paint(&PEERS[0], &args, &scene, "a", 1, 0).err().unwrap_or_default();
         assert!(reason.starts_with("no such python"), "{reason}");
+        assert!(processor_seconds().is_none_or(|seconds| seconds >= 0.0));
         assert!(scenes(&args).is_err());
     }
 }

@@ -1,7 +1,7 @@
 """Paints one picture with LuxCore's path tracer. The scene is FOLDER/SCENE.scn; its depth and size are in FOLDER/SCENE.json.
 
 usage: FOLDER SCENE SAMPLES SEED THREADS OUT
-Writes 32-bit RGB, rows from the top, to OUT, and one JSON object with the seconds of the painting alone to stdout.
+Writes 32-bit RGB, rows from the top, to OUT, and one JSON object with the time of the painting alone to stdout.
 """
 import json, os, sys, time
 
@@ -42,13 +42,13 @@ properties = pyluxcore.Properties()
 for name, value in settings.items():
     properties.Set(pyluxcore.Property(name, [value]))
 session = pyluxcore.RenderSession(pyluxcore.RenderConfig(properties, described))
-start = time.perf_counter()
+start, start_processor = time.perf_counter(), time.process_time()
 session.Start()
 while not session.HasDone():
     time.sleep(0.02)
     session.UpdateStats()
 session.UpdateStats()
-seconds = time.perf_counter() - start
+seconds, processor = time.perf_counter() - start, time.process_time() - start_processor
 taken = session.GetStats().Get("stats.renderengine.total.samplecount").GetFloat()
 session.Stop()
 width, height = neutral["width"], neutral["height"]
@@ -58,6 +58,6 @@ row = width * 12
 with open(out, "wb") as file:
     for y in reversed(range(height)):
         file.write(pixels[y * row : (y + 1) * row])
-spent = {"seconds": seconds, "samples": taken / (width * height), "version": pyluxcore.Version()}
+spent = {"seconds": seconds, "processor_seconds": processor, "samples": taken / (width * height), "version": pyluxcore.Version()}
 os.write(answer, json.dumps(spent).encode() + b"\n")
 os._exit(0)

@@ -1,0 +1,75 @@
+//! Guided paths have the mean of those that are not, less noise, and bits that depend on nobody's threads.
+
+use std::sync::Arc;
+
+use bottega_image::Tile;
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
+use bottega_scene::{Layered, Material, Scene};
+use glam::Vec3;
+
+use crate::scenes::{add_quad, add_room, camera, cornell, matte, paint, prepare};
+use crate::strategies::{assert_same_mean, moments};
+
+/// Large enough that there is something to learn from.
+const SIDE: u32 = 48;
+
+fn paint_by(scene: &Arc<PreparedScene>, guiding: bool, spp: u32, seed: u64) -> Tile {
+    let settings = PathSettings { seed, filter: Filter::PIXEL, guiding, ..PathSettings::default() };
+    paint(scene, (SIDE, SIDE), spp, settings)
+}
+
+/// A room whose one lamp shines on the wall behind a screen, open at one side.
+fn behind_a_screen(wall: &Material) -> Scene {
+    let mut scene =
+        Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };
+    add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), wall);
+    add_quad(&mut scene, Vec3::new(0.9, -1.0, -2.0), Vec3::Y * 2.0, Vec3::Z * 3.2, matte(Vec3::splat(0.6)));
+    let lamp = Material::lamp(Vec3::splat(60.0));
+    add_quad(&mut scene, Vec3::new(1.3, 0.99, -0.5), Vec3::X * 0.4, Vec3::Z * 0.4, lamp);
+    scene
+}
+
+/// Sum over the pixels of the variance of their means, relative to the picture's mean.
+fn noise(tile: &Tile) -> f64 {
+    let (mean, variance) = moments(tile, &tile.rect());
+    variance / (mean * mean)
+}
+
+#[test]
+fn in_a_room_with_glass() {
+    let scene = prepare(cornell());
+    assert_same_mean("glass", &paint_by(&scene, true, 128, 1), &paint_by(&scene, false, 128, 2));
+}
+
+#[test]
+fn behind_a_screen_with_less_noise() {
+    let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
+    let (guided, plain) = (paint_by(&scene, true, 64, 1), paint_by(&scene, false, 64, 2));
+    assert_same_mean("matte", &guided, &plain);
+    let (guided, plain) = (noise(&guided), noise(&plain));
+    assert!(guided < 0.8 * plain, "{guided} {plain}");
+}
+
+#[test]
+fn behind_a_screen_of_gloss() {
+    let gloss = Layered { roughness: 0.3.into(), base_color: Vec3::splat(0.7).into(), ..Layered::default() };
+    let scene = prepare(behind_a_screen(&gloss.into()));
+    assert_same_mean("gloss", &paint_by(&scene, true, 64, 1), &paint_by(&scene, false, 64, 2));
+}
+
+#[test]
+fn whatever_the_number_of_threads() {
+    let by = |threads| {
+        let options = PrepareOptions { threads, ..PrepareOptions::default() };
+        let scene = behind_a_screen(&matte(Vec3::splat(0.7)));
+        paint_by(&Arc::new(PreparedScene::new(Arc::new(scene), &options).unwrap()), true, 2, 3)
+    };
+    let one = by(1);
+    assert!(
+        one == by(3)
+            && one != {
+                let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
+                paint_by(&scene, false, 2, 3)
+            }
+    );
+}
