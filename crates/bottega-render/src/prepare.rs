@@ -233,13 +233,12 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let transmits = material.transmits();
     let is_textured = !material.textures().is_empty();
     let is_null = material.surface == Surface::Null;
-    let is_blend = matches!(material.surface, Surface::Blend { .. });
     let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
     let absorption = |medium: Option<MediumId>| {
         medium.filter(|_| transmits).map_or(Spectrum::ZERO, |medium| scene.media[medium.0 as usize].absorption)
     };
     PreparedMaterial {
-        bsdfs: (!is_textured && !is_blend).then(|| [side(false), side(true)]),
+        bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
         transmits,
         media: if transmits && !material.surface.is_thin() {
             [material.exterior, material.interior]

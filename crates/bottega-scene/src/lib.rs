@@ -45,7 +45,7 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Iridescence, Layered,
-    Plastic, Principled, RoughnessScale, Surface,
+    Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
 pub use texture::{Channel, ImageId, TextureMap, Wrap};
 

@@ -240,6 +240,12 @@ impl Material {
         }
     }
 
+    /// Whether chance decides at each point which of several surfaces is there.
+    pub fn is_blended(&self) -> bool {
+        let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. });
+        is_blend(&self.surface) || matches!(&self.back, Back::Other(surface) if is_blend(surface))
+    }
+
     /// Whether light may go through to the other side, other than by opacity.
     pub fn transmits(&self) -> bool {
         self.surface.transmits()

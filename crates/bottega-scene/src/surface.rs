@@ -59,6 +59,16 @@ pub enum Distribution {
     Beckmann,
 }
 
+/// How likely a facet that is seen from one direction is also seen from another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shadowing {
+    /// By their heights: what is seen from one side is more often seen from the other (pbrt).
+    #[default]
+    Correlated,
+    /// As if one had nothing to do with the other (Mitsuba).
+    Separable,
+}
+
 /// What a roughness stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RoughnessScale {
@@ -71,11 +81,14 @@ pub enum RoughnessScale {
     Square,
 }
 
-/// A boundary's microfacets.
+/// A boundary's microfacets. Light is scattered by them once: what goes on between them is lost, as the formats have it.
+/// (The surface that gives it back is [`Layered`].)
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facets {
     /// How their normals are distributed.
     pub distribution: Distribution,
+    /// How they hide one another.
+    pub shadowing: Shadowing,
     /// Roughness along u and along v. Both 0: smooth.
     pub roughness: [ScalarParam; 2],
     /// What roughness means.
@@ -294,14 +307,26 @@ impl From<Layered> for Surface {
 impl From<f32> for Facets {
     /// GGX with the same α in all directions.
     fn from(alpha: f32) -> Self {
-        Self { distribution: Distribution::Ggx, roughness: [alpha.into(), alpha.into()], scale: RoughnessScale::Alpha }
+        Self { roughness: [alpha.into(), alpha.into()], ..Self::default() }
+    }
+}
+
+impl Default for Facets {
+    /// None: smooth.
+    fn default() -> Self {
+        Self {
+            distribution: Distribution::default(),
+            shadowing: Shadowing::default(),
+            roughness: [0.0.into(), 0.0.into()],
+            scale: RoughnessScale::default(),
+        }
     }
 }
 
 impl Facets {
     /// No facets.
     pub fn smooth() -> Self {
-        0.0.into()
+        Self::default()
     }
 
     /// Whether they are smooth everywhere.

@@ -3,11 +3,15 @@
 use bottega_scene::Spectrum;
 
 use super::diffuse::{Coupled, Cover};
+use super::film::Film;
 use super::fresnel::{DielectricFresnel, IOR_STEP_MIN};
 use super::ggx::Ggx;
 use super::interface::{Interface, Through};
 use super::params::SurfaceParams;
 use super::tables::{Index, Mu, Rough, Tables};
+
+/// Half of the spread of a solid's index of refraction over (n − 1) times its dispersion (KHR_materials_dispersion).
+const DISPERSION_SCALE: f32 = 0.025;
 
 /// A mix of metal, opaque dielectric and transmitting dielectric that share their facets.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +25,8 @@ pub(super) struct Base {
     /// What lies over the diffuse base.
     cover: Cover,
     diffuse: Coupled,
+    /// What of the diffuse light leaves on the other side.
+    diffuse_through: Coupled,
     /// Scattered more than once between facets that only reflect (or of a thin sheet).
     multiple: Coupled,
     multiple_through: Coupled,
@@ -67,14 +73,25 @@ impl Base {
             (true, false) => Through::Solid,
         };
         let inside = through == Through::Solid && !p.front;
-        let ggx = Ggx::from_roughness(p.roughness);
+        let ggx = Ggx::stretched(p.roughness, p.anisotropy);
+        // The tables know no direction: they see facets whose slopes are as large on average.
+        let roughness = if p.anisotropy > 0.0 { ggx.mean_slope().sqrt() } else { p.roughness };
         let narrow = through == Through::Solid && !ggx.is_smooth();
         let ior = if narrow { p.ior.max(1.0 + IOR_STEP_MIN) } else { p.ior };
         // Shares of the surface: metal, and a dielectric that is opaque or lets light through.
         let transmitting = if refracting { (1.0 - p.metallic) * p.transmission } else { 0.0 };
         let opaque = (1.0 - p.metallic - transmitting).max(0.0);
+        let fresnel = DielectricFresnel::new(ior, p.specular, p.specular_color, inside);
+        let film = Film::new(p.iridescence, p.iridescence_ior, p.iridescence_thickness);
+        let mean_f0 = [p.base_color, fresnel.f0].map(|f0| match &film {
+            Some(film) => film.mix(f0, film.mean_f0(f0)),
+            None => f0,
+        });
         let interface = Interface {
             ggx,
+            film,
+            mean_f0,
+            spread: if through == Through::Solid { (ior - 1.0) * DISPERSION_SCALE * p.dispersion } else { 0.0 },
             metal: p.metallic,
             metal_f0: p.base_color,
             dielectric: match (inside, through) {
@@ -83,7 +100,7 @@ impl Base {
                 (false, Through::Nothing) if p.specular == 0.0 => 0.0,
                 (false, _) => 1.0 - p.metallic,
             },
-            fresnel: DielectricFresnel::new(ior, p.specular, p.specular_color, inside),
+            fresnel,
             through,
             tint: p.base_color * transmitting,
         };
@@ -91,38 +108,53 @@ impl Base {
             tables: Tables::get(),
             interface,
             inside,
-            rough: Rough::new(p.roughness),
+            rough: Rough::new(roughness),
             index: Index::new(ior.max(1.0)),
             cover: Cover::default(),
             diffuse: Coupled::BLACK,
+            diffuse_through: Coupled::BLACK,
             multiple: Coupled::BLACK,
             multiple_through: Coupled::BLACK,
             boundary: Coupled::BLACK,
             boundary_through: Coupled::BLACK,
             uses: Uses::default(),
         };
-        base.balance(p.base_color, opaque, transmitting);
+        // A solid's other side is not matte.
+        let beyond = if through == Through::Solid { 0.0 } else { p.diffuse_transmission };
+        base.balance(p.base_color, opaque * (1.0 - beyond), transmitting, opaque * beyond);
+        if beyond > 0.0 {
+            base.diffuse_through = Coupled::new(p.diffuse_transmission_color * (opaque * beyond), base.cover_mean());
+        }
         base.uses = base.used();
         base
     }
 
     /// Fills in the cosine lobes: what the facets lose, and the diffuse base.
-    fn balance(&mut self, base_color: Spectrum, opaque: f32, transmitting: f32) {
-        let fresnel = self.interface.fresnel;
+    ///
+    /// - `opaque`, `transmitting`, `beyond`: shares of the surface whose light stays on its side, goes through as through
+    ///   glass, and goes through diffusely.
+    fn balance(&mut self, base_color: Spectrum, opaque: f32, transmitting: f32, beyond: f32) {
+        let [metal_f0, f0] = self.interface.mean_f0;
+        let fresnel = DielectricFresnel { f0, ..self.interface.fresnel };
         let single_mean = self.tables.single(None, self.rough);
         // At zero roughness the table of s is s itself, and its mean that of the Fresnel term.
         let fresnel_mean = fresnel.of_rise(self.rise(None, Rough::new(0.0)));
 
-        let metal = multiply_scattered(self.interface.metal_f0 * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
+        let metal = multiply_scattered(metal_f0 * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
         let dielectric = multiply_scattered(fresnel_mean, single_mean);
         let mut multiple = self.interface.metal * metal;
-        let mut cover_mean = 0.0;
         if !self.inside {
-            multiple += opaque * dielectric;
+            multiple += (opaque + beyond) * dielectric;
+            let mut fresnel = fresnel;
+            if let Some(film) = &self.interface.film {
+                // Where the film is brightest the base still must not reflect what the film already has.
+                let bare = self.interface.fresnel;
+                let peak = film.peak_f0(bare.f0, |cos| bare.rise(cos));
+                fresnel.f0 = film.mix(bare.f0, bare.f0.max(Spectrum::splat(peak)));
+            }
             self.cover = Cover::new(&fresnel, dielectric.max_element());
-            cover_mean = self.cover.at(single_mean, self.rise(None, self.rough));
         }
-        self.diffuse = Coupled::new(base_color * opaque, cover_mean);
+        self.diffuse = Coupled::new(base_color * opaque, self.cover_mean());
         match self.interface.through {
             Through::Nothing => {}
             Through::Thin => {
@@ -133,6 +165,11 @@ impl Base {
             Through::Solid => self.balance_boundary(base_color, transmitting),
         }
         self.multiple = Coupled::new(multiple, single_mean);
+    }
+
+    /// Mean share of the light that the cover keeps from the diffuse base.
+    fn cover_mean(&self) -> f32 {
+        self.cover.at(self.tables.single(None, self.rough), self.rise(None, self.rough))
     }
 
     /// What the facets of a solid's boundary lose, given back on both sides. The shares are such that
@@ -154,7 +191,7 @@ impl Base {
     }
 
     fn used(&self) -> Uses {
-        let diffuse = !self.diffuse.is_black() && !self.cover.is_constant();
+        let diffuse = !(self.diffuse.is_black() && self.diffuse_through.is_black()) && !self.cover.is_constant();
         Uses {
             single: diffuse || !(self.multiple.is_black() && self.multiple_through.is_black()),
             rise: diffuse,
@@ -162,11 +199,15 @@ impl Base {
         }
     }
 
+    /// Whether diffuse light leaves on the other side.
+    pub(super) fn is_translucent(&self) -> bool {
+        !self.diffuse_through.is_black()
+    }
+
     /// Whether there is any cosine lobe.
     pub(super) fn has_cosine(&self) -> bool {
-        [self.diffuse, self.multiple, self.boundary, self.multiple_through, self.boundary_through]
-            .iter()
-            .any(|lobe| !lobe.is_black())
+        let across = [self.diffuse_through, self.multiple_through, self.boundary_through];
+        [self.diffuse, self.multiple, self.boundary].iter().chain(&across).any(|lobe| !lobe.is_black())
     }
 
     fn rise(&self, mu: Option<Mu>, rough: Rough) -> f32 {
@@ -206,7 +247,9 @@ impl Base {
         for (lobe, rest) in [(&self.multiple, rest.multiple), (&self.boundary, rest.boundary)] {
             *if lobe.is_grazing { &mut grazing } else { &mut cosine } += lobe.color * rest;
         }
-        let cosine_through = self.multiple_through.color * rest.multiple + self.boundary_through.color * rest.boundary;
+        let cosine_through = self.diffuse_through.color * rest.diffuse
+            + self.multiple_through.color * rest.multiple
+            + self.boundary_through.color * rest.boundary;
         (rest, BaseAlbedo { interface, cosine, grazing, cosine_through })
     }
 
@@ -219,7 +262,9 @@ impl Base {
 
     /// f of the cosine lobes on the far side, in importance mode.
     pub(super) fn cosine_through(&self, o: &Rest, i: &Rest) -> Spectrum {
-        self.multiple_through.eval(o.multiple, i.multiple) + self.boundary_through.eval(o.boundary, i.boundary)
+        self.diffuse_through.eval(o.diffuse, i.diffuse)
+            + self.multiple_through.eval(o.multiple, i.multiple)
+            + self.boundary_through.eval(o.boundary, i.boundary)
     }
 }
 

@@ -53,7 +53,7 @@ impl Coat {
             return (0.0, 0.0);
         }
         let Some(h) = (o + i).try_normalize() else { return (0.0, 0.0) };
-        let facets = self.ggx.density(h) * self.ggx.visibility(o.z, i.z) * tilt(wo, o) * tilt(wi, i);
+        let facets = self.ggx.density(h) * self.ggx.visibility(o, i) * tilt(wo, o) * tilt(wi, i);
         (self.reflectance(o.dot(h)) * facets, self.ggx.reflection_pdf(o, h))
     }
 

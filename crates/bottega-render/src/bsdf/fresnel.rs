@@ -21,6 +21,27 @@ pub fn dielectric(cos_o: f32, eta: f32) -> f32 {
     0.5 * (parallel * parallel + perpendicular * perpendicular)
 }
 
+/// Reflectance of a smooth metal for unpolarized light, by channel: Fresnel's equations for a complex index of refraction
+/// (`eta` + i `k`) over that of the outside. `cos_o` as in [`dielectric`]. Source: Born and Wolf, Principles of Optics, section 14.2
+/// (in real numbers).
+pub fn conductor(cos_o: f32, eta: Spectrum, k: Spectrum) -> Spectrum {
+    let cos = cos_o.clamp(0.0, 1.0);
+    let cos2 = cos * cos;
+    let sin2 = 1.0 - cos2;
+    let channel = |n: f32, k: f32| {
+        // (a + ib)² = (n + ik)² − sin²
+        let t = n * n - k * k - sin2;
+        let size = (t * t + 4.0 * n * n * k * k).sqrt();
+        let twice = 2.0 * cos * (0.5 * (size + t)).max(0.0).sqrt();
+        let perpendicular = (size + cos2 - twice) / (size + cos2 + twice);
+        let (p, q) = (cos2 * size + sin2 * sin2, twice * sin2);
+        0.5 * perpendicular * (1.0 + (p - q) / (p + q))
+    };
+    let value = Spectrum::new(channel(eta.x, k.x), channel(eta.y, k.y), channel(eta.z, k.z));
+    // 0 / 0 where an index of 1 meets the horizon.
+    if value.is_finite() { value } else { Spectrum::ONE }
+}
+
 /// The direction in which `wo` goes on beyond a boundary with normal `h` (wo · h > 0); points away from the boundary
 /// like `wo`. `None`: total internal reflection. `eta` as in [`dielectric`].
 pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
@@ -96,6 +117,24 @@ impl DielectricFresnel {
             return Spectrum::ONE;
         }
         self.of_rise((exact - self.f0_exact) / (1.0 - self.f0_exact))
+    }
+
+    /// Reflectance of each channel with its own index beyond the boundary over that before it.
+    pub(super) fn at_dispersed(&self, cos_o: f32, etas: [f32; 3]) -> Spectrum {
+        Spectrum::from([0, 1, 2].map(|channel| {
+            let f0_exact = at_normal_incidence(etas[channel]);
+            let f0 = (self.f0 * (f0_exact / self.f0_exact.max(1e-9))).min(Spectrum::ONE);
+            let own = Self { eta: etas[channel], f0, f0_exact, ..*self };
+            own.at(cos_o)[channel]
+        }))
+    }
+
+    /// s, seen from outside: how far the exact reflectance has risen.
+    pub(super) fn rise(&self, cos_o: f32) -> f32 {
+        if self.is_total() {
+            return schlick_weight(cos_o);
+        }
+        (dielectric(cos_o, self.eta.max(1.0 / self.eta)) - self.f0_exact) / (1.0 - self.f0_exact)
     }
 
     /// F for a given s.

@@ -8,81 +8,112 @@ use glam::Vec3;
 /// A surface whose α is below this one is a mirror: its lobe is narrower than single precision resolves well.
 pub const SMOOTH_ALPHA: f32 = 1e-3;
 
-/// Isotropic GGX distribution of microfacet normals, in the frame whose +z is the surface's normal.
+/// GGX distribution of microfacet normals, in the frame whose +z is the surface's normal.
 ///
 /// Sources: Walter et al. 2007, Microfacet Models for Refraction through Rough Surfaces, eq. 33 and 34; Heitz 2014,
-/// Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, eq. 72 and 99.
+/// Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, eq. 72, 85, 86 and 99.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
-    alpha: f32,
+    /// Along x and along y.
+    pub(super) alpha: [f32; 2],
 }
 
 impl Ggx {
-    /// From a perceptual roughness in [0, 1]: α is its square.
-    pub fn from_roughness(roughness: f32) -> Self {
-        Self { alpha: roughness * roughness }
+    /// With α along x and along y.
+    pub fn new(alpha: [f32; 2]) -> Self {
+        Self { alpha }
     }
 
-    /// Width of the distribution of slopes.
+    /// From a perceptual roughness in [0, 1]: α is its square.
+    pub fn from_roughness(roughness: f32) -> Self {
+        Self { alpha: [roughness * roughness; 2] }
+    }
+
+    /// The same, wider along x: α there is mixed with 1 by the square of `stretch`, in [0, 1] (KHR_materials_anisotropy).
+    pub fn stretched(roughness: f32, stretch: f32) -> Self {
+        let alpha = roughness * roughness;
+        let along = alpha + (1.0 - alpha) * stretch * stretch;
+        let across = if along >= SMOOTH_ALPHA { alpha.max(SMOOTH_ALPHA) } else { alpha };
+        Self { alpha: if stretch > 0.0 { [along, across] } else { [alpha; 2] } }
+    }
+
+    /// Width of the distribution of slopes: the geometric mean of both α.
     pub fn alpha(&self) -> f32 {
-        self.alpha
+        let [x, y] = self.alpha;
+        if x == y { x } else { (x * y).sqrt() }
+    }
+
+    /// The quadratic mean of both α.
+    pub(super) fn mean_slope(&self) -> f32 {
+        let [x, y] = self.alpha;
+        (0.5 * (x * x + y * y)).sqrt()
     }
 
     /// Whether the surface is treated as a mirror.
     pub fn is_smooth(&self) -> bool {
-        self.alpha < SMOOTH_ALPHA
+        self.alpha[0].max(self.alpha[1]) < SMOOTH_ALPHA
     }
 
     /// D(h): area of facets facing `h` per area of surface and solid angle, in sr⁻¹.
     pub fn density(&self, h: Vec3) -> f32 {
-        let a2 = self.alpha * self.alpha;
+        let [ax, ay] = self.alpha;
+        let area = ax * ay;
+        let (x, y, z) = (ay * h.x, ax * h.y, area * h.z);
         // sin² + α² cos² instead of 1 + (α² − 1) cos²: nothing cancels near the pole.
-        let t = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
-        a2 / (PI * t * t)
+        let t = x * x + y * y + z * z;
+        area * area * area / (PI * t * t)
     }
 
-    /// √(α² + (1 − α²) cos²): what both shadowing terms are made of.
-    fn stretch(&self, cos: f32) -> f32 {
-        let a2 = self.alpha * self.alpha;
-        (a2 + (1.0 - a2) * cos * cos).sqrt()
+    /// Length of a direction in the space where α is 1: what both shadowing terms are made of.
+    fn stretch(&self, w: Vec3) -> f32 {
+        let [ax, ay] = self.alpha;
+        let (x, y) = (ax * w.x, ay * w.y);
+        (x * x + y * y + w.z * w.z).sqrt()
     }
 
-    /// G₁: share of the facets facing a direction at cosine `cos` > 0 that it sees.
-    pub fn masking(&self, cos: f32) -> f32 {
-        2.0 * cos / (cos + self.stretch(cos))
+    /// G₁: share of the facets that a direction on either side sees.
+    pub fn masking(&self, w: Vec3) -> f32 {
+        let cos = w.z.abs();
+        2.0 * cos / (cos + self.stretch(w))
     }
 
     /// G₂ / (4 cos_o cos_i): height-correlated masking and shadowing over the denominator of a reflection.
-    pub fn visibility(&self, cos_o: f32, cos_i: f32) -> f32 {
-        0.5 / (cos_i * self.stretch(cos_o) + cos_o * self.stretch(cos_i))
+    pub fn visibility(&self, wo: Vec3, wi: Vec3) -> f32 {
+        0.5 / (wi.z * self.stretch(wo) + wo.z * self.stretch(wi))
     }
 
     /// G₂ / G₁(o): weight of a reflection that was drawn by visible normals.
-    pub fn shadowing(&self, cos_o: f32, cos_i: f32) -> f32 {
-        let stretch_o = self.stretch(cos_o);
-        cos_i * (cos_o + stretch_o) / (cos_i * stretch_o + cos_o * self.stretch(cos_i))
+    pub fn shadowing(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let stretch_o = self.stretch(wo);
+        wi.z * (wo.z + stretch_o) / (wi.z * stretch_o + wo.z * self.stretch(wi))
+    }
+
+    /// ∫ D(h) max(w · h, 0) dω: the area of the facets that `w` (above the surface) sees.
+    pub fn visible_area(&self, w: Vec3) -> f32 {
+        0.5 * (w.z + self.stretch(w))
     }
 
     /// Density with which [`Self::sample_visible_normal`] draws `h`, in sr⁻¹ of normals.
     pub fn visible_normal_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
-        2.0 * wo.dot(h).max(0.0) * self.density(h) / (wo.z + self.stretch(wo.z))
+        wo.dot(h).max(0.0) * self.density(h) / self.visible_area(wo)
     }
 
     /// Density of the direction that `wo` is mirrored to by a visible normal `h`, in sr⁻¹.
     pub fn reflection_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
-        0.5 * self.density(h) / (wo.z + self.stretch(wo.z))
+        0.25 * self.density(h) / self.visible_area(wo)
     }
 
     /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
     ///
     /// Source: Dupuy and Benyoub 2023, Sampling Visible GGX Normals with Spherical Caps, listing 1.
     pub fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        let w = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
+        let [ax, ay] = self.alpha;
+        let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize();
         let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
         let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
         let radius = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(radius * cos_phi, radius * sin_phi, z) + w;
-        Vec3::new(self.alpha * h.x, self.alpha * h.y, h.z.max(1e-9)).normalize()
+        Vec3::new(ax * h.x, ay * h.y, h.z.max(1e-9)).normalize()
     }
 }
 
@@ -109,11 +140,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn shadowing_is_the_ratio_of_its_parts(cos_o in 0.01f32..1.0, cos_i in 0.01f32..1.0, roughness in 0.05f32..1.0) {
-            let ggx = Ggx::from_roughness(roughness);
-            let expected = ggx.visibility(cos_o, cos_i) * 4.0 * cos_o * cos_i / ggx.masking(cos_o);
-            prop_assert!((ggx.shadowing(cos_o, cos_i) - expected).abs() < 1e-4 * expected);
-            prop_assert!(ggx.shadowing(cos_o, cos_i) <= 1.0 + 1e-5);
+        fn shadowing_is_the_ratio_of_its_parts(
+            cos_o in 0.01f32..1.0, cos_i in 0.01f32..1.0, x in 0.01f32..1.0, y in 0.01f32..1.0,
+        ) {
+            let ggx = Ggx::new([x, y]);
+            let direction = |cos: f32| Vec3::new(0.6, 0.8, 0.0) * (1.0 - cos * cos).sqrt() + cos * Vec3::Z;
+            let (wo, wi) = (direction(cos_o), direction(cos_i));
+            let expected = ggx.visibility(wo, wi) * 4.0 * cos_o * cos_i / ggx.masking(wo);
+            prop_assert!((ggx.shadowing(wo, wi) - expected).abs() < 1e-4 * expected);
+            prop_assert!(ggx.shadowing(wo, wi) <= 1.0 + 1e-5);
         }
 
         #[test]

@@ -3,6 +3,7 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
+use super::film::Film;
 use super::fresnel::{self, DielectricFresnel, mean};
 use super::ggx::Ggx;
 use super::{LobeFlags, TransportMode};
@@ -32,6 +33,12 @@ pub(super) struct Interface {
     pub(super) through: Through,
     /// Share of the surface that lets light through, times its colour.
     pub(super) tint: Spectrum,
+    /// A film on it.
+    pub(super) film: Option<Film>,
+    /// Reflectances at normal incidence, of metal and dielectric, whose means are those under the film.
+    pub(super) mean_f0: [Spectrum; 2],
+    /// Half of how much the index of refraction of a solid differs between red and blue; 0: all colours go together.
+    pub(super) spread: f32,
 }
 
 /// What one facet does with the light.
@@ -58,14 +65,52 @@ impl Interface {
         if self.through == Through::Solid { self.fresnel.eta } else { 1.0 }
     }
 
-    fn split(&self, cos: f32) -> Split {
-        let dielectric = self.fresnel.at(cos);
+    /// Index of refraction of each channel, far side over near side (KHR_materials_dispersion).
+    fn etas(&self) -> [f32; 3] {
+        let inside = self.fresnel.eta < 1.0;
+        let ior = if inside { 1.0 / self.fresnel.eta } else { self.fresnel.eta };
+        [-1.0, 0.0, 1.0].map(|step| {
+            let ior = (ior + step * self.spread).max(1.0);
+            if inside { 1.0 / ior } else { ior }
+        })
+    }
+
+    fn is_dispersive(&self) -> bool {
+        self.spread > 0.0
+    }
+
+    /// Reflectances of metal and dielectric.
+    fn reflectances(&self, cos: f32) -> (Spectrum, Spectrum) {
+        let dielectric =
+            if self.is_dispersive() { self.fresnel.at_dispersed(cos, self.etas()) } else { self.fresnel.at(cos) };
         let metal = self.metal_f0 + (Spectrum::ONE - self.metal_f0) * fresnel::schlick_weight(cos);
+        let Some(film) = &self.film else { return (metal, dielectric) };
+        // The film is outside, and light from within that does not get there does not see it.
+        let inside = self.through == Through::Solid && self.fresnel.eta < 1.0;
+        let eta = if inside { self.fresnel.eta } else { 1.0 };
+        let cos2 = 1.0 - (1.0 - cos * cos).max(0.0) / (eta * eta);
+        if cos2 <= 0.0 {
+            return (metal, dielectric);
+        }
+        let specular = self.fresnel.specular;
+        let coloured = film.reflectance(cos2.sqrt(), self.fresnel.f0) * specular;
+        let metal =
+            if self.metal > 0.0 { film.mix(metal, film.reflectance(cos2.sqrt(), self.metal_f0)) } else { metal };
+        (metal, film.mix(dielectric, coloured))
+    }
+
+    fn split(&self, cos: f32) -> Split {
+        let (metal, dielectric) = self.reflectances(cos);
         let reflected = self.metal * metal + self.dielectric * dielectric;
         if self.through == Through::Nothing {
             return Split { reflected, transmitted: Spectrum::ZERO, reflection: 1.0 };
         }
-        let transmitted = self.tint * (1.0 - dielectric.max_element());
+        let passed = if self.is_dispersive() {
+            Spectrum::ONE - dielectric
+        } else {
+            Spectrum::splat(1.0 - dielectric.max_element())
+        };
+        let transmitted = self.tint * passed;
         let (r, t) = (mean(reflected), mean(transmitted));
         let reflection = if r + t > 0.0 { r / (r + t) } else { 1.0 };
         Split { reflected, transmitted, reflection }
@@ -78,8 +123,8 @@ impl Interface {
     /// What is reflected and goes through, from outside; `single`, `schlick`, `rise`: shares of the light that facets
     /// reflect once with F = 1, Schlick's weight, and s; `all`: share that the dielectric reflects or lets through.
     pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32, all: f32) -> Spectrum {
-        let metal = self.metal_f0 * (single - schlick) + schlick;
-        let f0 = self.fresnel.f0;
+        let [metal_f0, f0] = self.mean_f0;
+        let metal = metal_f0 * (single - schlick) + schlick;
         let dielectric = self.fresnel.specular * (f0 * (single - rise) + rise).max(Spectrum::ZERO);
         let through = (all - dielectric.max_element()).max(0.0);
         self.metal * metal + self.dielectric * dielectric + self.tint * through
@@ -110,13 +155,36 @@ impl Interface {
     fn mirrored(&self, wo: Vec3, wi: Vec3, share: impl Fn(Split) -> (Spectrum, f32)) -> (Spectrum, f32) {
         let Some(h) = (wo + wi).try_normalize() else { return (Spectrum::ZERO, 0.0) };
         let (color, probability) = share(self.split(wo.dot(h)));
-        let value = color * (self.ggx.density(h) * self.ggx.visibility(wo.z, wi.z));
+        let value = color * (self.ggx.density(h) * self.ggx.visibility(wo, wi));
         (value, probability * self.ggx.reflection_pdf(wo, h))
     }
 
-    /// Walter et al. 2007, eq. 16 to 21, with separable shadowing.
     fn refracted(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
-        let eta = self.eta();
+        if !self.is_dispersive() {
+            return self.refracted_by(wo, wi, self.eta(), mode, |split| (split.transmitted, 1.0 - split.reflection));
+        }
+        // Each channel by its own index, and with its own facet.
+        let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
+        for (channel, eta) in self.etas().into_iter().enumerate() {
+            let (part, density) = self.refracted_by(wo, wi, eta, mode, |split| {
+                let chance = (1.0 - split.reflection) * split.channel_chance(channel);
+                (split.transmitted * Spectrum::AXES[channel], chance)
+            });
+            value += part;
+            pdf += density;
+        }
+        (value, pdf)
+    }
+
+    /// Walter et al. 2007, eq. 16 to 21, with separable shadowing.
+    fn refracted_by(
+        &self,
+        wo: Vec3,
+        wi: Vec3,
+        eta: f32,
+        mode: TransportMode,
+        share: impl Fn(&Split) -> (Spectrum, f32),
+    ) -> (Spectrum, f32) {
         let sum = wo + eta * wi;
         let length2 = sum.length_squared();
         let h = sum / length2.sqrt() * sum.z.signum();
@@ -124,12 +192,12 @@ impl Interface {
         if !(cos_o > 0.0 && cos_i < 0.0) {
             return (Spectrum::ZERO, 0.0);
         }
-        let split = self.split(cos_o);
+        let (color, chance) = share(&self.split(cos_o));
         // dω_h / dω_i, eq. 17.
         let jacobian = eta * eta * -cos_i / length2;
-        let pdf = (1.0 - split.reflection) * self.ggx.visible_normal_pdf(wo, h) * jacobian;
-        let facets = self.ggx.density(h) * self.ggx.masking(wo.z) * self.ggx.masking(-wi.z);
-        let value = split.transmitted * (facets * cos_o * jacobian / (wo.z * -wi.z));
+        let pdf = chance * self.ggx.visible_normal_pdf(wo, h) * jacobian;
+        let facets = self.ggx.density(h) * self.ggx.masking(wo) * self.ggx.masking(wi);
+        let value = color * (facets * cos_o * jacobian / (wo.z * -wi.z));
         (value * mode.radiance_scale(eta), pdf)
     }
 
@@ -148,7 +216,13 @@ impl Interface {
                 delta: smooth.then_some((split.reflected, split.reflection)),
             });
         }
-        let eta = self.eta();
+        let (eta, color, chance) = if self.is_dispersive() {
+            let u = (u_way - split.reflection) / (1.0 - split.reflection);
+            let channel = split.channel_at(u);
+            (self.etas()[channel], split.transmitted * Spectrum::AXES[channel], split.channel_chance(channel))
+        } else {
+            (self.eta(), split.transmitted, 1.0)
+        };
         let wi = match self.through {
             Through::Nothing => return None,
             Through::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
@@ -158,7 +232,28 @@ impl Interface {
             wi,
             flags: LobeFlags::TRANSMISSION.union(sharp),
             eta,
-            delta: smooth.then_some((split.transmitted * mode.radiance_scale(eta), 1.0 - split.reflection)),
+            delta: smooth.then_some((color * mode.radiance_scale(eta), (1.0 - split.reflection) * chance)),
         })
+    }
+}
+
+impl Split {
+    /// Probability of a channel among the light that goes through.
+    fn channel_chance(&self, channel: usize) -> f32 {
+        let sum = self.transmitted.element_sum();
+        if sum > 0.0 { self.transmitted[channel] / sum } else { 0.0 }
+    }
+
+    /// The channel that a number in [0, 1) falls to.
+    fn channel_at(&self, u: f32) -> usize {
+        let red = self.channel_chance(0);
+        let green = self.channel_chance(1);
+        if u < red {
+            0
+        } else if u < red + green {
+            1
+        } else {
+            2
+        }
     }
 }

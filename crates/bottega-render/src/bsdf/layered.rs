@@ -98,7 +98,7 @@ impl Layered {
     }
 
     pub(super) fn is_transmissive(&self) -> bool {
-        self.base.interface.through != Through::Nothing
+        self.base.interface.through != Through::Nothing || self.base.is_translucent()
     }
 
     pub(super) fn has_non_delta(&self) -> bool {

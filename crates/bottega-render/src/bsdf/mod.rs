@@ -1,29 +1,46 @@
-//! Scattering of the one layered material at one point of a surface.
+//! Scattering at one point of a surface.
 //!
-//! Texture lookups make [`SurfaceParams`] of a material; [`Bsdf::new`] makes of these a small `Copy` value with a closed
-//! set of lobes: GGX reflection and transmission of the base (metal and dielectric share their facets), a cosine lobe for
-//! diffuse and multiply scattered light on either side, a clear coat and sheen. Directions are unit length, in the local
-//! frame whose +z is the shading normal **on the side of wo**, and point away from the surface.
+//! [`scattering`] looks up a material's textures and makes of them a [`Bsdf`], a small `Copy` value of one of a closed set of
+//! kinds. Directions are unit length, in the local frame whose +z is the shading normal **on the side of wo**, and point
+//! away from the surface.
 //!
-//! The layers keep their books by tabulated directional albedos in symmetric forms, so that the whole is reciprocal and
-//! reflects no more than it receives, and a white metal or a white plastic reflects all of it:
+//! The layered material of glTF is made of [`SurfaceParams`] by [`Bsdf::new`]: GGX reflection and transmission of the base
+//! (metal and dielectric share their facets), a cosine lobe for diffuse and multiply scattered light on either side, a
+//! clear coat and sheen. The layers keep their books by tabulated directional albedos in symmetric forms, so that the
+//! whole is reciprocal and reflects no more than it receives, and a white metal or a white plastic reflects all of it:
 //!
 //! - what a rough layer loses between its facets comes back as the lobe (1 − E(μo)) (1 − E(μi)) / (π (1 − E̅)) (Kulla and
-//!   Conty 2017, Revisiting Physically Based Shading at Imageworks; for a boundary of a solid, on both sides);
+//!   Conty 2017, Revisiting Physically Based Shading at Imageworks; for a boundary of a solid, on both sides; of facets
+//!   that are stretched, with the E of their mean roughness);
 //! - the diffuse base below a dielectric has the same form with the E of all that the dielectric reflects (Kelemen and
 //!   Szirmay-Kalos 2001, A Microfacet Based Coupled Specular-Matte BRDF Model with Importance Sampling);
 //! - coat and sheen weaken what lies below by min(1 − E(μo), 1 − E(μi)), as KHR_materials_sheen does: never too little,
 //!   and up to 5 % too much for a diffuse base.
+//!
+//! The surfaces that Mitsuba and pbrt have beside it (`matte`, `conductor`, `dielectric`, `plastic`, `coated`, `principled`) have
+//! their formulas, so that pictures of the same file agree: light that goes on between facets is lost there as it is in
+//! these renderers.
 
 mod base;
+mod beckmann;
 mod coat;
+mod coated;
+mod conductor;
+mod cover;
+mod dielectric;
 mod diffuse;
+mod film;
 pub mod frame;
 pub mod fresnel;
 pub mod ggx;
 mod interface;
 mod layered;
+mod matte;
+mod microfacet;
 mod params;
+mod plastic;
+mod principled;
+mod scatter;
 mod scattering;
 mod sheen;
 mod surface;
@@ -35,6 +52,7 @@ use glam::Vec3;
 
 pub use params::SurfaceParams;
 pub use scattering::{Bsdf, BsdfAt};
+pub(crate) use surface::anisotropy_at;
 pub use surface::{SurfacePoint, scattering};
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a

@@ -13,16 +13,30 @@ pub struct SurfaceParams {
     pub metallic: f32,
     /// Perceptual, in [0, 1].
     pub roughness: f32,
+    /// How far highlights are stretched along x, in [0, 1].
+    pub anisotropy: f32,
     /// At least 1 and told apart up to 5; 0 stands for total reflection.
     pub ior: f32,
+    /// 20 over the Abbe number; not negative.
+    pub dispersion: f32,
     /// In [0, 1].
     pub specular: f32,
     /// Not negative.
     pub specular_color: Spectrum,
     /// In [0, 1].
     pub transmission: f32,
+    /// Share of diffuse light that leaves on the other side, in [0, 1]; none where light enters a solid.
+    pub diffuse_transmission: f32,
+    /// In [0, 1].
+    pub diffuse_transmission_color: Spectrum,
     /// A sheet without volume.
     pub thin: bool,
+    /// Strength of a film on the base, in [0, 1].
+    pub iridescence: f32,
+    /// Its index of refraction, at least 1.
+    pub iridescence_ior: f32,
+    /// Its thickness in nanometres.
+    pub iridescence_thickness: f32,
     /// In [0, 1].
     pub coat: f32,
     /// Perceptual, in [0, 1].
@@ -46,11 +60,18 @@ impl Default for SurfaceParams {
             base_color: Spectrum::ONE,
             metallic: 0.0,
             roughness: 1.0,
+            anisotropy: 0.0,
             ior: 1.5,
+            dispersion: 0.0,
             specular: 1.0,
             specular_color: Spectrum::ONE,
             transmission: 0.0,
+            diffuse_transmission: 0.0,
+            diffuse_transmission_color: Spectrum::ONE,
             thin: false,
+            iridescence: 0.0,
+            iridescence_ior: 1.3,
+            iridescence_thickness: 400.0,
             coat: 0.0,
             coat_roughness: 0.0,
             coat_normal: Vec3::Z,
@@ -67,11 +88,18 @@ impl SurfaceParams {
         base_color: Spectrum::ZERO,
         metallic: 0.0,
         roughness: 1.0,
+        anisotropy: 0.0,
         ior: 1.0,
+        dispersion: 0.0,
         specular: 0.0,
         specular_color: Spectrum::ZERO,
         transmission: 0.0,
+        diffuse_transmission: 0.0,
+        diffuse_transmission_color: Spectrum::ONE,
         thin: false,
+        iridescence: 0.0,
+        iridescence_ior: 1.3,
+        iridescence_thickness: 400.0,
         coat: 0.0,
         coat_roughness: 0.0,
         coat_normal: Vec3::Z,
@@ -100,7 +128,14 @@ impl SurfaceParams {
             ior: if self.ior == 0.0 { 0.0 } else { within(self.ior, 1.0, super::fresnel::IOR_MAX) },
             specular: unit(self.specular),
             specular_color: Spectrum::new(positive(tint.x), positive(tint.y), positive(tint.z)),
+            anisotropy: unit(self.anisotropy),
+            dispersion: within(self.dispersion, 0.0, 20.0),
             transmission: unit(self.transmission),
+            diffuse_transmission: unit(self.diffuse_transmission),
+            diffuse_transmission_color: unit_color(self.diffuse_transmission_color),
+            iridescence: unit(self.iridescence),
+            iridescence_ior: within(self.iridescence_ior, 1.0, super::fresnel::IOR_MAX),
+            iridescence_thickness: within(self.iridescence_thickness, 0.0, 1e5),
             coat: unit(self.coat),
             coat_roughness: unit(self.coat_roughness),
             coat_normal: self.coat_normal.try_normalize().filter(|n| n.z > 0.0).unwrap_or(Vec3::Z),

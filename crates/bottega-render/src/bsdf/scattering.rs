@@ -3,8 +3,15 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
+use super::coated::Stack;
+use super::conductor::Conductor;
+use super::dielectric::Dielectric;
 use super::interface::{Interface, Through};
 use super::layered::{Layered, LayeredAt};
+use super::matte::{RoughMatte, Translucent};
+use super::plastic::Plastic;
+use super::principled::{Principled, PrincipledSheet};
+use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The scattering at one point. See the [module](super) for the frame.
@@ -14,15 +21,64 @@ pub struct Bsdf {
     kind: Kind,
 }
 
-/// What is cheaper than the layers is only a shorter way to the same numbers.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
 enum Kind {
+    /// Nothing is scattered.
+    Black,
     /// f = color / π, not black.
     Lambert(Spectrum),
-    /// A mirror, or a clear solid or sheet, bare.
+    /// A mirror, or a clear solid or sheet, bare: a shorter way to what the layers say.
     Smooth(Interface),
     Layered(Layered),
+    Other(Other),
+}
+
+/// The surfaces that the formats have beside the layered one.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Other {
+    RoughMatte(RoughMatte),
+    Translucent(Translucent),
+    Conductor(Conductor),
+    Dielectric(Dielectric),
+    Plastic(Plastic),
+    Stack(Stack),
+    Principled(Principled),
+    PrincipledSheet(PrincipledSheet),
+}
+
+/// Asks whichever kind there is.
+macro_rules! ask {
+    ($other:expr, $it:ident => $answer:expr) => {
+        match $other {
+            Other::RoughMatte($it) => $answer,
+            Other::Translucent($it) => $answer,
+            Other::Conductor($it) => $answer,
+            Other::Dielectric($it) => $answer,
+            Other::Plastic($it) => $answer,
+            Other::Stack($it) => $answer,
+            Other::Principled($it) => $answer,
+            Other::PrincipledSheet($it) => $answer,
+        }
+    };
+}
+
+impl Scatter for Other {
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+        ask!(self, it => it.eval_pdf(wo, wi, mode))
+    }
+
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
+        ask!(self, it => it.sample(wo, u_lobe, u, mode))
+    }
+
+    fn albedo(&self, wo: Vec3) -> Spectrum {
+        ask!(self, it => it.albedo(wo))
+    }
+
+    fn lobes(&self) -> Lobes {
+        ask!(self, it => it.lobes())
+    }
 }
 
 /// A [`Bsdf`] seen from one direction: who asks for more than one thing from there pays once for what they share.
@@ -35,19 +91,39 @@ enum KindAt<'a> {
     Lambert(Spectrum),
     Smooth(&'a Interface, Vec3, TransportMode),
     Layered(LayeredAt<'a>),
+    Other(&'a Other, Vec3, TransportMode),
 }
 
 impl Bsdf {
-    /// The scattering of paths from the camera.
+    /// The scattering of paths from the camera, by layers.
     pub fn new(params: &SurfaceParams) -> Self {
         let p = params.clamped();
-        let kind = if is_lambert(&p) {
-            Kind::Lambert(p.base_color)
-        } else {
-            let layers = Layered::new(&p);
-            layers.as_smooth_boundary().map_or(Kind::Layered(layers), Kind::Smooth)
+        if is_lambert(&p) {
+            return Self::lambert(p.base_color);
+        }
+        let layers = Layered::new(&p);
+        let kind = match layers.as_smooth_boundary() {
+            _ if layers.is_black() => Kind::Black,
+            Some(boundary) => Kind::Smooth(boundary),
+            None => Kind::Layered(layers),
         };
         Self { mode: TransportMode::Radiance, kind }
+    }
+
+    /// What scatters nothing.
+    pub(super) fn black() -> Self {
+        Self { mode: TransportMode::Radiance, kind: Kind::Black }
+    }
+
+    /// Lambert's surface; `color` is in [0, 1].
+    pub(super) fn lambert(color: Spectrum) -> Self {
+        let kind = if color == Spectrum::ZERO { Kind::Black } else { Kind::Lambert(color) };
+        Self { mode: TransportMode::Radiance, kind }
+    }
+
+    /// `None`: black.
+    pub(super) fn other(other: Option<Other>) -> Self {
+        Self { mode: TransportMode::Radiance, kind: other.map_or(Kind::Black, Kind::Other) }
     }
 
     /// The same for `mode`.
@@ -65,6 +141,8 @@ impl Bsdf {
             Kind::Lambert(color) => KindAt::Lambert(*color),
             Kind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode),
             Kind::Layered(layers) => layers.at(wo, self.mode).map_or(KindAt::Nothing, KindAt::Layered),
+            Kind::Other(other) => KindAt::Other(other, wo, self.mode),
+            Kind::Black => KindAt::Nothing,
         })
     }
 
@@ -99,20 +177,23 @@ impl Bsdf {
             Kind::Lambert(color) => *color,
             Kind::Smooth(boundary) => boundary.smooth_albedo(wo.z),
             Kind::Layered(layers) => layers.albedo(wo),
+            Kind::Other(other) => other.albedo(wo),
+            Kind::Black => Spectrum::ZERO,
         }
     }
 
     /// Whether nothing is scattered at all.
     pub fn is_black(&self) -> bool {
-        matches!(&self.kind, Kind::Layered(layers) if layers.is_black())
+        matches!(self.kind, Kind::Black)
     }
 
     /// Whether light can go to the other side.
     pub fn is_transmissive(&self) -> bool {
         match &self.kind {
-            Kind::Lambert(_) => false,
+            Kind::Lambert(_) | Kind::Black => false,
             Kind::Smooth(boundary) => boundary.through != Through::Nothing,
             Kind::Layered(layers) => layers.is_transmissive(),
+            Kind::Other(other) => other.lobes().is_transmissive,
         }
     }
 
@@ -120,9 +201,10 @@ impl Bsdf {
     #[inline]
     pub fn is_delta_only(&self) -> bool {
         match &self.kind {
-            Kind::Lambert(_) => false,
+            Kind::Lambert(_) | Kind::Black => false,
             Kind::Smooth(_) => true,
-            Kind::Layered(layers) => !layers.is_black() && !layers.has_non_delta(),
+            Kind::Layered(layers) => !layers.has_non_delta(),
+            Kind::Other(other) => !other.lobes().has_non_delta,
         }
     }
 
@@ -130,8 +212,9 @@ impl Bsdf {
     pub fn has_non_delta(&self) -> bool {
         match &self.kind {
             Kind::Lambert(_) => true,
-            Kind::Smooth(_) => false,
+            Kind::Smooth(_) | Kind::Black => false,
             Kind::Layered(layers) => layers.has_non_delta(),
+            Kind::Other(other) => other.lobes().has_non_delta,
         }
     }
 
@@ -139,9 +222,10 @@ impl Bsdf {
     /// ones.
     pub fn roughness(&self) -> f32 {
         match &self.kind {
-            Kind::Lambert(_) => 1.0,
+            Kind::Lambert(_) | Kind::Black => 1.0,
             Kind::Smooth(boundary) => boundary.ggx.alpha().sqrt(),
             Kind::Layered(layers) => layers.roughness(),
+            Kind::Other(other) => other.lobes().roughness,
         }
     }
 }
@@ -156,6 +240,7 @@ impl BsdfAt<'_> {
                 (*color * std::f32::consts::FRAC_1_PI, warp::cosine_hemisphere_pdf(wi.z))
             }
             KindAt::Layered(layers) if wi.z != 0.0 => layers.eval_pdf(wi),
+            KindAt::Other(other, wo, mode) if wi.z != 0.0 => other.eval_pdf(*wo, wi, *mode),
             _ => (Spectrum::ZERO, 0.0),
         }
     }
@@ -179,6 +264,7 @@ impl BsdfAt<'_> {
                 sound.then_some(BsdfSample { wi: drawn.wi, value, pdf, lobe: drawn.flags, eta: drawn.eta })
             }
             KindAt::Layered(layers) => layers.sample(u_lobe, u),
+            KindAt::Other(other, wo, mode) => other.sample(*wo, u_lobe, u, *mode),
         }
     }
 }
@@ -186,6 +272,7 @@ impl BsdfAt<'_> {
 /// Whether nothing but the diffuse base scatters. `p` is clamped.
 fn is_lambert(p: &SurfaceParams) -> bool {
     let is_bare = p.coat == 0.0 && p.sheen_color == Spectrum::ZERO;
+    let is_bare = is_bare && p.diffuse_transmission == 0.0;
     is_bare && p.specular == 0.0 && p.metallic == 0.0 && p.transmission == 0.0 && p.base_color != Spectrum::ZERO
 }
 
@@ -248,7 +335,6 @@ mod tests {
         let glass = SurfaceParams { transmission: 1.0, roughness: 0.0, ..SurfaceParams::default() };
         for params in [
             SurfaceParams::default(),
-            SurfaceParams::BLACK,
             SurfaceParams { coat: 0.1, ..lambert },
             SurfaceParams { sheen_color: Spectrum::splat(0.1), ..lambert },
             SurfaceParams { metallic: 0.1, ..lambert },

@@ -1,10 +1,22 @@
 //! From a scene's material to the scattering at one point of it.
 
+use bottega_kernels::math;
 use bottega_scene::{
-    ColorParam, Conductor, Facets, Layered, Material, RoughnessScale, ScalarParam, Scene, Spectrum, Surface,
+    Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, Iridescence, Layered, Material,
+    Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Surface, TextureMap,
 };
 use glam::{Vec2, Vec3, Vec4};
 
+use super::coated::{Base, Layer, Stack, matte_coated};
+use super::conductor::Conductor;
+use super::cover::Mean;
+use super::dielectric::Dielectric;
+use super::matte::{RoughMatte, Translucent};
+use super::microfacet::Microfacets;
+use super::plastic::Plastic;
+use super::principled::{Principled, PrincipledParams, PrincipledSheet};
+use super::scatter::split;
+use super::scattering::Other;
 use super::{Bsdf, SurfaceParams};
 
 /// What the lookup of a material needs to know of a point on a surface.
@@ -37,117 +49,227 @@ impl SurfacePoint {
     fn scalar(&self, scene: &Scene, param: &ScalarParam) -> f32 {
         param.eval(scene, self.uvs, self.footprint)
     }
+
+    /// A colour that is a share of the light.
+    fn share(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
+        within(self.color(scene, param), 1.0)
+    }
+
+    /// A base colour, which those of the vertices multiply.
+    fn base(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
+        within(self.color(scene, param) * self.vertex_color.truncate(), 1.0)
+    }
+
+    fn film_thickness(&self, scene: &Scene, film: &Iridescence) -> f32 {
+        let [least, most] = film.thickness;
+        let texture = film.thickness_texture.as_ref();
+        let share =
+            texture.map_or(1.0, |(map, channel)| texel(scene, map, self.uvs, self.footprint)[*channel as usize]);
+        least + (most - least) * share
+    }
+
+    fn facets(&self, scene: &Scene, facets: &Facets) -> Microfacets {
+        let alpha = facets.roughness.each_ref().map(|roughness| {
+            let roughness = self.scalar(scene, roughness);
+            match facets.scale {
+                RoughnessScale::Alpha => roughness,
+                RoughnessScale::SquareRoot => roughness.max(0.0).sqrt(),
+                RoughnessScale::Square => roughness * roughness,
+            }
+        });
+        Microfacets::new(facets.distribution, facets.shadowing, alpha)
+    }
+}
+
+fn texel(scene: &Scene, map: &TextureMap, uvs: [Vec2; 2], footprint: f32) -> Vec4 {
+    scene.images[map.image.0 as usize].eval(map, uvs[usize::from(map.uv_set & 1)], footprint)
+}
+
+/// Strength of an anisotropy at a point, and its direction in the tangent frame (x along u, y up the picture).
+pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: [Vec2; 2], footprint: f32) -> (f32, Vec2) {
+    let (sin, cos) = math::sin_cos(anisotropy.rotation);
+    let (direction, strength) = match &anisotropy.texture {
+        None => (Vec2::X, 1.0),
+        Some(map) => {
+            let texel = texel(scene, map, uvs, footprint);
+            ((2.0 * Vec2::new(texel.x, texel.y) - 1.0).normalize_or(Vec2::X), texel.z)
+        }
+    };
+    (anisotropy.strength * strength, Vec2::new(cos, sin).rotate(direction))
 }
 
 /// The scattering of `material` at a point.
 pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
     match material.surface_of(point.front) {
         Some(surface) => of_surface(scene, surface, point),
-        None => Bsdf::new(&SurfaceParams::BLACK),
+        None => Bsdf::black(),
     }
 }
 
 fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
-    let tint = point.vertex_color.truncate();
-    let params = match surface {
-        Surface::Null | Surface::Unlit(_) => SurfaceParams::BLACK,
-        Surface::Layered(layered) => of_layered(scene, layered, point),
-        Surface::Diffuse(diffuse) => matte(point.color(scene, &diffuse.reflectance) * tint, point),
-        Surface::DiffuseTransmission { reflectance, .. } => matte(point.color(scene, reflectance) * tint, point),
-        Surface::Conductor(conductor) => of_conductor(scene, conductor, point),
-        Surface::Dielectric(dielectric) => SurfaceParams {
-            base_color: point.color(scene, &dielectric.transmittance),
-            roughness: perceptual_roughness(scene, &dielectric.facets, point),
-            ior: dielectric.eta,
-            transmission: 1.0,
-            thin: dielectric.thin,
-            front: point.front,
-            ..SurfaceParams::default()
-        },
-        Surface::Plastic(plastic) => SurfaceParams {
-            base_color: point.color(scene, &plastic.diffuse) * tint,
-            roughness: perceptual_roughness(scene, &plastic.facets, point),
-            ior: plastic.eta,
-            front: point.front,
-            ..SurfaceParams::default()
-        },
-        Surface::Coated(coated) => match &coated.base {
-            bottega_scene::CoatedBase::Diffuse(diffuse) => SurfaceParams {
-                base_color: point.color(scene, &diffuse.reflectance) * tint,
-                roughness: perceptual_roughness(scene, &coated.facets, point),
-                ior: coated.eta,
-                front: point.front,
-                ..SurfaceParams::default()
-            },
-            bottega_scene::CoatedBase::Conductor(conductor) => of_conductor(scene, conductor, point),
-        },
-        Surface::Principled(principled) => SurfaceParams {
-            base_color: point.color(scene, &principled.base_color) * tint,
-            metallic: point.scalar(scene, &principled.metallic),
-            roughness: point.scalar(scene, &principled.roughness),
-            ior: principled.eta,
-            transmission: point.scalar(scene, &principled.spec_trans),
-            thin: principled.thin,
-            front: point.front,
-            ..SurfaceParams::default()
-        },
+    match surface {
+        Surface::Null | Surface::Unlit(_) => Bsdf::black(),
+        Surface::Layered(layered) => Bsdf::new(&of_layered(scene, layered, point)),
+        Surface::Diffuse(diffuse) => of_diffuse(scene, diffuse, point),
+        Surface::DiffuseTransmission { reflectance, transmittance } => {
+            let [reflectance, transmittance] = [reflectance, transmittance].map(|color| point.base(scene, color));
+            // What is reflected cannot also go through.
+            let scale = 1.0 / (reflectance + transmittance).max(Spectrum::ONE);
+            let translucent = Translucent::new(reflectance * scale, transmittance * scale);
+            Bsdf::other(translucent.map(Other::Translucent))
+        }
+        Surface::Conductor(conductor) => Bsdf::other(of_conductor(scene, conductor, point, 1.0).map(Other::Conductor)),
+        Surface::Dielectric(dielectric) => {
+            let inside = !dielectric.thin && !point.front;
+            let dielectric = Dielectric::new(
+                if inside { 1.0 / sound_eta(dielectric.eta) } else { sound_eta(dielectric.eta) },
+                point.share(scene, &dielectric.reflectance),
+                point.share(scene, &dielectric.transmittance),
+                point.facets(scene, &dielectric.facets),
+                dielectric.thin,
+            );
+            Bsdf::other(dielectric.map(Other::Dielectric))
+        }
+        Surface::Plastic(plastic) => {
+            let facets = point.facets(scene, &plastic.facets);
+            let (eta, diffuse) = (sound_eta(plastic.eta), point.base(scene, &plastic.diffuse));
+            let specular = point.share(scene, &plastic.specular);
+            let cover = (!facets.is_smooth()).then(|| facets.cover(eta, 0.0, Mean::Nodes));
+            Bsdf::other(Some(Other::Plastic(Plastic::new(eta, diffuse, specular, plastic.nonlinear, facets, cover))))
+        }
+        Surface::Coated(coated) => Bsdf::other(Some(of_coated(scene, coated, point))),
+        Surface::Principled(principled) => {
+            let params = of_principled(scene, principled, point);
+            Bsdf::other(Some(if principled.thin {
+                Other::PrincipledSheet(PrincipledSheet::new(params))
+            } else {
+                Other::Principled(Principled::new(params, !point.front && params.spec_trans > 0.0))
+            }))
+        }
         Surface::Blend { weight, surfaces } => {
             let weight = point.scalar(scene, weight).clamp(0.0, 1.0);
             // The chosen part's share of the number is a number for the next choice.
-            let is_second = point.chance < weight;
-            let chance = if is_second { point.chance / weight } else { (point.chance - weight) / (1.0 - weight) };
+            let (is_second, chance) = split(point.chance, weight);
             let point = SurfacePoint { chance, ..*point };
-            return of_surface(scene, &surfaces[usize::from(is_second)], &point);
+            of_surface(scene, &surfaces[usize::from(is_second)], &point)
         }
-    };
-    Bsdf::new(&params)
-}
-
-fn matte(color: Spectrum, point: &SurfacePoint) -> SurfaceParams {
-    SurfaceParams { base_color: color, specular: 0.0, front: point.front, ..SurfaceParams::default() }
-}
-
-fn of_conductor(scene: &Scene, conductor: &Conductor, point: &SurfacePoint) -> SurfaceParams {
-    let (eta, k) = (point.color(scene, &conductor.eta), point.color(scene, &conductor.k));
-    // Reflectance at normal incidence; 1 for the perfect mirror.
-    let (a, b) = (eta - Spectrum::ONE, eta + Spectrum::ONE);
-    let mirror =
-        if eta == Spectrum::ZERO && k == Spectrum::ZERO { Spectrum::ONE } else { (a * a + k * k) / (b * b + k * k) };
-    SurfaceParams {
-        base_color: mirror * point.color(scene, &conductor.reflectance),
-        metallic: 1.0,
-        roughness: perceptual_roughness(scene, &conductor.facets, point),
-        front: point.front,
-        ..SurfaceParams::default()
     }
 }
 
-/// The roughness whose square is the geometric mean of both α.
-fn perceptual_roughness(scene: &Scene, facets: &Facets, point: &SurfacePoint) -> f32 {
-    let [u, v] = [0, 1].map(|axis| {
-        let roughness = point.scalar(scene, &facets.roughness[axis]).max(0.0);
-        match facets.scale {
-            RoughnessScale::Alpha => roughness,
-            RoughnessScale::SquareRoot => roughness.sqrt(),
-            RoughnessScale::Square => roughness * roughness,
+fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf {
+    let color = point.base(scene, &diffuse.reflectance);
+    let deviation = point.scalar(scene, &diffuse.roughness);
+    if deviation > 0.0 && color != Spectrum::ZERO {
+        Bsdf::other(Some(Other::RoughMatte(RoughMatte::new(color, deviation.min(10.0)))))
+    } else {
+        Bsdf::lambert(color)
+    }
+}
+
+fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
+    let eta = sound_eta(coated.eta);
+    let facets = point.facets(scene, &coated.facets);
+    let layer = Layer {
+        thickness: within_range(point.scalar(scene, &coated.thickness), 0.0, 100.0),
+        albedo: point.share(scene, &coated.albedo),
+        g: point.scalar(scene, &coated.g).clamp(-0.99, 0.99),
+        max_depth: coated.max_depth.min(MAX_DEPTH),
+    };
+    match &coated.base {
+        CoatedBase::Diffuse(diffuse) => {
+            // Below a coat the base's own roughness is not seen.
+            let color = point.base(scene, &diffuse.reflectance);
+            if layer.albedo == Spectrum::ZERO {
+                let cover = facets.cover(eta, layer.thickness, Mean::Exact);
+                Other::Plastic(matte_coated(eta, color, facets, &layer, cover))
+            } else {
+                Other::Stack(Stack::new(eta, facets, layer, Base::Matte(color)))
+            }
         }
-    });
-    (u * v).sqrt().sqrt()
+        CoatedBase::Conductor(conductor) => {
+            let base = match of_conductor(scene, conductor, point, eta) {
+                Some(metal) => Base::Metal(metal),
+                None => Base::Matte(Spectrum::ZERO),
+            };
+            Other::Stack(Stack::new(eta, facets, layer, base))
+        }
+    }
+}
+
+fn of_principled(scene: &Scene, principled: &PrincipledSurface, point: &SurfacePoint) -> PrincipledParams {
+    let unit = |param: &ScalarParam| within_range(point.scalar(scene, param), 0.0, 1.0);
+    PrincipledParams {
+        base_color: point.base(scene, &principled.base_color),
+        roughness: unit(&principled.roughness),
+        anisotropic: unit(&principled.anisotropic),
+        metallic: unit(&principled.metallic),
+        spec_trans: unit(&principled.spec_trans),
+        eta: sound_eta(principled.eta),
+        spec_tint: unit(&principled.spec_tint),
+        sheen: unit(&principled.sheen),
+        sheen_tint: unit(&principled.sheen_tint),
+        flatness: unit(&principled.flatness),
+        clearcoat: unit(&principled.clearcoat),
+        clearcoat_gloss: unit(&principled.clearcoat_gloss),
+        diff_trans: 0.5 * within_range(point.scalar(scene, &principled.diff_trans), 0.0, 2.0),
+    }
+}
+
+/// `outside`: index of refraction of what the metal lies in.
+fn of_conductor(
+    scene: &Scene,
+    conductor: &bottega_scene::Conductor,
+    point: &SurfacePoint,
+    outside: f32,
+) -> Option<Conductor> {
+    let index = |param| within(point.color(scene, param) / outside, 1e3);
+    let tint = point.share(scene, &conductor.reflectance);
+    Conductor::new(index(&conductor.eta), index(&conductor.k), tint, point.facets(scene, &conductor.facets))
+}
+
+/// More events within a layer than this are not followed.
+const MAX_DEPTH: u32 = 1000;
+
+/// NaN becomes the lower end.
+fn within_range(x: f32, low: f32, high: f32) -> f32 {
+    if x > low { x.min(high) } else { low }
+}
+
+/// Every channel in [0, max]; NaN becomes 0.
+fn within(color: Spectrum, max: f32) -> Spectrum {
+    let channel = |x: f32| within_range(x, 0.0, max);
+    Spectrum::new(channel(color.x), channel(color.y), channel(color.z))
+}
+
+/// An index of refraction that formulas can bear.
+fn sound_eta(eta: f32) -> f32 {
+    if eta > 0.05 { eta.min(20.0) } else { 1.0 }
 }
 
 /// Looks up the textures, but for normal maps, which take a frame: see [`frame`](super::frame).
 fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> SurfaceParams {
     let color = |param: &ColorParam| point.color(scene, param);
     let scalar = |param: &ScalarParam| point.scalar(scene, param);
+    let film = layered.iridescence.as_ref();
     SurfaceParams {
         base_color: color(&layered.base_color) * point.vertex_color.truncate(),
         metallic: scalar(&layered.metallic),
         roughness: scalar(&layered.roughness),
+        anisotropy: layered
+            .anisotropy
+            .as_ref()
+            .map_or(0.0, |stretch| anisotropy_at(scene, stretch, point.uvs, point.footprint).0),
         ior: layered.ior,
+        dispersion: layered.dispersion,
         specular: scalar(&layered.specular),
         specular_color: color(&layered.specular_color),
         transmission: scalar(&layered.transmission),
+        diffuse_transmission: scalar(&layered.diffuse_transmission),
+        diffuse_transmission_color: color(&layered.diffuse_transmission_color),
         thin: layered.thin,
+        iridescence: film.map_or(0.0, |film| scalar(&film.factor)),
+        iridescence_ior: film.map_or(1.0, |film| film.ior),
+        iridescence_thickness: film.map_or(0.0, |film| point.film_thickness(scene, film)),
         coat: scalar(&layered.coat),
         coat_roughness: scalar(&layered.coat_roughness),
         coat_normal: point.coat_normal,

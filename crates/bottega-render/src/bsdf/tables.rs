@@ -244,7 +244,7 @@ impl Cell {
     fn add(&mut self, ggx: &Ggx, wo: Vec3, h: Vec3, weight: f32) {
         let cos = wo.dot(h);
         let mirrored = fresnel::reflect(wo, h);
-        let reflects = if mirrored.z > 0.0 { weight * ggx.shadowing(wo.z, mirrored.z) } else { 0.0 };
+        let reflects = if mirrored.z > 0.0 { weight * ggx.shadowing(wo, mirrored) } else { 0.0 };
         self.single += reflects;
         self.schlick += reflects * fresnel::schlick_weight(cos);
         for k in 0..INDEX {
@@ -254,7 +254,7 @@ impl Cell {
             for (side, eta) in [ior, 1.0 / ior].into_iter().enumerate() {
                 let reflectance = fresnel::dielectric(cos, eta);
                 let transmits =
-                    fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0).map_or(0.0, |wi| weight * ggx.masking(-wi.z));
+                    fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0).map_or(0.0, |wi| weight * ggx.masking(wi));
                 self.boundary[side][k] += reflectance * reflects + (1.0 - reflectance) * transmits;
             }
         }

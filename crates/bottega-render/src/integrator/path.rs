@@ -294,7 +294,7 @@ impl Path<'_> {
             }
         }
         if prepared.has_opacity() {
-            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(hit))
+            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit))
         } else {
             prepared.accel().intersect(&ray)
         }
@@ -302,8 +302,8 @@ impl Path<'_> {
 
     /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
     /// candidates of one ray may be asked in any order and more than once.
-    fn is_there(&self, hit: &Hit) -> bool {
-        is_there(self.integrator.prepared, hit, || {
+    fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
+        is_there(self.integrator.prepared, ray, hit, || {
             let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
             self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
         })
@@ -320,7 +320,7 @@ impl Path<'_> {
         }
         self.record.values.cost += SHADOW_STEPS;
         if prepared.has_opacity() {
-            prepared.accel().occluded_filtered(ray, |hit| self.is_there(hit))
+            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit))
         } else {
             prepared.accel().occluded(ray)
         }
@@ -518,7 +518,7 @@ pub(crate) fn bsdf_at<'a>(
         vertex_color: point.color,
         front: point.front,
         coat_normal: point.coat_normal,
-        chance: if matches!(material.surface, Surface::Blend { .. }) { chance() } else { 0.0 },
+        chance: if material.is_blended() { chance() } else { 0.0 },
     };
     place.insert(scattering(prepared.scene(), material, &point))
 }

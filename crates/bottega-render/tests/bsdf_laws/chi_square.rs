@@ -109,17 +109,31 @@ fn p_value(expected: &[f64], observed: &[f64]) -> f64 {
     if bins < 2 { 1.0 } else { ChiSquared::new((bins - 1) as f64).unwrap().sf(statistic) }
 }
 
-fn check(params: &SurfaceParams) {
-    let cases = ANGLES.len() * ROUGHNESS.len();
+/// Tests a kind of material, made for each roughness, at all angles and roughnesses.
+pub(crate) fn check(name: &str, bsdf: impl Fn(f32) -> Bsdf) {
+    check_at(name, bsdf, &ANGLES, &ROUGHNESS);
+}
+
+/// The same for a kind that takes long to ask: a few of them.
+pub(crate) fn check_some(name: &str, bsdf: impl Fn(f32) -> Bsdf) {
+    check_at(name, bsdf, &ANGLES[1..4], &ROUGHNESS[1..3]);
+}
+
+fn check_at(name: &str, make: impl Fn(f32) -> Bsdf, angles: &[f32], roughnesses: &[f32]) {
+    let cases = angles.len() * roughnesses.len();
     let threshold = 1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / cases as f64);
-    for (a, &cos) in ANGLES.iter().enumerate() {
-        for (r, &roughness) in ROUGHNESS.iter().enumerate() {
-            let bsdf = Bsdf::new(&SurfaceParams { roughness, ..*params });
+    for (a, &cos) in angles.iter().enumerate() {
+        for (r, &roughness) in roughnesses.iter().enumerate() {
+            let bsdf = make(roughness);
             let wo = at(cos, 0.4);
             let p = p_value(&expected(&bsdf, wo), &observed(&bsdf, wo, (a * 100 + r) as u64));
-            assert!(p > threshold, "cos {cos} roughness {roughness}: p = {p:e}; {params:?}");
+            assert!(p > threshold, "{name}: cos {cos} roughness {roughness}: p = {p:e}");
         }
     }
+}
+
+fn check_params(params: &SurfaceParams) {
+    check(&format!("{params:?}"), |roughness| Bsdf::new(&SurfaceParams { roughness, ..*params }));
 }
 
 const GRAY: SurfaceParams = SurfaceParams {
@@ -133,58 +147,58 @@ const GRAY: SurfaceParams = SurfaceParams {
 
 #[test]
 fn diffuse_is_drawn_by_its_density() {
-    check(&SurfaceParams { specular: 0.0, ..GRAY });
+    check_params(&SurfaceParams { specular: 0.0, ..GRAY });
 }
 
 #[test]
 fn metal_is_drawn_by_its_density() {
-    check(&SurfaceParams { metallic: 1.0, ..GRAY });
+    check_params(&SurfaceParams { metallic: 1.0, ..GRAY });
 }
 
 #[test]
 fn plastic_is_drawn_by_its_density() {
-    check(&GRAY);
+    check_params(&GRAY);
 }
 
 #[test]
 fn glass_from_outside_is_drawn_by_its_density() {
-    check(&SurfaceParams { transmission: 1.0, ..GRAY });
+    check_params(&SurfaceParams { transmission: 1.0, ..GRAY });
 }
 
 #[test]
 fn glass_without_gloss_is_drawn_by_its_density() {
-    check(&SurfaceParams { transmission: 1.0, specular_color: Spectrum::ZERO, ..GRAY });
+    check_params(&SurfaceParams { transmission: 1.0, specular_color: Spectrum::ZERO, ..GRAY });
 }
 
 #[test]
 fn glass_from_within_is_drawn_by_its_density() {
-    check(&SurfaceParams { transmission: 1.0, front: false, ..GRAY });
+    check_params(&SurfaceParams { transmission: 1.0, front: false, ..GRAY });
 }
 
 #[test]
 fn a_thin_sheet_is_drawn_by_its_density() {
-    check(&SurfaceParams { transmission: 1.0, thin: true, ..GRAY });
+    check_params(&SurfaceParams { transmission: 1.0, thin: true, ..GRAY });
 }
 
 #[test]
 fn a_rough_coat_is_drawn_by_its_density() {
-    check(&SurfaceParams { coat: 1.0, coat_roughness: 0.4, ..GRAY });
+    check_params(&SurfaceParams { coat: 1.0, coat_roughness: 0.4, ..GRAY });
 }
 
 #[test]
 fn a_tilted_coat_is_drawn_by_its_density() {
     let coat_normal = at(0.8, 2.0);
-    check(&SurfaceParams { coat: 1.0, coat_roughness: 0.4, coat_normal, metallic: 1.0, ..GRAY });
+    check_params(&SurfaceParams { coat: 1.0, coat_roughness: 0.4, coat_normal, metallic: 1.0, ..GRAY });
 }
 
 #[test]
 fn a_smooth_coat_is_drawn_by_its_density() {
-    check(&SurfaceParams { coat: 0.8, coat_roughness: 0.0, metallic: 1.0, ..GRAY });
+    check_params(&SurfaceParams { coat: 0.8, coat_roughness: 0.0, metallic: 1.0, ..GRAY });
 }
 
 #[test]
 fn sheen_is_drawn_by_its_density() {
-    check(&SurfaceParams { sheen_color: Spectrum::splat(0.9), sheen_roughness: 0.4, ..GRAY });
+    check_params(&SurfaceParams { sheen_color: Spectrum::splat(0.9), sheen_roughness: 0.4, ..GRAY });
 }
 
 #[test]
@@ -201,9 +215,27 @@ fn all_layers_together_are_drawn_by_their_density() {
         ior: 1.7,
         ..GRAY
     };
-    check(&all);
-    check(&SurfaceParams { front: false, ..all });
-    check(&SurfaceParams { thin: true, ..all });
+    check_params(&all);
+    check_params(&SurfaceParams { front: false, ..all });
+    check_params(&SurfaceParams { thin: true, ..all });
+}
+
+#[test]
+fn stretched_highlights_are_drawn_by_their_density() {
+    check_params(&SurfaceParams { metallic: 1.0, anisotropy: 0.7, ..GRAY });
+    check_params(&SurfaceParams { transmission: 1.0, anisotropy: 0.5, ..GRAY });
+}
+
+#[test]
+fn dispersive_glass_is_drawn_by_its_density() {
+    let glass = SurfaceParams { transmission: 1.0, dispersion: 3.0, ..GRAY };
+    check_params(&glass);
+    check_params(&SurfaceParams { front: false, ..glass });
+}
+
+#[test]
+fn leaves_and_soap_are_drawn_by_their_density() {
+    check_params(&SurfaceParams { diffuse_transmission: 0.4, iridescence: 0.8, ..GRAY });
 }
 
 #[test]

@@ -10,7 +10,7 @@ use glam::Vec3;
 use crate::support::{Uniform, at};
 
 /// Mean weight of `count` samples, and its standard error, by channel.
-fn measured_albedo(bsdf: &Bsdf, wo: Vec3, count: u32, seed: u64) -> (Spectrum, Spectrum) {
+pub(crate) fn measured_albedo(bsdf: &Bsdf, wo: Vec3, count: u32, seed: u64) -> (Spectrum, Spectrum) {
     let mut uniform = Uniform::new(seed);
     let (mut sum, mut squares) = (Spectrum::ZERO, Spectrum::ZERO);
     for i in 0..count {
@@ -98,6 +98,26 @@ fn a_coat_costs_a_white_base_no_more_than_a_few_percent() {
 }
 
 #[test]
+fn a_white_leaf_loses_nothing() {
+    check_white(&SurfaceParams { diffuse_transmission: 0.4, ..WHITE }, 0.01);
+    check_white(&SurfaceParams { diffuse_transmission: 1.0, thin: true, ..WHITE }, 0.01);
+}
+
+#[test]
+fn dispersion_costs_nothing() {
+    for front in [true, false] {
+        let glass = SurfaceParams { transmission: 1.0, dispersion: 2.0, front, ..WHITE };
+        check_white(&glass, 0.02);
+    }
+}
+
+#[test]
+fn stretched_metal_gives_back_about_what_it_loses() {
+    // The tables hold for facets that are as rough along both axes.
+    check_white(&SurfaceParams { metallic: 1.0, anisotropy: 0.4, ..WHITE }, 0.06);
+}
+
+#[test]
 fn no_material_scatters_more_than_it_receives() {
     let mut uniform = Uniform::new(7);
     for case in 0..250 {
@@ -116,7 +136,8 @@ fn no_material_scatters_more_than_it_receives() {
 fn the_albedo_that_is_told_is_the_one_that_is_measured() {
     let mut uniform = Uniform::new(11);
     for case in 0..120 {
-        let params = SurfaceParams { transmission: 0.0, coat_normal: Vec3::Z, ..uniform.material() };
+        // Of a film the mean alone is told.
+        let params = SurfaceParams { transmission: 0.0, coat_normal: Vec3::Z, iridescence: 0.0, ..uniform.material() };
         let bsdf = bsdf_of(&params);
         let wo = at(0.25 + 0.7 * uniform.next(), 1.0);
         let (mean, error) = measured_albedo(&bsdf, wo, 4000, case);

@@ -54,6 +54,44 @@ fn smooth_glass_reflects_by_fresnel_and_refracts_by_snell() {
 }
 
 #[test]
+fn each_colour_of_dispersive_glass_goes_by_its_own_index() {
+    // Half of the spread is (1.5 − 1) · 0.025 · 4.
+    for (front, spread) in [(true, 0.05), (false, 0.05)] {
+        let bsdf = Bsdf::new(&SurfaceParams { dispersion: 4.0, front, ..GLASS }).with_mode(TransportMode::Importance);
+        let wo = at(0.85, 0.3);
+        let mut uniform = Uniform::new(3);
+        let mut energy = Spectrum::ZERO;
+        const COUNT: u32 = 30_000;
+        for i in 0..COUNT {
+            let Some(sample) = bsdf.sample(wo, (i as f32 + 0.5) / COUNT as f32, uniform.pair()) else { continue };
+            if sample.wi.z > 0.0 {
+                continue;
+            }
+            let channel = sample.weight().max_position();
+            assert!(sample.weight().element_sum() == sample.weight().max_element());
+            let ior = 1.5 + (channel as f32 - 1.0) * spread;
+            let eta = if front { ior } else { 1.0 / ior };
+            let expected = fresnel::refract(wo, Vec3::Z, eta).unwrap();
+            assert!((sample.wi - expected).length() < 1e-5 && (sample.eta - eta).abs() < 1e-6);
+            energy += sample.weight() / COUNT as f32;
+        }
+        for channel in 0..3 {
+            let ior = 1.5 + (channel as f32 - 1.0) * spread;
+            let expected = 1.0 - fresnel::dielectric(wo.z, if front { ior } else { 1.0 / ior });
+            assert!((energy[channel] - expected).abs() < 5e-3, "{energy} {channel} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_stretched_highlight_is_wider_along_x() {
+    let metal = SurfaceParams { transmission: 0.0, metallic: 1.0, roughness: 0.3, anisotropy: 0.6, ..GLASS };
+    let bsdf = Bsdf::new(&metal);
+    let (along, across) = (bsdf.eval(at(0.9, 0.0), at(0.9, 0.0)), bsdf.eval(at(0.9, 1.570_796), at(0.9, 1.570_796)));
+    assert!(along.x > 2.0 * across.x, "{along} {across}");
+}
+
+#[test]
 fn seen_from_within_a_coat_spreads_no_light() {
     let coated = SurfaceParams { coat: 1.0, coat_roughness: 0.5, ..GLASS };
     let (outside, within) = (Bsdf::new(&coated), Bsdf::new(&SurfaceParams { front: false, ..coated }));

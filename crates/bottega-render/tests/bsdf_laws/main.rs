@@ -3,6 +3,8 @@
 
 mod chi_square;
 mod energy;
+mod golden;
+mod kinds;
 mod limits;
 mod support;
 mod symmetry;

@@ -1,7 +1,7 @@
 //! Materials, directions and random numbers for the tests.
 
-use bottega_render::bsdf::SurfaceParams;
-use bottega_scene::Spectrum;
+use bottega_render::bsdf::{Bsdf, SurfaceParams, SurfacePoint, scattering};
+use bottega_scene::{Material, Scene, Spectrum};
 use glam::Vec3;
 use proptest::prelude::*;
 
@@ -42,11 +42,18 @@ impl Uniform {
             base_color: if self.next() < 0.5 { Spectrum::ONE } else { self.color() },
             metallic: self.often_extreme(),
             roughness: self.often_extreme(),
+            anisotropy: if self.next() < 0.7 { 0.0 } else { self.next() },
             ior: 1.0 + 2.0 * self.next() * self.next(),
+            dispersion: 0.0,
             specular: self.often_extreme(),
             specular_color: if self.next() < 0.5 { Spectrum::ONE } else { 1.5 * self.color() },
             transmission: self.often_extreme(),
+            diffuse_transmission: if self.next() < 0.7 { 0.0 } else { self.next() },
+            diffuse_transmission_color: self.color(),
             thin: self.next() < 0.3,
+            iridescence: if self.next() < 0.7 { 0.0 } else { self.next() },
+            iridescence_ior: 1.0 + self.next(),
+            iridescence_thickness: 1000.0 * self.next(),
             coat: self.often_extreme(),
             coat_roughness: self.often_extreme(),
             coat_normal: if self.next() < 0.5 { Vec3::Z } else { at(0.6 + 0.4 * self.next(), 6.0 * self.next()) },
@@ -55,6 +62,11 @@ impl Uniform {
             front: self.next() < 0.6,
         }
     }
+}
+
+/// The scattering of an untextured material.
+pub(crate) fn bsdf_of(material: &Material, front: bool) -> Bsdf {
+    scattering(&Scene::default(), material, &SurfacePoint::plain(front))
 }
 
 /// The direction at cosine `cos` to the normal, in the plane at azimuth `phi`.

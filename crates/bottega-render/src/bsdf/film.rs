@@ -1,0 +1,160 @@
+//! A thin film whose interference colours a reflection: soap, oil, anodised metal.
+
+use std::f32::consts::{PI, TAU};
+
+use bottega_kernels::math;
+use bottega_scene::Spectrum;
+
+use super::fresnel::{at_normal_incidence, schlick_weight};
+
+/// A film on a base, in the outside whose index of refraction is 1.
+///
+/// Source: Belcour and Barla 2017, A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence,
+/// eq. 3 to 11, with Schlick's reflectances in place of the polarized ones, as KHR_materials_iridescence says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Film {
+    /// Strength, in [0, 1].
+    pub(super) factor: f32,
+    ior: f32,
+    /// In nanometres.
+    thickness: f32,
+}
+
+/// Interference terms beyond the constant one: a film coats all colours alike after a few of them.
+const TERMS: usize = 2;
+/// Below this thickness, in nanometres, the film fades into the outside.
+const FADING: f32 = 0.03;
+
+impl Film {
+    /// `None` without strength.
+    pub(super) fn new(factor: f32, ior: f32, thickness: f32) -> Option<Self> {
+        (factor > 0.0 && thickness > 0.0).then(|| {
+            let t = (thickness / FADING).min(1.0);
+            let ior = 1.0 + (ior - 1.0) * t * t * (3.0 - 2.0 * t);
+            Self { factor, ior, thickness }
+        })
+    }
+
+    /// Reflectance for a direction at cosine `cos` outside, `f0` that of the bare base at normal incidence.
+    pub(super) fn reflectance(&self, cos: f32, f0: Spectrum) -> Spectrum {
+        let cos2_within = 1.0 - (1.0 - cos * cos).max(0.0) / (self.ior * self.ior);
+        if cos2_within <= 0.0 {
+            return Spectrum::ONE;
+        }
+        let cos_within = cos2_within.sqrt();
+        let schlick = |f0: f32, cos: f32| f0 + (1.0 - f0) * schlick_weight(cos);
+        let outer = schlick(at_normal_incidence(self.ior), cos);
+        let passed = 1.0 - outer;
+        let path = 2.0 * self.ior * self.thickness * cos_within;
+        // Light turns by π where it is reflected by something denser.
+        let turn_outer = if self.ior < 1.0 { 0.0 } else { PI };
+        // By channel: the series' constant, its first term and ratio, and the turn of the phase.
+        let channels = [f0.x, f0.y, f0.z].map(|f0| {
+            let root = f0.clamp(0.0, 0.9999).sqrt();
+            let base = (1.0 + root) / (1.0 - root);
+            let inner = schlick(at_normal_incidence(base / self.ior), cos_within);
+            let product = (outer * inner).clamp(1e-5, 0.9999);
+            let repeated = passed * passed * inner / (1.0 - product);
+            let turn = turn_outer + if base < self.ior { PI } else { 0.0 };
+            (outer + repeated, repeated - passed, product.sqrt(), turn)
+        });
+        let mut sum = Spectrum::from(channels.map(|(constant, ..)| constant));
+        let mut term = Spectrum::from(channels.map(|(_, first, ..)| first));
+        let ratio = Spectrum::from(channels.map(|(_, _, ratio, _)| ratio));
+        let turn = Spectrum::from(channels.map(|(.., turn)| turn));
+        for order in 1..=TERMS {
+            term *= ratio;
+            sum += term * sensitivity(order as f32 * path, order as f32 * turn) * 2.0;
+        }
+        sum.clamp(Spectrum::ZERO, Spectrum::ONE)
+    }
+
+    /// The f₀ with which Schlick's term reflects as much of evenly spread light as the film does.
+    pub(super) fn mean_f0(&self, f0: Spectrum) -> Spectrum {
+        const STEPS: usize = 8;
+        let mut sum = Spectrum::ZERO;
+        for step in 0..STEPS {
+            let cos = ((step as f32 + 0.5) / STEPS as f32).sqrt();
+            sum += self.reflectance(cos, f0);
+        }
+        // The mean of Schlick's weight is 1 / 21.
+        ((sum / STEPS as f32 - 1.0 / 21.0) * (21.0 / 20.0)).clamp(Spectrum::ZERO, Spectrum::ONE)
+    }
+
+    /// The f₀ with which f₀ + (1 − f₀) `rise(cos)` is nowhere below what the film reflects in any channel.
+    pub(super) fn peak_f0(&self, f0: Spectrum, rise: impl Fn(f32) -> f32) -> f32 {
+        const STEPS: usize = 24;
+        (1..=STEPS).fold(0.0f32, |peak, step| {
+            let cos = step as f32 / STEPS as f32;
+            let rise = rise(cos).min(0.99);
+            peak.max((self.reflectance(cos, f0).max_element() - rise) / (1.0 - rise))
+        })
+    }
+
+    /// Between the bare reflectance and that of the film, by its strength.
+    pub(super) fn mix(&self, bare: Spectrum, film: Spectrum) -> Spectrum {
+        bare + (film - bare) * self.factor
+    }
+}
+
+/// How the observer's three colours see light whose spectrum is cos(2π path / λ + turn): the Fourier transform of the
+/// colour matching functions, fitted by Gaussians (eq. 10), in linear Rec. 709. `path` in nanometres; `turn` by channel.
+fn sensitivity(path: f32, turn: Spectrum) -> Spectrum {
+    let phase = TAU * path * 1e-9;
+    let gauss = |height: f32, position: f32, variance: f32, turn: f32| {
+        height * (TAU * variance).sqrt() * math::cos(position * phase + turn) * math::exp(-variance * phase * phase)
+            / 1.0685e-7
+    };
+    let x = gauss(5.4856e-13, 1.6810e6, 4.3278e9, turn.x) + gauss(9.7470e-14, 2.2399e6, 4.5282e9, turn.x);
+    let y = gauss(4.4201e-13, 1.7953e6, 9.3046e9, turn.y);
+    let z = gauss(5.2481e-13, 2.2084e6, 6.6121e9, turn.z);
+    Spectrum::new(
+        3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
+        -0.969_266 * x + 1.876_010_8 * y + 0.041_556 * z,
+        0.055_643_4 * x - 0.204_025_9 * y + 1.057_225_2 * z,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_film_that_fades_leaves_the_base_as_it_is() {
+        let film = Film::new(1.0, 1.3, 1e-6).unwrap();
+        let f0 = Spectrum::new(0.9, 0.5, 0.04);
+        // Schlick's term rises at both sides of a film, even of one that is not there.
+        for cos in [1.0, 0.8, 0.6] {
+            let bare = f0 + (Spectrum::ONE - f0) * schlick_weight(cos);
+            let off = (film.reflectance(cos, f0) - bare).abs().max_element();
+            assert!(off < 0.07, "{cos}: {} {bare}", film.reflectance(cos, f0));
+        }
+    }
+
+    #[test]
+    fn colours_change_with_thickness_and_angle() {
+        let f0 = Spectrum::splat(0.04);
+        let color = |thickness: f32, cos: f32| Film::new(1.0, 1.8, thickness).unwrap().reflectance(cos, f0);
+        let saturation = |c: Spectrum| c.max_element() - c.min_element();
+        assert!(saturation(color(400.0, 1.0)) > 0.05);
+        assert!((color(400.0, 1.0) - color(500.0, 1.0)).length() > 0.05);
+        assert!((color(400.0, 1.0) - color(400.0, 0.4)).length() > 0.05);
+        // So thick a film shows all colours at once.
+        assert!(saturation(color(20_000.0, 1.0)) < 0.01);
+    }
+
+    #[test]
+    fn no_film_reflects_more_than_everything() {
+        for thickness in [0.0, 50.0, 200.0, 500.0, 1200.0] {
+            for ior in [1.0, 1.3, 2.0, 3.0] {
+                for f0 in [0.0, 0.04, 0.6, 1.0] {
+                    let Some(film) = Film::new(1.0, ior, thickness) else { continue };
+                    for step in 0..=10 {
+                        let value = film.reflectance(step as f32 / 10.0, Spectrum::splat(f0));
+                        assert!(value.is_finite() && value.min_element() >= 0.0 && value.max_element() <= 1.0);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! The facets of a boundary: a distribution of normals, how they hide one another, and light that they mirror or refract
+//! once.
+
+use bottega_scene::{Distribution, Shadowing};
+use glam::Vec3;
+
+use super::beckmann::Beckmann;
+use super::cover::{Cover, Mean};
+use super::ggx::{Ggx, SMOOTH_ALPHA};
+
+/// Facets with either distribution; none where the boundary is smooth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Microfacets {
+    normals: Normals,
+    shadowing: Shadowing,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Normals {
+    Smooth,
+    Ggx(Ggx),
+    Beckmann(Beckmann),
+}
+
+/// Values above this one say no more: every direction is as likely.
+const ALPHA_MAX: f32 = 10.0;
+
+impl Microfacets {
+    pub(super) const SMOOTH: Self = Self { normals: Normals::Smooth, shadowing: Shadowing::Correlated };
+
+    /// `alpha`: along x and y; NaN and negative values count as 0.
+    pub(super) fn new(distribution: Distribution, shadowing: Shadowing, alpha: [f32; 2]) -> Self {
+        let is_smooth = !alpha.iter().any(|&alpha| alpha >= SMOOTH_ALPHA);
+        let alpha = alpha.map(|alpha| if alpha > SMOOTH_ALPHA { alpha.min(ALPHA_MAX) } else { SMOOTH_ALPHA });
+        let normals = match distribution {
+            _ if is_smooth => Normals::Smooth,
+            Distribution::Ggx => Normals::Ggx(Ggx::new(alpha)),
+            Distribution::Beckmann => Normals::Beckmann(Beckmann { alpha }),
+        };
+        Self { normals, shadowing }
+    }
+
+    pub(super) fn is_smooth(&self) -> bool {
+        self.normals == Normals::Smooth
+    }
+
+    /// α along x and y.
+    pub(super) fn alpha(&self) -> [f32; 2] {
+        match &self.normals {
+            Normals::Smooth => [0.0; 2],
+            Normals::Ggx(ggx) => ggx.alpha,
+            Normals::Beckmann(beckmann) => beckmann.alpha,
+        }
+    }
+
+    /// Perceptual roughness: the root of the mean α.
+    pub(super) fn roughness(&self) -> f32 {
+        let [x, y] = self.alpha();
+        (x * y).sqrt().sqrt().min(1.0)
+    }
+
+    /// D(h), in sr⁻¹; 0 of a smooth boundary.
+    pub(super) fn density(&self, h: Vec3) -> f32 {
+        match &self.normals {
+            Normals::Smooth => 0.0,
+            Normals::Ggx(ggx) => ggx.density(h),
+            Normals::Beckmann(beckmann) => beckmann.density(h),
+        }
+    }
+
+    pub(super) fn distribution(&self) -> Distribution {
+        if let Normals::Beckmann(_) = self.normals { Distribution::Beckmann } else { Distribution::Ggx }
+    }
+
+    /// What a rough boundary of these facets lets through to a base; see [`Cover::new`].
+    pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> Cover {
+        let [x, y] = self.alpha();
+        Cover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
+    }
+
+    /// G₁: share of the facets that a direction on either side sees.
+    pub(super) fn masking(&self, w: Vec3) -> f32 {
+        match &self.normals {
+            Normals::Smooth => 1.0,
+            Normals::Ggx(ggx) => ggx.masking(w),
+            Normals::Beckmann(beckmann) => beckmann.masking(w),
+        }
+    }
+
+    /// G₂: share of the facets that both directions see. They may be on different sides.
+    pub(super) fn shadowing(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let (o, i) = (self.masking(wo), self.masking(wi));
+        match self.shadowing {
+            Shadowing::Separable => o * i,
+            // 1 / (1 + Λo + Λi), with G₁ = 1 / (1 + Λ).
+            Shadowing::Correlated => o * i / (o + i - o * i).max(f32::MIN_POSITIVE),
+        }
+    }
+
+    /// ∫ D(h) max(wo · h, 0) dω, for a wo above the surface.
+    fn visible_area(&self, wo: Vec3) -> f32 {
+        match &self.normals {
+            Normals::Smooth => wo.z,
+            Normals::Ggx(ggx) => ggx.visible_area(wo),
+            Normals::Beckmann(beckmann) => beckmann.visible_area(wo),
+        }
+    }
+
+    /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
+    pub(super) fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        match &self.normals {
+            Normals::Smooth => Vec3::Z,
+            Normals::Ggx(ggx) => ggx.sample_visible_normal(wo, u),
+            Normals::Beckmann(beckmann) => beckmann.sample_visible_normal(wo, u),
+        }
+    }
+
+    /// Light that is mirrored from `wi` to `wo`, both above the surface.
+    pub(super) fn mirrored(&self, wo: Vec3, wi: Vec3) -> Option<Bounce> {
+        let h = (wo + wi).try_normalize()?;
+        let cos = wo.dot(h);
+        if !(cos > 0.0 && wo.z > 0.0 && wi.z > 0.0) {
+            return None;
+        }
+        let density = self.density(h);
+        let value = density * self.shadowing(wo, wi) / (4.0 * wo.z * wi.z);
+        Some(Bounce { cos, value, pdf: 0.25 * density / self.visible_area(wo) })
+    }
+
+    /// Light that is refracted from `wi` below the surface to `wo` above it; `eta`: index of refraction below over that
+    /// above. In importance mode. Source: Walter et al. 2007, eq. 16 to 21.
+    pub(super) fn refracted(&self, wo: Vec3, wi: Vec3, eta: f32) -> Option<Bounce> {
+        let sum = wo + eta * wi;
+        let length2 = sum.length_squared();
+        let h = sum / length2.sqrt() * sum.z.signum();
+        let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
+        if !(cos_o > 0.0 && cos_i < 0.0 && wo.z > 0.0 && wi.z < 0.0) {
+            return None;
+        }
+        // dω_h / dω_i, eq. 17.
+        let jacobian = eta * eta * -cos_i / length2;
+        let density = self.density(h) * cos_o * jacobian;
+        let value = density * self.shadowing(wo, wi) / (wo.z * -wi.z);
+        Some(Bounce { cos: cos_o, value, pdf: density / self.visible_area(wo) })
+    }
+}
+
+/// What facets make of light between two directions, if they mirrored or refracted all of it.
+#[derive(Clone, Copy)]
+pub(super) struct Bounce {
+    /// Cosine of wo to the facet.
+    pub(super) cos: f32,
+    /// f, in sr⁻¹.
+    pub(super) value: f32,
+    /// Density of the direction, if it is found by a visible normal.
+    pub(super) pdf: f32,
+}

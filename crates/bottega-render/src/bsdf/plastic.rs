@@ -1,0 +1,158 @@
+//! A matte base below a dielectric boundary.
+
+use std::f32::consts::FRAC_1_PI;
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::cover::Cover;
+use super::fresnel::{self, mean};
+use super::microfacet::Microfacets;
+use super::scatter::{Lobes, Scatter, split};
+use super::{BsdfSample, LobeFlags, TransportMode, warp};
+
+/// Light is mirrored by the boundary, or goes through it, is scattered by the base, within the layer reflected again and
+/// again, and leaves. f = mirrored + T(μo) T(μi) base / (π η²), where `base` holds the geometric series.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plastic {
+    /// Index of refraction inside over outside.
+    eta: f32,
+    facets: Microfacets,
+    /// Multiplies the reflection of the boundary.
+    specular: Spectrum,
+    /// The series over η².
+    base: Spectrum,
+    through: Through,
+}
+
+/// Share of light at a cosine that reaches the base.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Through {
+    /// A smooth boundary, and a layer of this thickness in mean free paths.
+    Smooth(f32),
+    Rough(Cover),
+}
+
+/// [`Plastic`] seen from one direction.
+struct Seen {
+    through: f32,
+    /// Probability of the boundary.
+    chance: f32,
+}
+
+impl Plastic {
+    /// As Mitsuba has it: no absorption within, the series closed.
+    ///
+    /// - `diffuse`: reflectance of the base.
+    /// - `nonlinear`: each reflection takes on the colour of the base.
+    /// - `cover`: of rough facets, by [`Mean::Nodes`](super::cover::Mean).
+    ///
+    /// The mean internal reflectance is the one that Mitsuba computes, so that pictures agree. For smooth boundaries that is
+    /// the fit of Egan and Hilgeman 1979, Optical Properties of Inhomogeneous Materials (after d'Eon and Irving 2011, A
+    /// Quantized-Diffusion Model for Rendering Translucent Materials).
+    pub(super) fn new(
+        eta: f32,
+        diffuse: Spectrum,
+        specular: Spectrum,
+        nonlinear: bool,
+        facets: Microfacets,
+        cover: Option<Cover>,
+    ) -> Self {
+        let back = match &cover {
+            None => mean_internal_reflectance(eta),
+            Some(cover) => cover.back(),
+        };
+        let shift = if nonlinear { diffuse } else { Spectrum::ONE };
+        let base = diffuse / ((Spectrum::ONE - shift * back) * (eta * eta));
+        Self { eta, facets, specular, base, through: cover.map_or(Through::Smooth(0.0), Through::Rough) }
+    }
+
+    /// By the parts: `base` is the series over η².
+    pub(super) fn from_series(eta: f32, base: Spectrum, facets: Microfacets, through: Through) -> Self {
+        Self { eta, facets, specular: Spectrum::ONE, base, through }
+    }
+
+    fn through(&self, cos: f32) -> f32 {
+        match &self.through {
+            Through::Smooth(thickness) => through_smooth(self.eta, *thickness, cos),
+            Through::Rough(cover) => cover.through(cos),
+        }
+    }
+
+    fn seen(&self, wo: Vec3) -> Seen {
+        let through = self.through(wo.z);
+        // The base scatters about as much of the light as comes back through the boundary.
+        let mirrored = mean(self.specular) * fresnel::dielectric(wo.z, self.eta);
+        let diffuse = mean(self.base) * through * MEAN_THROUGH;
+        let sum = mirrored + diffuse;
+        Seen { through, chance: if sum > 0.0 { mirrored / sum } else { 1.0 } }
+    }
+}
+
+/// About the mean over the hemisphere of what a boundary lets through.
+const MEAN_THROUGH: f32 = 0.9;
+
+/// Share of the light at a cosine that reaches the base below a smooth boundary and an absorbing layer.
+fn through_smooth(eta: f32, thickness: f32, cos: f32) -> f32 {
+    let through = 1.0 - fresnel::dielectric(cos, eta);
+    if thickness == 0.0 {
+        return through;
+    }
+    let sin2 = (1.0 - cos * cos).max(0.0) / (eta * eta);
+    through * bottega_kernels::math::exp(-thickness / (1.0 - sin2).max(1e-12).sqrt())
+}
+
+/// Mean of the reflectance over the hemisphere, seen from within a solid of index `eta`.
+fn mean_internal_reflectance(eta: f32) -> f32 {
+    // The fit of each side, in terms of the index beyond the boundary over that before it.
+    let beyond = 1.0 / eta;
+    if beyond < 1.0 {
+        ((-1.4399 * beyond + 0.7099) * beyond + 0.6681) + 0.0636 / beyond
+    } else {
+        let r = 1.0 / beyond;
+        ((((-1.36881 * r + 4.98554) * r - 7.80989) * r + 6.75335) * r - 3.4793) * r + 0.919317
+    }
+}
+
+impl Scatter for Plastic {
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3, _mode: TransportMode) -> (Spectrum, f32) {
+        if wi.z <= 0.0 {
+            return (Spectrum::ZERO, 0.0);
+        }
+        let seen = self.seen(wo);
+        let mut value = self.base * (seen.through * self.through(wi.z) * FRAC_1_PI);
+        let mut pdf = (1.0 - seen.chance) * warp::cosine_hemisphere_pdf(wi.z);
+        if !self.facets.is_smooth()
+            && let Some(bounce) = self.facets.mirrored(wo, wi)
+        {
+            value += self.specular * (fresnel::dielectric(bounce.cos, self.eta) * bounce.value);
+            pdf += seen.chance * bounce.pdf;
+        }
+        (value, pdf)
+    }
+
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
+        let Seen { chance, .. } = self.seen(wo);
+        let (mirrors, _) = split(u_lobe, chance);
+        if !mirrors {
+            let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
+            return self.spread(wo, warp::cosine_hemisphere(u), mode, lobe, 1.0);
+        }
+        if self.facets.is_smooth() {
+            let energy = self.specular * fresnel::dielectric(wo.z, self.eta);
+            return BsdfSample::delta(Vec3::new(-wo.x, -wo.y, wo.z), energy, chance, LobeFlags::REFLECTION, 1.0);
+        }
+        let wi = fresnel::reflect(wo, self.facets.sample_visible_normal(wo, u));
+        self.spread(wo, wi, mode, LobeFlags::REFLECTION.union(LobeFlags::GLOSSY), 1.0)
+    }
+
+    fn albedo(&self, wo: Vec3) -> Spectrum {
+        let diffuse = self.base * (self.through(wo.z) * MEAN_THROUGH);
+        self.specular * fresnel::dielectric(wo.z, self.eta) + diffuse
+    }
+
+    fn lobes(&self) -> Lobes {
+        let has_non_delta = self.base != Spectrum::ZERO || !self.facets.is_smooth();
+        Lobes { has_non_delta, is_transmissive: false, roughness: self.facets.roughness() }
+    }
+}
