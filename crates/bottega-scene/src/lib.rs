@@ -22,6 +22,7 @@ mod medium;
 mod mend;
 mod mesh_file;
 mod model;
+mod pbrt;
 mod resource;
 mod shapes;
 mod sky;

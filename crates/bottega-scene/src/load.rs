@@ -9,7 +9,7 @@ use crate::error::Warnings;
 use crate::file::read_file;
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
 use crate::resource::Resources;
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf};
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, pbrt};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +24,8 @@ pub struct LoadOptions {
     pub add_sky: bool,
     /// Whether the scene may refer to files outside of the folder of its own file.
     pub allow_outside: bool,
+    /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
+    pub strict: bool,
     /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
     pub max_image_pixels: u64,
     /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
@@ -38,6 +40,7 @@ impl Default for LoadOptions {
             environment_intensity: 1.0,
             add_sky: true,
             allow_outside: false,
+            strict: false,
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
         }
@@ -133,12 +136,20 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut digest = blake3::Hasher::new();
     digest.update(blake3::hash(&file).as_bytes());
     let mut warnings = Warnings::default();
-    if !gltf::recognizes(path, &file) {
+    let import = if gltf::recognizes(path, &file) {
+        gltf::import
+    } else if pbrt::recognizes(path) {
+        pbrt::import
+    } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
-    }
+    };
     let resources = Resources::new(path, options, &budget);
-    let (mut scene, metadata, hints) = gltf::import(path, &file, options, &resources, &mut warnings)?;
+    let (mut scene, metadata, hints) = import(path, &file, options, &resources, &mut warnings)?;
     resources.finish(&mut digest);
+    let unsupported = warnings.take_unsupported();
+    if options.strict && !unsupported.is_empty() {
+        return Err(SceneError::Unsupported { path: path.into(), places: unsupported });
+    }
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");

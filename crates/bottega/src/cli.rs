@@ -44,7 +44,7 @@ pub(crate) enum Command {
 /// Which scene, which camera, how large: what `render` and `analyze` share.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// The scene: a .glb or .gltf file.
+    /// The scene: a .glb, .gltf or .pbrt file.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) scene: PathBuf,
     /// Size of the picture in pixels; default: as high as 720, as wide as the camera says.
@@ -69,6 +69,12 @@ pub(crate) struct SceneArgs {
     /// Multiply the environment's light.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_factor, help_heading = "Light")]
     pub(crate) env_strength: f32,
+    /// Let the scene refer to files outside of its folder.
+    #[arg(long, help_heading = "Scene")]
+    pub(crate) allow_outside: bool,
+    /// Refuse a scene that asks for something which is not supported, instead of replacing it.
+    #[arg(long, help_heading = "Scene")]
+    pub(crate) strict: bool,
     /// Processors to use; default: all.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) threads: Option<u16>,
@@ -191,7 +197,7 @@ pub(crate) struct DiffArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// The scene: a .glb or .gltf file.
+    /// The scene: a .glb, .gltf or .pbrt file.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) scene: PathBuf,
     /// Print one JSON object instead of text for people.

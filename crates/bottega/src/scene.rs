@@ -63,7 +63,8 @@ pub(crate) fn shown(path: &Path) -> String {
 
 fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
     let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
-    let mut options = LoadOptions::default();
+    let mut options =
+        LoadOptions { allow_outside: args.allow_outside, strict: args.strict, ..LoadOptions::default() };
     match &args.env {
         Some(EnvironmentArg::Picture(path)) => {
             options.environment = Some(path.clone());

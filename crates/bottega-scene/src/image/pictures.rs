@@ -67,7 +67,8 @@ impl<'a> Pictures<'a> {
                     Encoding::Srgb => ("magenta", Image::missing(name.as_str())),
                     Encoding::Linear => ("1", Image::from_gray8(name.as_str(), 1, 1, vec![255], false)),
                 };
-                warnings.add(wanted.place.as_str(), format!("the picture `{name}`: {problem}; {stand_in} stands for it"));
+                warnings
+                    .add(wanted.place.as_str(), format!("the picture `{name}`: {problem}; {stand_in} stands for it"));
                 image
             })
         };

@@ -118,9 +118,9 @@ pub(super) fn integer(word: &[u8]) -> Option<i64> {
     if digits.is_empty() || digits.len() > 18 {
         return None;
     }
-    let value = digits.iter().try_fold(0i64, |value, &digit| {
-        digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0'))
-    })?;
+    let value = digits
+        .iter()
+        .try_fold(0i64, |value, &digit| digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0')))?;
     Some(if negative { -value } else { value })
 }
 
@@ -155,6 +155,9 @@ mod tests {
         assert_eq!((integer(b"1x"), integer(b"99999999999999999999"), integer(b"-")), (None, None, None));
         assert_eq!((float(b"1e-3"), float(b"0x1"), float(b"")), (Some(1e-3), None, None));
         let mut line = &b"  a\tbc  "[..];
-        assert_eq!((next_word(&mut line), next_word(&mut line), next_word(&mut line)), (Some(&b"a"[..]), Some(&b"bc"[..]), None));
+        assert_eq!(
+            (next_word(&mut line), next_word(&mut line), next_word(&mut line)),
+            (Some(&b"a"[..]), Some(&b"bc"[..]), None)
+        );
     }
 }

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::lines::{self, float, next_word};
 use super::Source;
+use super::lines::{self, float, next_word};
+use crate::SceneError;
 use crate::load::MemoryBudget;
 use crate::text::shortened;
-use crate::SceneError;
 
 /// A material as the file describes it. `None` where it is silent.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -150,14 +150,8 @@ fn color(words: &[u8]) -> Result<Option<Vec3>, String> {
 
 /// Options, then the name, which may contain spaces. `None`: there is no name.
 fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
-    let mut map = MtlMap {
-        reference: String::new(),
-        line,
-        scale: Vec2::ONE,
-        offset: Vec2::ZERO,
-        clamp: false,
-        strength: 1.0,
-    };
+    let mut map =
+        MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: 1.0 };
     let mut rest = words;
     loop {
         let before = rest;
@@ -168,7 +162,9 @@ fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
             Some(b"-bm") => map.strength = vector(&mut rest, 1.0).x,
             Some(b"-clamp") => map.clamp = next_word(&mut rest) == Some(b"on"),
             Some(b"-mm") => drop(vector(&mut rest, 0.0)),
-            Some(b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-texres" | b"-boost" | b"-type" | b"-colorspace") => {
+            Some(
+                b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-texres" | b"-boost" | b"-type" | b"-colorspace",
+            ) => {
                 next_word(&mut rest);
             }
             _ => {
@@ -209,7 +205,10 @@ mod tests {
         assert_eq!((first.name.as_str(), first.line), ("a b", 3));
         assert_eq!(first.diffuse, Some(Vec3::new(0.5, 0.25, 0.0)));
         assert_eq!((first.specular, first.emission), (Some(Vec3::splat(0.1)), Some(Vec3::new(1.0, 2.0, 3.0))));
-        assert_eq!((first.exponent, first.ior, first.opacity, first.illum), (Some(100.0), Some(1.3), Some(0.5), Some(7)));
+        assert_eq!(
+            (first.exponent, first.ior, first.opacity, first.illum),
+            (Some(100.0), Some(1.3), Some(0.5), Some(7))
+        );
         assert_eq!((first.roughness, first.metallic), (Some(0.3), Some(1.0)));
         let map = first.diffuse_map.as_ref().unwrap();
         assert_eq!((map.reference.as_str(), map.line, map.clamp), ("my wood.png", 13, true));

@@ -138,9 +138,9 @@ impl<R: Read> Stream<'_, R> {
     }
 
     fn fill(&mut self, to: &mut [u8]) -> Result<(), SceneError> {
-        self.decoder.read_exact(to).map_err(|error| {
-            self.source.damaged(format!("the data of {} cannot be unfolded ({error})", self.place))
-        })?;
+        self.decoder
+            .read_exact(to)
+            .map_err(|error| self.source.damaged(format!("the data of {} cannot be unfolded ({error})", self.place)))?;
         self.capacity = self.capacity.saturating_sub(to.len());
         Ok(())
     }

@@ -11,7 +11,7 @@ mod observer;
 use glam::DVec3;
 
 pub(crate) use file::read_spd;
-pub(crate) use named::{glass, illuminant, metal, mitsuba_ior};
+pub(crate) use named::{glass, illuminant, metal, metal_spectra, mitsuba_ior};
 use observer::{Observer, WAVELENGTH_MAX, WAVELENGTH_MIN, rec709_of_xyz};
 
 use crate::Spectrum;
@@ -29,11 +29,16 @@ impl Sampled {
         if samples.is_empty() {
             return Err("a spectrum needs at least one wavelength and value".into());
         }
-        if let Some((nm, value)) = samples.iter().find(|(nm, value)| !(nm.is_finite() && value.is_finite() && *nm > 0.0)) {
+        if let Some((nm, value)) =
+            samples.iter().find(|(nm, value)| !(nm.is_finite() && value.is_finite() && *nm > 0.0))
+        {
             return Err(format!("{nm} nm: {value} is no sample of a spectrum"));
         }
         if let Some(pair) = samples.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
-            return Err(format!("the wavelengths of a spectrum must increase: {} nm follows {} nm", pair[1].0, pair[0].0));
+            return Err(format!(
+                "the wavelengths of a spectrum must increase: {} nm follows {} nm",
+                pair[1].0, pair[0].0
+            ));
         }
         Ok(Self { samples })
     }

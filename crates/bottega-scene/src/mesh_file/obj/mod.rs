@@ -105,9 +105,9 @@ fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed
     }
     let results: Vec<Result<(), SceneError>> = (parsed.par_iter_mut().zip(bases).zip(blocks))
         .map(|((parsed, base), block)| {
-            parsed.resolve(base, totals).map_err(|(triangle, problem)| {
-                source.at_line((parse::line_of_triangle(*block, triangle), problem))
-            })
+            parsed
+                .resolve(base, totals)
+                .map_err(|(triangle, problem)| source.at_line((parse::line_of_triangle(*block, triangle), problem)))
         })
         .collect();
     results.into_iter().collect()

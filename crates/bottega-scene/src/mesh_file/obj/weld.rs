@@ -94,7 +94,10 @@ impl<'f, 'a> Welder<'f, 'a> {
         let corners = || vertices.iter().map(|vertex| vertex.corner);
         set(&mut mesh.positions, corners().map(|corner| file.positions[corner[0] as usize]));
         set(&mut mesh.uvs[0], corners().map(|corner| file.uvs.get(corner[1] as usize).copied().unwrap_or(Vec2::ZERO)));
-        set(&mut mesh.normals, corners().map(|corner| file.normals.get(corner[2] as usize).copied().unwrap_or(Vec3::ZERO)));
+        set(
+            &mut mesh.normals,
+            corners().map(|corner| file.normals.get(corner[2] as usize).copied().unwrap_or(Vec3::ZERO)),
+        );
         set(&mut mesh.colors, corners().map(|corner| Vec4::from((file.colors[corner[0] as usize], 1.0))));
         Ok(mesh)
     }

@@ -102,7 +102,8 @@ impl<'a> Elements<'a> {
             if rows.is_empty() {
                 continue;
             }
-            let mut lines = (&mut lines).skip_while(|(row, _)| *row < rows.start).take(rows.len()).map(|(_, line)| line);
+            let mut lines =
+                (&mut lines).skip_while(|(row, _)| *row < rows.start).take(rows.len()).map(|(_, line)| line);
             if is_vertices {
                 read_vertices(element, &mut lines, &mut vertices)?;
             } else {

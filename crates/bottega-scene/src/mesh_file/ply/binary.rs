@@ -16,7 +16,8 @@ macro_rules! with_reader {
     ($kind:expr, $big_endian:expr, $read:ident => $body:expr) => {{
         macro_rules! arm {
             ($number:ty, $from:ident) => {{
-                let $read = |bytes: &[u8]| bytes.first_chunk().map_or(<$number>::default(), |chunk| <$number>::$from(*chunk));
+                let $read =
+                    |bytes: &[u8]| bytes.first_chunk().map_or(<$number>::default(), |chunk| <$number>::$from(*chunk));
                 $body
             }};
         }
@@ -132,7 +133,11 @@ impl Body<'_> {
         let count = self.element.count;
         if let Some(stride) = self.element.fixed_bytes() {
             let length = count.saturating_mul(stride);
-            return if length <= self.bytes.len() { Ok(length) } else { Err(self.truncated(self.bytes.len() / stride)) };
+            return if length <= self.bytes.len() {
+                Ok(length)
+            } else {
+                Err(self.truncated(self.bytes.len() / stride))
+            };
         }
         let mut at = 0;
         for row in 0..count {
@@ -253,9 +258,9 @@ impl Body<'_> {
         let is_uniform = self.bytes[..total].par_chunks(stride * PIECE_ROWS).all(|rows| match lists[..] {
             // By far the most common.
             [(at, 1)] => rows.chunks_exact(stride).all(|row| row[at] == first[at]),
-            _ => rows.chunks_exact(stride).all(|row| {
-                lists.iter().all(|&(at, bytes)| row[at..at + bytes] == first[at..at + bytes])
-            }),
+            _ => rows
+                .chunks_exact(stride)
+                .all(|row| lists.iter().all(|&(at, bytes)| row[at..at + bytes] == first[at..at + bytes])),
         });
         let piece = |row: usize| {
             let rows = PIECE_ROWS.min(count - row);
@@ -329,7 +334,10 @@ impl Body<'_> {
             let list = &self.bytes[list..list + length * kind.bytes()];
             let bad = list.chunks_exact(kind.bytes()).find_map(|number| {
                 let index = with_reader!(kind, self.big_endian, read => read(number) as i64);
-                usize::try_from(index).is_ok_and(|index| index < vertex_count).then_some(()).map_or(Some(index), |()| None)
+                usize::try_from(index)
+                    .is_ok_and(|index| index < vertex_count)
+                    .then_some(())
+                    .map_or(Some(index), |()| None)
             });
             if let Some(index) = bad {
                 return self.at_byte(at, format!("refers to vertex {index}, but there are {vertex_count}"));

@@ -117,7 +117,8 @@ impl<'a> Slices<'a> {
             self.colors.iter_mut().for_each(|color| color.w = 1.0);
         }
         // A comparison with NaN is false.
-        let is_sound = |p: &Vec3| p.x.abs() <= COORDINATE_MAX && p.y.abs() <= COORDINATE_MAX && p.z.abs() <= COORDINATE_MAX;
+        let is_sound =
+            |p: &Vec3| p.x.abs() <= COORDINATE_MAX && p.y.abs() <= COORDINATE_MAX && p.z.abs() <= COORDINATE_MAX;
         self.positions.iter().position(|p| !is_sound(p)).map_or(Ok(()), Err)
     }
 }
