@@ -374,7 +374,7 @@ mod tests {
     use std::sync::Arc;
 
     use bottega_kernels::Ray;
-    use bottega_scene::Instance;
+    use bottega_scene::{Instance, Layered};
     use glam::Affine3A;
 
     use super::*;

@@ -24,7 +24,7 @@ pub enum SceneError {
         found: &'static str,
     },
     /// Neither the name nor the first bytes are those of a format that we read.
-    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .pbrt)", path.display())]
+    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .pbrt, .obj, .ply, .serialized)", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -122,6 +122,18 @@ pub enum SceneError {
         uri: String,
         /// Why, and what to do.
         reason: &'static str,
+    },
+    /// The options ask for a part that the file does not have.
+    #[error("`{}` has no {what} `{wanted}`; what it has: {known}", path.display())]
+    NoSuch {
+        /// The file.
+        path: PathBuf,
+        /// Which kind of part.
+        what: &'static str,
+        /// What was asked for.
+        wanted: String,
+        /// Numbers and names of what there is.
+        known: String,
     },
     /// A picture that cannot be done without, such as the environment.
     #[error("cannot decode the picture `{}`: {problem}", path.display())]

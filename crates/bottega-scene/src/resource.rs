@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::SceneError;
-use crate::file::read_file;
+use crate::file::{hash, read_file};
 use crate::load::{LoadOptions, MemoryBudget};
 use crate::text::shortened;
 
@@ -66,10 +66,10 @@ impl<'a> Resources<'a> {
         let slashed = reference.replace('\\', "/");
         let is_absolute = slashed.starts_with('/') || slashed.as_bytes().get(1) == Some(&b':');
         let name = without_detours(&slashed);
-        if name.is_empty() || name == "/" || name.ends_with("..") {
+        if name.is_empty() || name == "/" || name == ".." || name.ends_with("/..") {
             return Err(invalid("it names no file"));
         }
-        let leaves = is_absolute || name == ".." || name.starts_with("../");
+        let leaves = is_absolute || name.starts_with("../");
         if leaves && !self.allow_outside {
             return Err(self.outside(reference, place));
         }
@@ -91,7 +91,7 @@ impl<'a> Resources<'a> {
     /// Reads a file. Its hash will be part of the scene's digest.
     pub(crate) fn read(&self, location: &Location) -> Result<Vec<u8>, SceneError> {
         let bytes = read_file(&location.file, self.budget)?;
-        let hash = blake3::hash(&bytes);
+        let hash = hash(&bytes);
         let mut hashes = self.hashes.lock().unwrap_or_else(PoisonError::into_inner);
         hashes.insert(location.name.clone(), hash);
         Ok(bytes)

@@ -47,7 +47,7 @@ pub(crate) struct SceneArgs {
     /// The scene: a .glb, .gltf or .pbrt file.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) scene: PathBuf,
-    /// Size of the picture in pixels; default: as high as 720, as wide as the camera says.
+    /// Size of the picture in pixels; default: what the scene file asks for, or 720 high and as wide as the camera says.
     #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = "Picture")]
     pub(crate) size: Option<Size>,
     /// The camera, by name or by number from 0; default: the file's first.
@@ -97,12 +97,12 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) output: PathBuf,
 
-    /// Samples a pixel.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 22), help_heading = "Quality")]
-    pub(crate) spp: u32,
-    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=4096), help_heading = "Quality")]
-    pub(crate) max_depth: u32,
+    /// Samples a pixel; default: what the scene file asks for, or 64.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=SAMPLES_MAX as i64), help_heading = "Quality")]
+    pub(crate) spp: Option<u32>,
+    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on; default: what the scene file asks for, or 16.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=DEPTH_MAX as i64), help_heading = "Quality")]
+    pub(crate) max_depth: Option<u32>,
     /// Light samples at each bounce.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Quality")]
     pub(crate) light_samples: u32,
@@ -115,14 +115,14 @@ pub(crate) struct RenderArgs {
     /// How light is followed.
     #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
     pub(crate) integrator: IntegratorArg,
-    /// How samples are spread over a pixel.
-    #[arg(long, value_enum, default_value_t = FilterArg::BlackmanHarris, help_heading = "Quality")]
-    pub(crate) filter: FilterArg,
+    /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
+    #[arg(long, value_enum, help_heading = "Quality")]
+    pub(crate) filter: Option<FilterArg>,
     /// Another seed gives other noise; the same seed the same picture, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Quality")]
     pub(crate) seed: u64,
 
-    /// Paint only this part of the picture; each pixel is the same as in the whole.
+    /// Paint only this part of the picture; each pixel is the same as in the whole. Default: what the scene file asks for.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture")]
     pub(crate) crop: Option<Rect>,
     /// More values a pixel, as layers of the EXR file: albedo,normal,depth,samples,cost.
@@ -272,6 +272,8 @@ pub(crate) enum FilterArg {
     Gaussian,
     /// Softer still at the edges.
     Tent,
+    /// Sharper, with a little ringing.
+    Mitchell,
     /// Just the pixel itself: for comparisons.
     Box,
 }
@@ -301,6 +303,19 @@ pub(crate) struct Size {
     pub(crate) height: u32,
 }
 
+impl Size {
+    /// A size that can be painted.
+    pub(crate) fn new(width: u32, height: u32) -> Result<Self, String> {
+        if ![width, height].iter().all(|side| (1..=SIDE_MAX).contains(side)) {
+            return Err(format!("each side must be from 1 to {SIDE_MAX}"));
+        }
+        if u64::from(width) * u64::from(height) > PIXELS_MAX {
+            return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
+        }
+        Ok(Self { width, height })
+    }
+}
+
 /// Where light from all around comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum EnvironmentArg {
@@ -308,6 +323,12 @@ pub(crate) enum EnvironmentArg {
     Constant([f32; 3]),
     Sky,
 }
+
+/// Most samples of a pixel.
+pub(crate) const SAMPLES_MAX: u32 = 1 << 22;
+
+/// Most bounces.
+pub(crate) const DEPTH_MAX: u32 = 4096;
 
 /// Neither side may be longer than this.
 const SIDE_MAX: u32 = 1 << 16;
@@ -317,16 +338,8 @@ const PIXELS_MAX: u64 = 1 << 28;
 
 fn parse_size(text: &str) -> Result<Size, String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
-    let side = |text: &str| match text.trim().parse::<u32>() {
-        Ok(side @ 1..=SIDE_MAX) => Ok(side),
-        Ok(_) => Err(format!("each side must be from 1 to {SIDE_MAX}")),
-        Err(_) => Err(format!("`{text}` is not a number of pixels")),
-    };
-    let size = Size { width: side(width)?, height: side(height)? };
-    if u64::from(size.width) * u64::from(size.height) > PIXELS_MAX {
-        return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
-    }
-    Ok(size)
+    let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
+    Size::new(side(width)?, side(height)?)
 }
 
 fn parse_rect(text: &str) -> Result<Rect, String> {

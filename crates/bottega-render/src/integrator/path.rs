@@ -87,16 +87,17 @@ impl<'a> PathIntegrator<'a> {
     }
 
     /// Where a sample's path begins.
-    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
+    /// And the factor with which the sample counts.
+    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
-        let [dx, dy] = self.filter.sample([filter_u, filter_v]);
-        self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v])
+        let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
+        (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
     #[inline]
     pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
-        let ray = self.camera_ray(&sampler, x, y);
+        let (ray, factor) = self.camera_ray(&sampler, x, y);
         let mut path = Path {
             integrator: self,
             sampler,
@@ -113,7 +114,9 @@ impl<'a> PathIntegrator<'a> {
             record: PathRecord::default(),
         };
         while path.advance() {}
-        path.finish()
+        let mut record = path.finish();
+        record.values.radiance = record.values.radiance.map(|value| value * factor);
+        record
     }
 }
 

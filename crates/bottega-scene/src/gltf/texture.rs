@@ -53,7 +53,7 @@ impl<'a> Textures<'a> {
             None => &default,
             Some(index) => find("sampler", &document.samplers, index).map_err(invalid)?,
         };
-        if let Some(image) = texture.source {
+        if let Some(image) = texture.picture() {
             find("image", &document.images, image).map_err(invalid)?;
         } else {
             let message =
@@ -66,7 +66,7 @@ impl<'a> Textures<'a> {
             warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
         }
         Ok(TextureMap {
-            image: self.id(texture.source, picture),
+            image: self.id(texture.picture(), picture),
             uv_set: if uv_set == 1 { 1 } else { 0 },
             picture_from_uv: transform.map_or(Affine2::IDENTITY, picture_from_uv),
             wrap_u: wrap(sampler.wrap_s),
@@ -189,7 +189,7 @@ fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError>
     let image = &source.document.images[index];
     let place = || format!("images[{index}]");
     if let Some(view) = image.buffer_view {
-        let view = view_bytes(source.document, source.buffers, view);
+        let view = view_bytes(source.document, source.bytes, view);
         let (bytes, _) = view.map_err(|problem| source.invalid(place(), problem))?;
         return Ok(Ok(Cow::Borrowed(bytes)));
     }

@@ -100,13 +100,14 @@ pub(super) fn load_buffers<'a>(
     for (index, buffer) in document.buffers.iter().enumerate() {
         let place = || format!("buffers[{index}]");
         let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: place(), problem };
-        let mut bytes = match (&buffer.uri, bin) {
+        let uri = buffer.uri.as_ref().filter(|_| !buffer.extensions.is_fallback());
+        let mut bytes = match (uri, bin) {
             (Some(uri), _) => match resolve(uri).map_err(|bad| bad.error(path, place(), uri))? {
                 Reference::Data(bytes) => Cow::Owned(bytes),
                 Reference::File(file) => Cow::Owned(resources.open(&file, &place())?),
             },
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-            // Compressed data is decompressed into such a buffer. Who reads from it is told that it is empty.
+            // Views of such a buffer are decompressed from another one. Who reads it otherwise is told that it is empty.
             (None, _) => {
                 buffers.push(Cow::Borrowed(&[][..]));
                 continue;

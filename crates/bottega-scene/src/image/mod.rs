@@ -2,6 +2,8 @@
 
 mod decode;
 mod lookup;
+mod openexr;
+mod pfm;
 mod pictures;
 mod pyramid;
 mod srgb;

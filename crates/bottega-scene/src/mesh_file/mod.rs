@@ -10,6 +10,7 @@ pub(crate) mod mtl;
 mod normals;
 pub(crate) mod obj;
 pub(crate) mod ply;
+mod scene;
 pub(crate) mod serialized;
 
 use std::path::Path;
@@ -20,6 +21,8 @@ use rayon::prelude::*;
 
 use crate::load::{Held, MemoryBudget};
 use crate::{Mesh, SceneError};
+
+pub(crate) use scene::{import, recognizes};
 
 /// The file that is being read, for errors and for the memory that it may take.
 #[derive(Clone, Copy)]

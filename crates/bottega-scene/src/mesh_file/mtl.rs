@@ -37,11 +37,17 @@ pub(crate) struct MtlMaterial {
     pub(crate) metallic: Option<f32>,
     /// `illum`: the model of illumination.
     pub(crate) illum: Option<u32>,
+    /// `map_Kd`.
     pub(crate) diffuse_map: Option<MtlMap>,
+    /// `map_Ks`.
     pub(crate) specular_map: Option<MtlMap>,
+    /// `map_Ke`.
     pub(crate) emission_map: Option<MtlMap>,
+    /// `map_d`.
     pub(crate) opacity_map: Option<MtlMap>,
+    /// `map_Pr`.
     pub(crate) roughness_map: Option<MtlMap>,
+    /// `map_Pm`.
     pub(crate) metallic_map: Option<MtlMap>,
     /// `map_bump` and `bump`: heights.
     pub(crate) bump_map: Option<MtlMap>,
@@ -63,7 +69,7 @@ pub(crate) struct MtlMap {
     /// `-clamp on`: not repeated.
     pub(crate) clamp: bool,
     /// `-bm`: strength of a bump map.
-    pub(crate) strength: f32,
+    pub(crate) strength: Option<f32>,
 }
 
 /// Reads a library. Statements without a meaning for us are skipped.
@@ -151,7 +157,7 @@ fn color(words: &[u8]) -> Result<Option<Vec3>, String> {
 /// Options, then the name, which may contain spaces. `None`: there is no name.
 fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
     let mut map =
-        MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: 1.0 };
+        MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: None };
     let mut rest = words;
     loop {
         let before = rest;
@@ -159,7 +165,7 @@ fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
             Some(b"-s") => map.scale = vector(&mut rest, 1.0),
             Some(b"-o") => map.offset = vector(&mut rest, 0.0),
             Some(b"-t") => drop(vector(&mut rest, 0.0)),
-            Some(b"-bm") => map.strength = vector(&mut rest, 1.0).x,
+            Some(b"-bm") => map.strength = Some(vector(&mut rest, 1.0).x),
             Some(b"-clamp") => map.clamp = next_word(&mut rest) == Some(b"on"),
             Some(b"-mm") => drop(vector(&mut rest, 0.0)),
             Some(
@@ -213,7 +219,7 @@ mod tests {
         let map = first.diffuse_map.as_ref().unwrap();
         assert_eq!((map.reference.as_str(), map.line, map.clamp), ("my wood.png", 13, true));
         assert_eq!((map.scale, map.offset), (Vec2::new(2.0, 3.0), Vec2::new(0.5, 0.0)));
-        assert_eq!(first.bump_map.as_ref().unwrap().strength, 0.2);
+        assert_eq!(first.bump_map.as_ref().unwrap().strength, Some(0.2));
         assert_eq!(first.normal_map.as_ref().unwrap().reference, "n.png");
         assert_eq!((materials[1].opacity, materials[1].diffuse), (Some(0.75), None));
     }

@@ -51,14 +51,33 @@ pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryB
     Stream { source, decoder, capacity, place }.mesh(bytes[2] == 4)
 }
 
-/// Where the mesh is, by the table at the end of the file: offsets, then their number.
+/// How many meshes a file holds.
+pub(crate) fn count(path: &Path, bytes: &[u8]) -> Result<u32, SceneError> {
+    table(bytes).map(|table| table.count as u32).ok_or_else(|| no_table(path))
+}
+
+/// The table at the end of a file: offsets, then their number.
+struct Table {
+    start: usize,
+    /// Bytes of an offset.
+    width: usize,
+    count: usize,
+}
+
+fn table(bytes: &[u8]) -> Option<Table> {
+    let width = if bytes.get(2) == Some(&4) { 8 } else { 4 };
+    let count = u32::from_le_bytes(*bytes.last_chunk()?) as usize;
+    let start = bytes.len().checked_sub(count.checked_mul(width)?.checked_add(4)?)?;
+    (count > 0).then_some(Table { start, width, count })
+}
+
+fn no_table(path: &Path) -> SceneError {
+    SceneError::Damaged { path: path.into(), problem: "the table at its end is not there".into() }
+}
+
+/// Where a mesh is.
 fn find(source: Source<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::Range<usize>, SceneError> {
-    let width = if bytes[2] == 4 { 8 } else { 4 };
-    let count = bytes.last_chunk().map_or(0, |count| u32::from_le_bytes(*count)) as usize;
-    let table = count.checked_mul(width).and_then(|size| bytes.len().checked_sub(size + 4));
-    let Some(table) = table.filter(|_| count > 0) else {
-        return Err(source.damaged("the table at its end is not there"));
-    };
+    let Table { start: table, width, count } = table(bytes).ok_or_else(|| no_table(source.path))?;
     let offset = |index: usize| {
         let entry = bytes.get(table + index * width..table + (index + 1) * width)?;
         let mut wide = [0; 8];

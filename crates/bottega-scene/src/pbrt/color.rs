@@ -166,6 +166,9 @@ impl Context<'_> {
                 if !rest.is_empty() {
                     return Err(at.fault(format!("`{name}` is no list of pairs of wavelength and value")).into());
                 }
+                if pairs.iter().any(|[_, value]| *value < 0.0) {
+                    return Err(at.fault(format!("the spectrum `{name}` has a negative value")).into());
+                }
                 let pairs = pairs.iter().map(|&[nm, value]| (nm, value)).collect();
                 Color::Samples(Sampled::new(pairs).map_err(|problem| at.fault(format!("`{name}`: {problem}")))?)
             }
@@ -175,11 +178,6 @@ impl Context<'_> {
             },
             (_, Values::Bools(_)) => return Ok(None),
         };
-        if let Color::Samples(samples) = &color
-            && samples.has_negative()
-        {
-            return Err(at.fault(format!("the spectrum `{name}` has a negative value")).into());
-        }
         Ok(Some(color))
     }
 

@@ -96,7 +96,9 @@ impl World {
             context.warn(film.at, "the picture is written in linear Rec. 709, not in the colour space of the film");
         }
         params.ignore(&["filename", "diagonal", "savefp16", "maxcomponentvalue", "coordinatesystem", "nbuckets"]);
-        params.ignore(&["lambdamin", "lambdamax"]);
+        // The first four are asked for by `exposure`.
+        params.ignore(&["iso", "exposuretime", "sensor", "whitebalance", "lambdamin", "lambdamax"]);
+        context.report_unused(params);
         Ok((resolution, crop))
     }
 
@@ -134,7 +136,6 @@ impl World {
                 "the colours of the lights are balanced, instead of the picture's",
             );
         }
-        context.report_unused(params);
         Ok(Exposure { matrix })
     }
 

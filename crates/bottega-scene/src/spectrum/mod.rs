@@ -67,11 +67,6 @@ impl Sampled {
         }
     }
 
-    /// Whether a value is below 0.
-    pub(crate) fn has_negative(&self) -> bool {
-        self.samples.iter().any(|&(_, value)| value < 0.0)
-    }
-
     /// The same spectrum times a number.
     pub(crate) fn scaled(mut self, factor: f64) -> Self {
         self.samples.iter_mut().for_each(|(_, value)| *value *= factor);

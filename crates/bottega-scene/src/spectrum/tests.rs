@@ -27,7 +27,7 @@ fn spectra_of_mitsuba_become_what_it_makes_of_them() {
     let green = sampled(&[(500.0, 0.0), (501.0, 1.0), (549.0, 1.0), (550.0, 0.0)]);
     assert_close(green.mitsuba_reflectance(), [0.0, 0.614518, 0.0], 2e-5);
     assert_close(green.scaled(4.0).mitsuba_unbounded(), [0.0, 4.0 * 0.614518, 0.0], 1e-4);
-    assert_close(Sampled::constant(2.5).mitsuba_radiance(), [3.01198, 2.37073, 2.27229], 1e-4);
+    assert_close(Sampled::constant(2.5).mitsuba_radiance(), [3.01198, 2.37073, 2.27229], 1e-3);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The glTF importer, through its front door: files in, scenes or errors out.
 
 mod bad_input;
+mod compressed;
 mod fuzz;
 mod geometry;
 mod materials;

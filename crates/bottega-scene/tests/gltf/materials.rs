@@ -224,6 +224,6 @@ fn pictures_that_cannot_be_read_are_replaced() {
         assert!(warns(&loaded, &["images[0]", "magenta"]), "{image}: {:?}", loaded.warnings);
     }
     // The file that is there but for its picture format.
-    file.json["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    file.json["textures"] = json!([{"extensions": {"EXT_texture_avif": {"source": 0}}}]);
     assert!(warns(&file.load(), &["materials[0]", "texture 0", "magenta"]));
 }

@@ -2,6 +2,7 @@
 //!
 //! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named.
 
+pub(super) mod materials;
 mod parse;
 mod weld;
 
@@ -201,6 +202,7 @@ impl<'a> ObjFile<'a> {
     }
 
     /// One mesh of all triangles, with the normals of the file or without any: as Mitsuba's `obj` shape takes it.
+    #[allow(dead_code, reason = "for formats that refer to OBJ files as shapes")]
     pub(crate) fn into_single(self) -> Result<Mesh, SceneError> {
         weld::Welder::new(&self).weld(&[(0, self.triangles.len(), 0)], false).map(finish)
     }
