@@ -449,7 +449,6 @@ pub(crate) fn is_there(prepared: &PreparedScene, ray: &Ray, hit: &Hit, chance: i
 mod tests {
     use std::sync::Arc;
 
-    use bottega_kernels::Ray;
     use bottega_scene::{Instance, Layered};
     use glam::Affine3A;
 

@@ -24,7 +24,7 @@ pub enum SceneError {
         found: &'static str,
     },
     /// Neither the name nor the first bytes are those of a format that we read.
-    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .obj, .ply, .serialized)", path.display())]
+    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

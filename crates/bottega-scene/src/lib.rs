@@ -23,6 +23,7 @@ mod mend;
 mod mesh_file;
 mod mitsuba;
 mod model;
+mod pbrt;
 mod resource;
 mod shapes;
 mod sky;

@@ -9,7 +9,9 @@ use crate::error::Warnings;
 use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
 use crate::resource::Resources;
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba};
+use crate::{
+    Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt,
+};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,6 +186,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         gltf::import
     } else if mitsuba::recognizes(path, &file) {
         mitsuba::import
+    } else if pbrt::recognizes(path) {
+        pbrt::import
     } else if mesh_file::recognizes(path, &file) {
         mesh_file::import
     } else {

@@ -169,6 +169,11 @@ impl Image {
         self.level_texel(self.level_count() - 1, 0, 0)
     }
 
+    /// Whether it has one channel only, which stands for all colours.
+    pub(crate) fn is_gray(&self) -> bool {
+        matches!(self.texels, Texels::Gray8(_))
+    }
+
     /// Whether some texel may have an alpha below 1.
     pub fn has_alpha(&self) -> bool {
         matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))

@@ -19,7 +19,7 @@ use bytemuck::Pod;
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use crate::load::MemoryBudget;
+use crate::load::{Held, MemoryBudget};
 use crate::{Mesh, SceneError};
 
 pub(crate) use scene::{import, recognizes};
@@ -51,6 +51,19 @@ impl Source<'_> {
         bytemuck::allocation::try_zeroed_vec(count)
             .map_err(|()| SceneError::Read { path: self.path.into(), source: std::io::ErrorKind::OutOfMemory.into() })
     }
+}
+
+/// Unfolds a gzip file, or gives the bytes back where they are none. The memory is booked as long as the second result is
+/// kept.
+pub(crate) fn unfolded<'a>(
+    path: &'a Path,
+    bytes: Vec<u8>,
+    budget: &'a MemoryBudget,
+) -> Result<(Vec<u8>, Option<Held<'a>>), SceneError> {
+    if !bytes.starts_with(inflate::GZIP_MAGIC) {
+        return Ok((bytes, None));
+    }
+    inflate::gunzip(Source { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
 }
 
 /// Mends what would poison the shading, and drops what says nothing.

@@ -9,7 +9,7 @@ use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
     AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Material, MediumId,
-    Plastic, Principled, Relief, RoughnessScale, ScalarParam, SceneError, Sides, Spectrum, Surface,
+    Plastic, Principled, Relief, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides, Spectrum, Surface,
 };
 
 /// What a material is made of: bsdf, emitter, interior and exterior medium.
@@ -408,7 +408,7 @@ impl Importer<'_> {
                 *roughness = self.scalar(object, name, 0.1)?;
             }
         }
-        Ok(Facets { distribution, roughness, scale: RoughnessScale::Alpha })
+        Ok(Facets { distribution, roughness, scale: RoughnessScale::Alpha, shadowing: Shadowing::Separable })
     }
 
     fn principled(&mut self, object: &Object) -> Result<Principled, SceneError> {

@@ -11,7 +11,7 @@ mod observer;
 use glam::DVec3;
 
 pub(crate) use file::read_spd;
-pub(crate) use named::{glass, illuminant, metal, mitsuba_ior};
+pub(crate) use named::{glass, illuminant, metal, metal_spectra, mitsuba_ior};
 use observer::{Observer, WAVELENGTH_MAX, WAVELENGTH_MIN, rec709_of_xyz};
 
 use crate::Spectrum;

@@ -18,7 +18,7 @@ pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
 }
 
 /// The measured n and k of a metal.
-fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
+pub(crate) fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
     let (mut eta, mut k) = (Vec::new(), Vec::new());
     let mut is_found = false;
     for line in include_str!("metals.txt").lines().filter(|line| !line.starts_with('#')) {

@@ -1,0 +1,241 @@
+//! Textures that no single picture shows, made into one.
+
+use std::rc::Rc;
+
+use glam::{Affine2, DVec3, Vec2, Vec4};
+
+use super::context::Context;
+use super::texture::{Node, PictureNode, constant, texel_center};
+use super::token::Place;
+use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
+
+/// The longest side of a baked picture.
+const SIDE_MAX: f32 = 4096.0;
+
+/// Texels that a cell of a checkerboard with textures gets.
+const CELL_TEXELS: f32 = 64.0;
+
+/// A picture to be made of a texture.
+pub(super) struct Bake {
+    node: Rc<Node>,
+    is_scalar: bool,
+    /// Applied to every colour in the end.
+    change: Option<fn(DVec3) -> DVec3>,
+    at: Place,
+    layout: Layout,
+}
+
+/// What the baked picture covers.
+#[derive(Clone, Debug, PartialEq)]
+enum Layout {
+    /// Two times two cells of a checkerboard of constants.
+    Cells(Affine2),
+    /// What all its pictures cover in common.
+    Picture(PictureNode),
+    /// The unit square of texture coordinates.
+    Square,
+}
+
+impl Bake {
+    pub(super) fn new(node: Rc<Node>, is_scalar: bool, change: Option<fn(DVec3) -> DVec3>, at: Place) -> Self {
+        let layout = layout(&node);
+        Self { node, is_scalar, change, at, layout }
+    }
+
+    /// From texture coordinates to the baked picture.
+    pub(super) fn picture_from_uv(&self) -> Affine2 {
+        match &self.layout {
+            // Both count t upwards: row 0 is the lower row of cells.
+            Layout::Cells(mapping) => Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * *mapping,
+            Layout::Picture(node) => node.picture_from_uv,
+            Layout::Square => Affine2::IDENTITY,
+        }
+    }
+
+    pub(super) fn wrap(&self) -> Wrap {
+        if let Layout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
+    }
+
+    pub(super) fn is_smooth(&self) -> bool {
+        match &self.layout {
+            Layout::Cells(_) => false,
+            Layout::Picture(node) => node.smooth,
+            Layout::Square => true,
+        }
+    }
+
+    /// Whether the picture repeats as the texture does.
+    pub(super) fn repeats(&self) -> bool {
+        fn whole(mapping: &Affine2, period: f32) -> bool {
+            [mapping.matrix2.x_axis.x, mapping.matrix2.y_axis.y].iter().all(|scale| (scale / period).fract() == 0.0)
+        }
+        fn all(node: &Node) -> bool {
+            match node {
+                Node::Constant(_) => true,
+                Node::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.picture_from_uv, 1.0),
+                Node::Scale(a, b) => all(a) && all(b),
+                Node::Mix(a, b, amount) => all(a) && all(b) && all(amount),
+                Node::Checkerboard(mapping, a, b) => whole(mapping, 2.0) && all(a) && all(b),
+                // Beyond the unit square it goes on growing.
+                Node::Bilinear(..) => false,
+            }
+        }
+        self.layout != Layout::Square || all(&self.node)
+    }
+
+    /// Makes it.
+    ///
+    /// - `pictures`: what the tree refers to.
+    pub(super) fn image(&self, context: &Context<'_>, pictures: &[Image]) -> Result<Image, SceneError> {
+        let (width, height) = match &self.layout {
+            Layout::Cells(_) => (2, 2),
+            _ => {
+                let size = size(&self.node, pictures, self.layout == Layout::Square).min(Vec2::splat(SIDE_MAX));
+                (size.x.max(1.0) as u32, size.y.max(1.0) as u32)
+            }
+        };
+        let bytes = width as usize * height as usize * size_of::<[f32; 3]>() * 4 / 3;
+        context.resources.budget().take(context.path(self.at.file), &context.place(self.at), bytes)?;
+        let texel = |index: u32| {
+            let (x, y) = (index % width, index / width);
+            let value = match &self.layout {
+                Layout::Cells(_) => match &*self.node {
+                    Node::Checkerboard(_, even, odd) => constant(if x == y { even } else { odd }).unwrap_or_default(),
+                    _ => DVec3::ZERO,
+                },
+                Layout::Picture(_) => value(&self.node, texel_center(x, y, width, height), true, pictures),
+                Layout::Square => value(&self.node, texel_center(x, y, width, height), false, pictures),
+            };
+            let value = self.change.map_or(value, |change| change(value));
+            let value = if self.is_scalar { DVec3::splat(value.element_sum() / 3.0) } else { value };
+            value.as_vec3().to_array()
+        };
+        let texels = (0..width * height).map(texel).collect();
+        Ok(Image::from_linear_rgb(format!("texture of {}", context.place(self.at)), width, height, texels))
+    }
+}
+
+fn layout(node: &Rc<Node>) -> Layout {
+    if let Node::Checkerboard(mapping, even, odd) = &**node
+        && constant(even).is_some()
+        && constant(odd).is_some()
+    {
+        return Layout::Cells(*mapping);
+    }
+    let mut leaves = Vec::new();
+    if gather(node, &mut leaves)
+        && let Some((first, rest)) = leaves.split_first()
+        && rest.iter().all(|leaf| (leaf.picture_from_uv, leaf.wrap) == (first.picture_from_uv, first.wrap))
+    {
+        return Layout::Picture((*first).clone());
+    }
+    Layout::Square
+}
+
+/// Gathers the pictures of a tree. Whether there is nothing else that depends on the place.
+fn gather<'a>(node: &'a Node, leaves: &mut Vec<&'a PictureNode>) -> bool {
+    match node {
+        Node::Constant(_) => true,
+        Node::Picture(leaf) => {
+            leaves.push(leaf);
+            true
+        }
+        Node::Scale(a, b) => gather(a, leaves) && gather(b, leaves),
+        Node::Mix(a, b, amount) => gather(a, leaves) && gather(b, leaves) && gather(amount, leaves),
+        Node::Checkerboard(..) | Node::Bilinear(..) => false,
+    }
+}
+
+/// How many texels show all of a tree: of its pictures, or of the unit square where these may repeat.
+fn size(node: &Node, pictures: &[Image], of_square: bool) -> Vec2 {
+    let scale = |mapping: &Affine2| Vec2::new(mapping.matrix2.x_axis.x, mapping.matrix2.y_axis.y).abs();
+    match node {
+        Node::Constant(_) => Vec2::ONE,
+        Node::Picture(node) => {
+            let (width, height) = pictures[node.picture.0 as usize].size();
+            let size = Vec2::new(width as f32, height as f32);
+            if of_square { (size * scale(&node.picture_from_uv)).ceil() } else { size }
+        }
+        Node::Scale(a, b) => size(a, pictures, of_square).max(size(b, pictures, of_square)),
+        Node::Mix(a, b, amount) => {
+            size(a, pictures, of_square).max(size(b, pictures, of_square)).max(size(amount, pictures, of_square))
+        }
+        Node::Checkerboard(mapping, a, b) => {
+            let cells = (scale(mapping) * CELL_TEXELS).ceil();
+            cells.max(size(a, pictures, of_square)).max(size(b, pictures, of_square))
+        }
+        Node::Bilinear(..) => Vec2::splat(CELL_TEXELS),
+    }
+}
+
+/// The value of a tree.
+///
+/// - `at`: texture coordinates; with `on_picture` those of the pictures themselves.
+fn value(node: &Node, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
+    let place = |mapping: &Affine2| if on_picture { at } else { mapping.transform_point2(at) };
+    match node {
+        Node::Constant(value) => *value,
+        Node::Picture(node) => picture_value(node, place(&node.picture_from_uv), pictures),
+        Node::Scale(a, b) => value(a, at, on_picture, pictures) * value(b, at, on_picture, pictures),
+        Node::Mix(a, b, amount) => {
+            let (a, b) = (value(a, at, on_picture, pictures), value(b, at, on_picture, pictures));
+            a + (b - a) * value(amount, at, on_picture, pictures)
+        }
+        Node::Checkerboard(mapping, even, odd) => {
+            let st = place(mapping);
+            let parity = (st.x.floor() + (1.0 - st.y).floor()).rem_euclid(2.0);
+            value(if parity == 0.0 { even } else { odd }, at, on_picture, pictures)
+        }
+        Node::Bilinear(mapping, [v00, v01, v10, v11]) => {
+            let st = place(mapping);
+            let (s, t) = (f64::from(st.x), f64::from(1.0 - st.y));
+            (*v00 * (1.0 - s) + *v10 * s) * (1.0 - t) + (*v01 * (1.0 - s) + *v11 * s) * t
+        }
+    }
+}
+
+fn picture_value(node: &PictureNode, at: Vec2, pictures: &[Image]) -> DVec3 {
+    let image = &pictures[node.picture.0 as usize];
+    let map = TextureMap { wrap_u: node.wrap, wrap_v: node.wrap, smooth: node.smooth, ..TextureMap::new(ImageId(0)) };
+    let texel = image.eval(&map, at, 0.0).as_dvec4();
+    let mut value = texel.truncate();
+    if let Some(gamma) = node.gamma {
+        value = value.powf(gamma);
+    }
+    if node.is_scalar {
+        value = DVec3::splat(if image.has_alpha() { texel.w } else { value.element_sum() / 3.0 });
+    }
+    value *= node.scale;
+    if node.invert { (DVec3::ONE - value).max(DVec3::ZERO) } else { value }
+}
+
+/// What pbrt takes for a number from a picture: its alpha where it has one, else the mean of its colours.
+pub(super) fn scalar_image(image: Image) -> Image {
+    if image.is_gray() {
+        return image;
+    }
+    let (width, height) = image.size();
+    let texels = (0..width * height).map(|index| image.texel(index % width, index / width));
+    if image.has_alpha() && !image.is_high_dynamic_range() {
+        let alpha = texels.map(|texel| (texel.w * 255.0 + 0.5) as u8).collect();
+        return Image::from_gray8(image.name.clone(), width, height, alpha, false);
+    }
+    let has_alpha = image.has_alpha();
+    let number = |texel: Vec4| [if has_alpha { texel.w } else { texel.truncate().element_sum() / 3.0 }; 3];
+    Image::from_linear_rgb(image.name.clone(), width, height, texels.map(number).collect())
+}
+
+/// A picture times the cube of the cosine to the axis of its projection.
+///
+/// - `fov`: angle of the shorter side, in degrees.
+pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
+    let (width, height) = image.size();
+    let scale = (0.5 * fov.to_radians()).tan() / f64::from(width.min(height));
+    let texel = |index: u32| {
+        let (x, y) = (index % width, index / width);
+        let offset = |place: u32, size: u32| (2.0 * f64::from(place) + 1.0 - f64::from(size)) * scale;
+        let cosine = 1.0 / (1.0 + offset(x, width).powi(2) + offset(y, height).powi(2)).sqrt();
+        (image.texel(x, y).truncate() * cosine.powi(3) as f32).to_array()
+    };
+    Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
+}

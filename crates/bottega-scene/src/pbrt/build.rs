@@ -1,0 +1,585 @@
+//! From what the file describes to the scene: shapes get their materials, files of meshes are read, objects are placed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Quat, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::context::{Context, Outcome};
+use super::film::Exposure;
+use super::light::{Emission, Lights, emission, mean_luminance};
+use super::material::Materials;
+use super::medium::Media;
+use super::shape::{Geometry, sphere_mesh};
+use super::texture::Textures;
+use super::token::Place;
+use super::transform::{axes_and_scale, rounded};
+use super::world::{Alpha, Shape, World};
+use crate::mesh_file::ply;
+use crate::model::is_placeable;
+use crate::resource::Location;
+use crate::{
+    AlphaMode, Back, Instance, Material, MediumId, Mesh, RenderHints, ScalarParam, Scene, SceneError, Sides, Sphere,
+    Surface,
+};
+
+/// Meshes with fewer triangles are joined with others of the same material: files may describe each of a million
+/// triangles as a shape of its own.
+const SMALL: usize = 256;
+
+/// A joined mesh with more vertices is closed.
+const JOINED_MAX: usize = 1 << 22;
+
+/// What the material of the scene is made from. Equal keys share it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct MaterialKey {
+    material: usize,
+    /// Index of the area light, and where its power matters the bits of the area and the number of primitives.
+    light: Option<(usize, Option<(u64, usize)>)>,
+    media: [Option<MediumId>; 2],
+    /// Name of the texture, or bits of the number.
+    alpha: Option<Result<String, u64>>,
+    /// Of a sphere whose inside is its front.
+    inside_out: bool,
+}
+
+/// A mesh of the scene, by what it was made of.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct PlyKey {
+    name: String,
+    material: u32,
+    reversed: bool,
+}
+
+/// A part of the scene that can be placed again and again.
+enum Part {
+    Mesh { mesh: u32, world_from_mesh: DAffine3, at: Place },
+    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: Place },
+}
+
+pub(super) struct Builder<'c, 'a, 'w> {
+    context: &'c mut Context<'a>,
+    world: &'w World,
+    textures: Textures<'a, 'w>,
+    materials: Materials<'w>,
+    media: Media<'w>,
+    exposure: Exposure,
+    scene: Scene,
+    material_of: BTreeMap<MaterialKey, u32>,
+    /// Materials whose emission waits for its picture.
+    by_power: Vec<u32>,
+    /// Files of meshes, and how many meshes of the scene will be made of each.
+    files: BTreeMap<String, (Option<Mesh>, usize)>,
+    ply_meshes: BTreeMap<PlyKey, u32>,
+    mirrored: BTreeMap<u32, u32>,
+}
+
+impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
+    pub(super) fn new(context: &'c mut Context<'a>, world: &'w World) -> Outcome<Self> {
+        let exposure = world.exposure(context)?;
+        Ok(Self {
+            textures: Textures::new(world, context),
+            materials: Materials::new(world),
+            media: Media::new(world, exposure),
+            exposure,
+            context,
+            world,
+            scene: Scene::default(),
+            material_of: BTreeMap::new(),
+            by_power: Vec::new(),
+            files: BTreeMap::new(),
+            ply_meshes: BTreeMap::new(),
+            mirrored: BTreeMap::new(),
+        })
+    }
+
+    /// Makes the scene. The geometry is taken out of `shapes` and `objects`.
+    pub(super) fn build(
+        mut self,
+        shapes: Vec<Shape>,
+        mut objects: BTreeMap<String, Vec<Shape>>,
+    ) -> Outcome<(Scene, RenderHints)> {
+        let hints = self.world.hints(self.context)?;
+        let media = &self.world.camera_media;
+        let medium = self.media.find(self.context, media.outside.as_deref(), media.at)?;
+        let resolution = hints.resolution.unwrap_or([1; 2]);
+        let camera = self.world.camera(self.context, resolution, medium)?;
+        self.scene.cameras.push(camera);
+        let used: BTreeSet<&str> = self.world.instances.iter().map(|instance| instance.name.as_str()).collect();
+        objects.retain(|name, _| used.contains(name.as_str()));
+        self.read_files(shapes.iter().chain(objects.values().flatten()))?;
+
+        for part in self.parts(shapes)? {
+            self.place(&part, DAffine3::IDENTITY)?;
+        }
+        let mut parts_of = BTreeMap::new();
+        for (name, shapes) in objects {
+            parts_of.insert(name, self.parts(shapes)?);
+        }
+        for instance in &self.world.instances {
+            let Some(parts) = parts_of.get(&instance.name) else {
+                let problem = format!("there is no object \"{}\"", crate::text::shortened(&instance.name));
+                return Err(instance.at.fault(problem).into());
+            };
+            let bytes = parts.len() * (size_of::<Instance>() + size_of::<Sphere>());
+            self.take(instance.at, bytes)?;
+            for part in parts {
+                self.place(part, instance.world_from_instance)?;
+            }
+        }
+        let lights = Lights::new(self.context, &mut self.textures, self.world, self.exposure)?;
+        self.finish(lights).map(|scene| (scene, hints))
+    }
+
+    fn finish(mut self, lights: Lights) -> Outcome<Scene> {
+        for light in &self.world.area_lights {
+            self.context.report_unused(&light.params);
+        }
+        self.scene.media = self.media.list;
+        self.scene.images = self.textures.load(self.context)?;
+        for material in self.by_power {
+            let emission = &mut self.scene.materials[material as usize].emission;
+            if let Some(map) = &emission.texture {
+                let mean = mean_luminance(&self.scene.images[map.image.0 as usize]);
+                emission.factor *= if mean > 0.0 { (1.0 / mean) as f32 } else { 0.0 };
+            }
+        }
+        lights.finish(self.context, &mut self.scene)?;
+        if let Some((at, count)) = self.world.moving {
+            let message = format!("{count} things move while the shutter is open; they stand where they start");
+            self.context.unsupported(at, message);
+        }
+        Ok(self.scene)
+    }
+
+    fn take(&self, at: Place, bytes: usize) -> Outcome<()> {
+        Ok(self.context.resources.budget().take(self.context.path(at.file), &self.context.place(at), bytes)?)
+    }
+
+    /// Reads all files of meshes, in parallel.
+    fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s Shape>) -> Outcome<()> {
+        let mut locations: BTreeMap<&str, &Location> = BTreeMap::new();
+        for shape in shapes {
+            if let Geometry::Ply(location) = &shape.geometry {
+                locations.insert(&location.name, location);
+            }
+        }
+        let resources = self.context.resources;
+        let read = |location: &Location| -> Result<Mesh, SceneError> {
+            let bytes = resources.read(location)?;
+            let mut mesh = ply::read(location.path(), &bytes, resources.budget())?;
+            mesh.colors = Vec::new();
+            mesh.flip_v();
+            mesh.face_normals();
+            Ok(mesh)
+        };
+        let list: Vec<(&str, &Location)> = locations.into_iter().collect();
+        let meshes: Vec<Result<Mesh, SceneError>> = list.par_iter().map(|(_, location)| read(location)).collect();
+        for ((name, _), mesh) in list.into_iter().zip(meshes) {
+            self.files.insert(name.into(), (Some(mesh?), 0));
+        }
+        Ok(())
+    }
+
+    /// The shapes with their materials; small ones joined.
+    fn parts(&mut self, shapes: Vec<Shape>) -> Outcome<Vec<Part>> {
+        // Materials first: they tell how often each file is needed.
+        let mut materials = Vec::with_capacity(shapes.len());
+        for shape in &shapes {
+            let material = self.material(shape, false)?;
+            let inside_out = matches!(shape.geometry, Geometry::Sphere { .. }) && shape.reverse_orientation;
+            let own = if inside_out { self.material(shape, true)? } else { material };
+            if let Geometry::Ply(location) = &shape.geometry {
+                let key = self.ply_key(shape, location, material);
+                if !self.ply_meshes.contains_key(&key)
+                    && let Some((_, uses)) = self.files.get_mut(&location.name)
+                {
+                    self.ply_meshes.insert(key, u32::MAX);
+                    *uses += 1;
+                }
+            }
+            materials.push((material, own));
+        }
+        let mut joined = Joined::default();
+        let mut parts = Vec::new();
+        for (shape, (material, own)) in shapes.into_iter().zip(materials) {
+            let at = shape.at;
+            match shape.geometry {
+                Geometry::Sphere { radius } => parts.push(Part::Sphere {
+                    radius,
+                    world_from_sphere: shape.world_from_object,
+                    material: own,
+                    tessellated_material: material,
+                    at,
+                }),
+                Geometry::Ply(ref location) => {
+                    let key = self.ply_key(&shape, location, material);
+                    let mesh = self.ply_mesh(&key, at)?;
+                    parts.push(Part::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
+                }
+                Geometry::Mesh { mesh, .. } => {
+                    let mesh = self.dressed(*mesh, material, shape.reverse_orientation, at)?;
+                    if mesh.triangles.is_empty() {
+                        continue;
+                    }
+                    if mesh.triangles.len() < SMALL {
+                        let mesh = baked(self.context, mesh, &shape.world_from_object, at)?;
+                        if let Some(full) = joined.add(mesh, at) {
+                            let mesh = self.scene.push_mesh(full);
+                            parts.push(Part::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+                        }
+                    } else {
+                        let mesh = self.scene.push_mesh(mesh);
+                        parts.push(Part::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
+                    }
+                }
+            }
+        }
+        for (mesh, at) in joined.finish() {
+            let mesh = self.scene.push_mesh(mesh);
+            parts.push(Part::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+        }
+        Ok(parts)
+    }
+
+    fn ply_key(&self, shape: &Shape, location: &Location, material: u32) -> PlyKey {
+        PlyKey { name: location.name.clone(), material, reversed: shape.reverse_orientation }
+    }
+
+    /// The mesh of the scene that a file and a material make.
+    fn ply_mesh(&mut self, key: &PlyKey, at: Place) -> Outcome<u32> {
+        if let Some(&mesh) = self.ply_meshes.get(key)
+            && mesh != u32::MAX
+        {
+            return Ok(mesh);
+        }
+        let mesh = match self.files.get_mut(&key.name) {
+            Some((mesh, uses)) => {
+                *uses = uses.saturating_sub(1);
+                // Objects come later, and may need it again.
+                if *uses == 0 && self.world.instances.is_empty() { mesh.take() } else { mesh.clone() }
+            }
+            None => None,
+        };
+        let mut mesh = mesh.unwrap_or_default();
+        self.take(at, mesh.memory_bytes())?;
+        mesh.name = key.name.clone();
+        let mesh = self.dressed(mesh, key.material, key.reversed, at)?;
+        let mesh = self.scene.push_mesh(mesh);
+        self.ply_meshes.insert(key.clone(), mesh);
+        Ok(mesh)
+    }
+
+    /// A mesh with its material, its front where it belongs, and no more than what the material asks for.
+    fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: Place) -> Outcome<Mesh> {
+        if reversed {
+            mesh.turn_over();
+        }
+        mesh.material = material;
+        let material = &self.scene.materials[material as usize];
+        let (textured, stretched) = (!material.textures().is_empty(), material.needs_tangents());
+        if !stretched {
+            mesh.tangents = Vec::new();
+        }
+        if !textured && !stretched {
+            mesh.uvs = Default::default();
+        } else if mesh.uvs[0].is_empty() {
+            self.take(at, mesh.triangles.len() * 3 * (size_of::<Vec3>() * 2 + size_of::<Vec2>()))?;
+            mesh = with_own_corners(&mesh);
+        }
+        Ok(mesh)
+    }
+
+    /// The material of a shape.
+    fn material(&mut self, shape: &Shape, inside_out: bool) -> Outcome<u32> {
+        let material = self.materials.find(&shape.material)?;
+        let look = self.materials.look(self.context, &mut self.textures, material)?;
+        let mut light = shape.area_light;
+        if light.is_some() && look.surface == Surface::Null {
+            self.context.warn(shape.at, "a light whose material is \"interface\" does not shine, as in pbrt");
+            light = None;
+        }
+        let power = match light {
+            Some(light) => self.world.area_lights[light].params.float("power")?.is_some_and(|power| power > 0.0),
+            None => false,
+        };
+        let (area, primitive_count) = if power { self.area(shape) } else { (1.0, 1) };
+        let media = self.media.interface(self.context, &shape.media)?;
+        let key = MaterialKey {
+            material,
+            light: light.map(|light| (light, power.then_some((area.to_bits(), primitive_count)))),
+            media,
+            alpha: shape.alpha.as_ref().map(|alpha| match alpha {
+                Alpha::Constant(alpha) => Err(alpha.to_bits()),
+                Alpha::Texture(name, _) => Ok(name.to_string()),
+            }),
+            inside_out,
+        };
+        if let Some(&material) = self.material_of.get(&key) {
+            return Ok(material);
+        }
+        let opacity: ScalarParam = match &shape.alpha {
+            None => 1.0.into(),
+            Some(Alpha::Constant(alpha)) => (alpha.clamp(0.0, 1.0) as f32).into(),
+            Some(Alpha::Texture(name, at)) => self.textures.named_scalar(self.context, name, *at)?,
+        };
+        let is_opaque = opacity.texture.is_none() && opacity.factor >= 1.0;
+        let emission = match light {
+            Some(light) => {
+                let entity = &self.world.area_lights[light];
+                Some(emission(self.context, &mut self.textures, entity, self.exposure, area, primitive_count)?)
+            }
+            None => None,
+        };
+        let by_power = emission.as_ref().is_some_and(|emission| emission.by_power);
+        let (emission, emission_sides) = match emission {
+            Some(Emission { color, sides, .. }) => (color, sides),
+            None => Default::default(),
+        };
+        let mut material = Material {
+            name: look.name,
+            surface: look.surface,
+            back: Back::Same,
+            opacity,
+            alpha_mode: if is_opaque { AlphaMode::Opaque } else { AlphaMode::Blend },
+            emission,
+            emission_sides,
+            relief: look.relief,
+            interior: media[0],
+            exterior: media[1],
+        };
+        if inside_out {
+            turn_inside_out(&mut material);
+        }
+        let index = self.scene.push_material(material);
+        self.take(shape.at, size_of::<Material>())?;
+        if by_power {
+            self.by_power.push(index);
+        }
+        self.material_of.insert(key, index);
+        Ok(index)
+    }
+
+    /// The area of a shape in world space, and the number of its primitives.
+    fn area(&self, shape: &Shape) -> (f64, usize) {
+        let of_mesh = |mesh: &Mesh| -> f64 {
+            let linear = shape.world_from_object.matrix3;
+            let area = |&triangle: &[u32; 3]| {
+                let [a, b, c] = triangle.map(|vertex| linear * mesh.positions[vertex as usize].as_dvec3());
+                0.5 * (b - a).cross(c - a).length()
+            };
+            mesh.triangles.iter().map(area).sum()
+        };
+        match &shape.geometry {
+            Geometry::Mesh { mesh, primitive_count } => (of_mesh(mesh), *primitive_count),
+            Geometry::Ply(location) => match self.files.get(&location.name) {
+                Some((Some(mesh), _)) => (of_mesh(mesh), mesh.triangles.len()),
+                _ => (0.0, 1),
+            },
+            Geometry::Sphere { radius } => {
+                let (_, scale) = axes_and_scale(&shape.world_from_object);
+                // Exact for scales that are equal in all directions.
+                let scale = scale.element_product().abs().powf(2.0 / 3.0);
+                (4.0 * std::f64::consts::PI * radius * radius * scale, 1)
+            }
+        }
+    }
+
+    /// Shows a part of the scene.
+    fn place(&mut self, part: &Part, world_from_parent: DAffine3) -> Outcome<()> {
+        match *part {
+            Part::Mesh { mesh, world_from_mesh, at } => {
+                self.place_mesh(mesh, &(world_from_parent * world_from_mesh), at)
+            }
+            Part::Sphere { radius, world_from_sphere, material, tessellated_material, at } => {
+                let world_from_sphere = world_from_parent * world_from_sphere;
+                match sphere(radius, &world_from_sphere, self.needs_azimuth(material)) {
+                    Some(sphere) => self.scene.spheres.push(Sphere { material, ..sphere }),
+                    None => {
+                        let mut mesh = sphere_mesh(radius);
+                        self.take(at, mesh.memory_bytes())?;
+                        // A material that is turned inside out is for spheres that are not.
+                        let reversed = material != tessellated_material;
+                        mesh = self.dressed(mesh, tessellated_material, reversed, at)?;
+                        let mesh = self.scene.push_mesh(mesh);
+                        self.place_mesh(mesh, &world_from_sphere, at)?;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn needs_azimuth(&self, material: u32) -> bool {
+        let material = &self.scene.materials[material as usize];
+        !material.textures().is_empty() || material.needs_tangents()
+    }
+
+    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: Place) -> Outcome<()> {
+        let Ok(mut world_from_object) = rounded(world_from_mesh, at) else {
+            return self.place_flattened(mesh, world_from_mesh, at);
+        };
+        let mut mesh = mesh;
+        if world_from_object.matrix3.determinant() < 0.0 {
+            mesh = match self.mirrored.get(&mesh) {
+                Some(&mirrored) => mirrored,
+                None => {
+                    let original = &self.scene.meshes[mesh as usize];
+                    self.take(at, original.memory_bytes())?;
+                    let mirrored = self.scene.push_mesh(original.clone().mirrored());
+                    self.mirrored.insert(mesh, mirrored);
+                    mirrored
+                }
+            };
+            world_from_object *= Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+        }
+        let bounds = self.scene.meshes[mesh as usize].bounds();
+        if !self.scene.meshes[mesh as usize].positions.is_empty() && !is_placeable(bounds, &world_from_object) {
+            return Err(at.fault("the shape is out of reach, or scaled beyond what can be computed with").into());
+        }
+        self.scene.instances.push(Instance { mesh, world_from_object });
+        Ok(())
+    }
+
+    /// Shows a mesh that its transformation makes flat, as a mesh of its own.
+    fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: Place) -> Outcome<()> {
+        self.context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
+        let original = &self.scene.meshes[mesh as usize];
+        self.take(at, original.memory_bytes())?;
+        let mut flat = original.clone();
+        (flat.normals, flat.tangents) = (Vec::new(), Vec::new());
+        for position in &mut flat.positions {
+            *position = world_from_mesh.transform_point3(position.as_dvec3()).as_vec3();
+        }
+        let mesh = self.scene.push_mesh(flat);
+        self.place_mesh(mesh, &DAffine3::IDENTITY, at)
+    }
+}
+
+/// The sphere that a transformation makes of one; `None` where it makes none.
+///
+/// - `needs_azimuth`: whether it matters where its texture begins.
+fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: bool) -> Option<Sphere> {
+    let (axes, scale) = axes_and_scale(world_from_sphere);
+    let is_round = scale.max_element() <= scale.min_element() * (1.0 + 1e-5)
+        && (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-5);
+    let mirrors = axes.determinant() < 0.0;
+    if !is_round || (mirrors && needs_azimuth) {
+        return None;
+    }
+    let axes = if mirrors { axes * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) } else { axes };
+    // Our pole is +y, and our azimuth begins at −z; pbrt's are +z and +x.
+    let pbrt_from_ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
+    let rotation = DQuat::from_mat3(&(axes * pbrt_from_ours)).normalize();
+    let (center, radius) = (world_from_sphere.translation.as_vec3(), (radius * scale.max_element()) as f32);
+    let is_in_reach = center.abs().max_element() < crate::COORDINATE_MAX && radius < crate::COORDINATE_MAX;
+    let rotation: Quat = rotation.as_quat().normalize();
+    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
+}
+
+/// Makes a material behave on the outside as it would on the inside.
+fn turn_inside_out(material: &mut Material) {
+    std::mem::swap(&mut material.interior, &mut material.exterior);
+    material.emission_sides = match material.emission_sides {
+        Sides::Front => Sides::Back,
+        Sides::Back => Sides::Front,
+        Sides::Both => Sides::Both,
+    };
+    fn turn(surface: &mut Surface) {
+        match surface {
+            Surface::Dielectric(dielectric) if !dielectric.thin => dielectric.eta = 1.0 / dielectric.eta,
+            Surface::Blend { surfaces, .. } => surfaces.iter_mut().for_each(turn),
+            _ => {}
+        }
+    }
+    turn(&mut material.surface);
+}
+
+/// A mesh in the space that a transformation leads to.
+fn baked(context: &mut Context<'_>, mut mesh: Mesh, transform: &DAffine3, at: Place) -> Outcome<Mesh> {
+    let linear = transform.matrix3;
+    let normal_matrix: Option<Mat3> = {
+        let inverse = linear.inverse().transpose();
+        // Normals keep their direction whatever the scale.
+        let scale = inverse.to_cols_array().iter().fold(0.0f64, |greatest, x| greatest.max(x.abs()));
+        let matrix = inverse * (1.0 / scale);
+        matrix.is_finite().then(|| matrix.as_mat3())
+    };
+    for position in &mut mesh.positions {
+        *position = transform.transform_point3(position.as_dvec3()).as_vec3();
+    }
+    if mesh.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > crate::COORDINATE_MAX) {
+        return Err(at.fault("the shape is out of reach").into());
+    }
+    match normal_matrix {
+        Some(matrix) => mesh.normals.iter_mut().for_each(|normal| *normal = matrix * *normal),
+        None => {
+            context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
+            mesh.normals = Vec::new();
+        }
+    }
+    for tangent in &mut mesh.tangents {
+        *tangent = (linear.as_mat3() * tangent.truncate()).extend(tangent.w);
+    }
+    if linear.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        mesh.tangents.iter_mut().for_each(|tangent| tangent.w = -tangent.w);
+    }
+    mesh.mend_normals();
+    mesh.mend_tangents();
+    Ok(mesh)
+}
+
+/// Every triangle with corners of its own, and pbrt's texture coordinates for triangles that have none.
+fn with_own_corners(mesh: &Mesh) -> Mesh {
+    let corners = || mesh.triangles.iter().flatten().map(|&vertex| vertex as usize);
+    let count = mesh.triangles.len() as u32;
+    Mesh {
+        name: mesh.name.clone(),
+        positions: corners().map(|vertex| mesh.positions[vertex]).collect(),
+        normals: if mesh.normals.is_empty() {
+            Vec::new()
+        } else {
+            corners().map(|vertex| mesh.normals[vertex]).collect()
+        },
+        uvs: [mesh.triangles.iter().flat_map(|_| [Vec2::Y, Vec2::ONE, Vec2::X]).collect(), Vec::new()],
+        triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
+        material: mesh.material,
+        ..Mesh::default()
+    }
+}
+
+/// Small meshes, joined by material and by what their vertices have.
+#[derive(Default)]
+struct Joined {
+    meshes: BTreeMap<(u32, [bool; 3]), (Mesh, Place)>,
+}
+
+impl Joined {
+    /// Returns a mesh that has become large.
+    fn add(&mut self, mesh: Mesh, at: Place) -> Option<Mesh> {
+        let key = (mesh.material, [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()]);
+        let (joined, _) = match self.meshes.entry(key) {
+            std::collections::btree_map::Entry::Vacant(entry) => {
+                entry.insert((mesh, at));
+                return None;
+            }
+            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+        };
+        let first = joined.positions.len() as u32;
+        joined.positions.extend(mesh.positions);
+        joined.normals.extend(mesh.normals);
+        joined.tangents.extend(mesh.tangents);
+        let [uvs, _] = mesh.uvs;
+        joined.uvs[0].extend(uvs);
+        joined.triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        if joined.positions.len() > JOINED_MAX {
+            return self.meshes.remove(&key).map(|(mesh, _)| mesh);
+        }
+        None
+    }
+
+    fn finish(self) -> impl Iterator<Item = (Mesh, Place)> {
+        self.meshes.into_values()
+    }
+}

@@ -1,0 +1,95 @@
+//! The camera.
+
+use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
+
+use super::context::{Context, Outcome};
+use super::transform::axes_and_scale;
+use super::world::{Entity, World};
+use crate::text::shortened;
+use crate::{Camera, MediumId, Projection};
+
+impl World {
+    /// The camera of the file; pbrt's own where it has none.
+    ///
+    /// - `resolution`: columns and rows of the picture.
+    pub(super) fn camera(
+        &self,
+        context: &mut Context<'_>,
+        [width, height]: [u32; 2],
+        medium: Option<MediumId>,
+    ) -> Outcome<Camera> {
+        let plain = Entity::plain("perspective");
+        let entity = self.camera.as_ref().unwrap_or(&plain);
+        let (params, at) = (&entity.params, entity.at);
+        let world_from_camera = entity.ctm.inverse();
+        let (axes, scale) = axes_and_scale(&world_from_camera);
+        let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
+        if !world_from_camera.is_finite() || scale.min_element() <= 0.0 || !scale.is_finite() || !is_perpendicular {
+            return Err(at.fault("the transformation of the camera is singular or skewed").into());
+        }
+
+        // What is seen of the plane one unit before the camera: pbrt's screen window times the tangent of half the angle.
+        let film_aspect = f64::from(width) / f64::from(height);
+        let aspect = params.float("frameaspectratio")?.unwrap_or(film_aspect);
+        if !(aspect > 1e-6 && aspect < 1e6) {
+            return Err(params.place_of("frameaspectratio").fault("the aspect ratio is out of reach").into());
+        }
+        let mut window =
+            if aspect > 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] };
+        if let Some(given) = params.floats("screenwindow") {
+            let place = params.place_of("screenwindow");
+            window = *given.as_array().ok_or_else(|| place.fault("`screenwindow` has not four values"))?;
+        }
+        let [x0, x1, y0, y1] = window;
+        // Scales of the camera's own axes widen what it sees.
+        let half = DVec3::new(0.5 * (x1 - x0) * scale.x, 0.5 * (y1 - y0) * scale.y, scale.z);
+        let center = DVec3::new(0.5 * (x0 + x1) * scale.x, 0.5 * (y0 + y1) * scale.y, scale.z);
+        // A window that is turned over mirrors the picture.
+        let flip = DVec3::new(half.x.signum(), half.y.signum(), 1.0);
+        let half = half.abs();
+        if half.min_element().is_nan() || half.min_element() <= 0.0 {
+            return Err(at.fault("the screen window of the camera is empty").into());
+        }
+        if (half.x / half.y / film_aspect - 1.0).abs() > 1e-3 {
+            context.unsupported(at, "pixels are square, though the camera's window has another shape than the film");
+        }
+        let projection = match entity.kind.as_str() {
+            "orthographic" => Projection::Orthographic { height: (2.0 * half.y) as f32 },
+            kind => {
+                if kind != "perspective" {
+                    let message = format!("the camera \"{}\" is replaced by a perspective one", shortened(kind));
+                    context.unsupported(at, message);
+                    params.ignore(&["lensfile", "aperturediameter", "focusdistance", "aperture", "mapping"]);
+                }
+                let degrees = params.float("fov")?.unwrap_or(90.0);
+                if !(degrees > 0.0 && degrees < 180.0) {
+                    return Err(params.place_of("fov").fault("`fov` must be between 0 and 180 degrees").into());
+                }
+                let tan = (0.5 * degrees.to_radians()).tan();
+                Projection::Perspective { vertical_fov: (2.0 * (tan * half.y / half.z).atan()) as f32 }
+            }
+        };
+        params.ignore(&["shutteropen", "shutterclose"]);
+        let lens_radius = params.float("lensradius")?.unwrap_or(0.0) * scale.x;
+        let focus_distance = params.float("focaldistance")?.unwrap_or(1e6) * scale.z;
+        if !(lens_radius >= 0.0 && focus_distance > 0.0) {
+            return Err(at.fault("the lens has a negative radius, or its focus is behind it").into());
+        }
+        context.report_unused(params);
+        // pbrt looks along +z, we look along −z.
+        let axes = axes * DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        Ok(Camera {
+            name: String::new(),
+            world_from_camera: Affine3A {
+                matrix3: Mat3A::from(axes.as_mat3()),
+                translation: Vec3A::from(world_from_camera.translation.as_vec3()),
+            },
+            projection,
+            aspect: Some(film_aspect as f32),
+            lens_radius: lens_radius as f32,
+            focus_distance: focus_distance.min(1e30) as f32,
+            lens_shift: Vec2::new((-center.x * flip.x / half.x) as f32, (-center.y * flip.y / half.y) as f32),
+            medium,
+        })
+    }
+}

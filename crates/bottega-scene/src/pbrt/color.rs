@@ -1,0 +1,252 @@
+//! Colours and spectra as parameters give them.
+
+use glam::{DMat3, DVec3};
+
+use super::context::{Context, Outcome};
+use super::params::{Params, Values};
+use super::token::Place;
+use crate::Spectrum;
+use crate::spectrum::{self, Sampled};
+use crate::text::shortened;
+
+/// What `rgb` values mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum ColorSpace {
+    /// The primaries of Rec. 709, which are ours.
+    #[default]
+    Srgb,
+    /// The display of digital cinema, with the white D65.
+    DciP3,
+    /// ITU-R BT.2020.
+    Rec2020,
+    /// ACES2065-1, whose white is D60.
+    Aces,
+}
+
+/// What a colour is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Meaning {
+    /// A share of light; white is the white of its colour space.
+    Reflectance,
+    /// A number for each wavelength: absorption, index of refraction.
+    Unbounded,
+    /// Emission. pbrt scales every spectrum of a light so that its luminance is 1.
+    Light,
+}
+
+impl ColorSpace {
+    /// The colour space that pbrt calls so.
+    pub(super) fn named(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "srgb" => Self::Srgb,
+            "dci-p3" => Self::DciP3,
+            "rec2020" => Self::Rec2020,
+            "aces2065-1" => Self::Aces,
+            _ => return None,
+        })
+    }
+
+    /// Linear Rec. 709 of linear values in this space; what is out of its gamut becomes 0.
+    pub(super) fn to_rec709(self, rgb: DVec3, meaning: Meaning) -> Spectrum {
+        if self == Self::Srgb {
+            return rgb.as_vec3();
+        }
+        let mut xyz = self.xyz_from_rgb() * rgb;
+        if meaning != Meaning::Light {
+            xyz = adaptation(self.white(), Self::Srgb.white()) * xyz;
+        }
+        (Self::Srgb.xyz_from_rgb().inverse() * xyz).max(DVec3::ZERO).as_vec3()
+    }
+
+    /// Chromaticities of red, green, blue and white.
+    fn chromaticities(self) -> [(f64, f64); 4] {
+        const D65: (f64, f64) = (0.3127, 0.329);
+        match self {
+            Self::Srgb => [(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), D65],
+            Self::DciP3 => [(0.68, 0.32), (0.265, 0.69), (0.15, 0.06), D65],
+            Self::Rec2020 => [(0.708, 0.292), (0.17, 0.797), (0.131, 0.046), D65],
+            Self::Aces => [(0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), (0.321_68, 0.337_67)],
+        }
+    }
+
+    fn white(self) -> DVec3 {
+        xyz_of(self.chromaticities()[3])
+    }
+
+    fn xyz_from_rgb(self) -> DMat3 {
+        let [red, green, blue, white] = self.chromaticities().map(xyz_of);
+        let primaries = DMat3::from_cols(red, green, blue);
+        primaries * DMat3::from_diagonal(primaries.inverse() * white)
+    }
+}
+
+/// The tristimulus values of a chromaticity, with Y = 1 (where y is negative, of a virtual primary, as well).
+fn xyz_of((x, y): (f64, f64)) -> DVec3 {
+    if y == 0.0 { DVec3::new(x, 0.0, 1.0 - x) } else { DVec3::new(x / y, 1.0, (1.0 - x - y) / y) }
+}
+
+/// Von Kries' adaptation in the cone space of Bradford (Lam 1985) from one white to another.
+fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
+    let cones = DMat3::from_cols(
+        DVec3::new(0.8951, -0.7502, 0.0389),
+        DVec3::new(0.2664, 1.7135, -0.0685),
+        DVec3::new(-0.1614, 0.0367, 1.0296),
+    );
+    cones.inverse() * DMat3::from_diagonal((cones * to) / (cones * from)) * cones
+}
+
+/// Rec. 709 after a white balance that makes a daylight of that colour temperature white.
+pub(super) fn white_balance(kelvin: f64) -> DMat3 {
+    let rgb_from_xyz = ColorSpace::Srgb.xyz_from_rgb().inverse();
+    rgb_from_xyz * adaptation(xyz_of(daylight(kelvin)), ColorSpace::Srgb.white()) * rgb_from_xyz.inverse()
+}
+
+/// The chromaticity of daylight (CIE 015:2018, equations 4.1 and 4.2), with the correction of 1968 for c₂.
+fn daylight(kelvin: f64) -> (f64, f64) {
+    let t = (kelvin * 1.4388 / 1.4380).clamp(4000.0, 25000.0);
+    let x = if t <= 7000.0 {
+        -4.607e9 / (t * t * t) + 2.9678e6 / (t * t) + 0.09911e3 / t + 0.244_063
+    } else {
+        -2.0064e9 / (t * t * t) + 1.9018e6 / (t * t) + 0.24748e3 / t + 0.237_040
+    };
+    (x, -3.0 * x * x + 2.87 * x - 0.275)
+}
+
+/// A colour as it was given.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Color {
+    Rgb(DVec3, ColorSpace),
+    Samples(Sampled),
+    /// An illuminant, with luminance 1.
+    Illuminant(Spectrum),
+}
+
+impl Color {
+    /// Linear Rec. 709.
+    pub(super) fn to_rec709(&self, meaning: Meaning) -> Spectrum {
+        match (self, meaning) {
+            (Self::Rgb(rgb, space), meaning) => space.to_rec709(*rgb, meaning),
+            (Self::Samples(samples), Meaning::Light) => samples.pbrt_illuminant(),
+            (Self::Samples(samples), Meaning::Reflectance | Meaning::Unbounded) => samples.pbrt_reflectance(),
+            (Self::Illuminant(color), _) => *color,
+        }
+    }
+}
+
+impl Context<'_> {
+    /// The colour of a parameter, if it is given.
+    pub(super) fn color(&mut self, params: &Params, name: &str) -> Outcome<Option<Color>> {
+        let Some(param) = params.find(name, &["rgb", "spectrum", "blackbody"]) else { return Ok(None) };
+        let at = param.at;
+        let count = |count: usize| at.fault(format!("`{name}` has {count} values, which is not one colour"));
+        let color = match (param.kind.as_str(), &param.values) {
+            ("rgb", Values::Numbers(numbers)) => {
+                let &[r, g, b] = numbers.as_slice() else { return Err(count(numbers.len()).into()) };
+                let rgb = DVec3::new(r, g, b);
+                if rgb.min_element() < 0.0 {
+                    return Err(at.fault(format!("the colour `{name}` has a negative component")).into());
+                }
+                Color::Rgb(rgb, params.color_space_of(param))
+            }
+            ("blackbody", Values::Numbers(numbers)) => {
+                let kelvin = match numbers.as_slice() {
+                    &[kelvin] => kelvin,
+                    // pbrt-v3 had a scale as second number.
+                    _ => return Err(count(numbers.len()).into()),
+                };
+                let radiation = Sampled::blackbody(kelvin);
+                let peak = (360..=830).map(|nm| radiation.at(f64::from(nm))).fold(0.0, f64::max);
+                if peak <= 0.0 {
+                    return Err(at.fault(format!("a black body of {kelvin} K is dark")).into());
+                }
+                Color::Samples(radiation.scaled(1.0 / peak))
+            }
+            (_, Values::Numbers(numbers)) => {
+                let (pairs, rest) = numbers.as_chunks::<2>();
+                if !rest.is_empty() {
+                    return Err(at.fault(format!("`{name}` is no list of pairs of wavelength and value")).into());
+                }
+                if pairs.iter().any(|[_, value]| *value < 0.0) {
+                    return Err(at.fault(format!("the spectrum `{name}` has a negative value")).into());
+                }
+                let pairs = pairs.iter().map(|&[nm, value]| (nm, value)).collect();
+                Color::Samples(Sampled::new(pairs).map_err(|problem| at.fault(format!("`{name}`: {problem}")))?)
+            }
+            (_, Values::Texts(texts)) => match texts.as_slice() {
+                [text] => self.named_spectrum(text, at)?,
+                _ => return Err(count(texts.len()).into()),
+            },
+            (_, Values::Bools(_)) => return Ok(None),
+        };
+        Ok(Some(color))
+    }
+
+    /// A spectrum by name, or from a file.
+    fn named_spectrum(&mut self, name: &str, at: Place) -> Outcome<Color> {
+        if let Some(metal) = name.strip_prefix("metal-")
+            && let Some((metal, quantity)) = metal.rsplit_once('-')
+            && let Some((eta, k)) = spectrum::metal_spectra(metal)
+        {
+            match quantity {
+                "eta" => return Ok(Color::Samples(eta)),
+                "k" => return Ok(Color::Samples(k)),
+                _ => {}
+            }
+        }
+        if name.starts_with("glass-")
+            && let Some(eta) = spectrum::glass(name)
+        {
+            return Ok(Color::Samples(Sampled::constant(f64::from(eta))));
+        }
+        if name.starts_with("stdillum-")
+            && let Some(color) = spectrum::illuminant(name)
+        {
+            return Ok(Color::Illuminant(color));
+        }
+        let is_file = name.contains(['.', '/', '\\']);
+        if !is_file {
+            return Err(at.fault(format!("there is no spectrum of the name \"{}\"", shortened(name))).into());
+        }
+        let place = self.place(at);
+        let location = self.resources.locate(name, &place)?;
+        let bytes = self.resources.read(&location)?;
+        Ok(Color::Samples(spectrum::read_spd(location.path(), &bytes)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_stays_white_where_it_reflects() {
+        for space in [ColorSpace::Srgb, ColorSpace::DciP3, ColorSpace::Rec2020, ColorSpace::Aces] {
+            let white = space.to_rec709(DVec3::ONE, Meaning::Reflectance);
+            assert!((white - Spectrum::ONE).abs().max_element() < 1e-3, "{space:?}: {white}");
+        }
+        // D60 is warmer than D65.
+        let light = ColorSpace::Aces.to_rec709(DVec3::ONE, Meaning::Light);
+        assert!(light.x > 1.02 && light.z < 0.96, "{light}");
+    }
+
+    #[test]
+    fn the_green_of_rec_2020_is_out_of_our_gamut_and_its_gray_is_not() {
+        let green = ColorSpace::Rec2020.to_rec709(DVec3::Y, Meaning::Reflectance);
+        assert_eq!((green.x, green.z), (0.0, 0.0));
+        assert!((green.y - 1.1329).abs() < 1e-3, "{green}");
+        let gray = ColorSpace::Rec2020.to_rec709(DVec3::splat(0.3), Meaning::Light);
+        assert!((gray - Spectrum::splat(0.3)).abs().max_element() < 1e-3);
+    }
+
+    #[test]
+    fn white_balance_turns_its_daylight_white() {
+        // CIE 015:2018: D50 and D65.
+        for (kelvin, x, y) in [(5000.0, 0.3457, 0.3585), (6500.0, 0.3127, 0.3290)] {
+            let (dx, dy) = daylight(kelvin);
+            assert!((dx - x).abs() < 3e-4 && (dy - y).abs() < 3e-4, "{kelvin}: {dx} {dy}");
+        }
+        let warm = ColorSpace::Srgb.xyz_from_rgb().inverse() * xyz_of(daylight(5000.0));
+        let balanced = white_balance(5000.0) * warm;
+        assert!((balanced - DVec3::ONE).abs().max_element() < 1e-9, "{balanced}");
+    }
+}

@@ -1,0 +1,110 @@
+//! What all parts of the importer share: the files that were read, and what there is to say about them.
+
+use std::path::{Path, PathBuf};
+
+use super::params::Params;
+use super::token::{Fault, Place};
+use crate::SceneError;
+use crate::error::Warnings;
+use crate::load::LoadOptions;
+use crate::resource::Resources;
+use crate::text::shortened;
+
+/// Why the scene cannot be read.
+#[derive(Debug)]
+pub(super) enum Stop {
+    /// Something in the text.
+    Fault(Fault),
+    /// Something else: a file that is missing or damaged, too little memory …
+    Scene(Box<SceneError>),
+}
+
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<SceneError> for Stop {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(Box::new(error))
+    }
+}
+
+/// The result of a part of the import.
+pub(super) type Outcome<T> = Result<T, Stop>;
+
+/// Files, options, warnings.
+pub(super) struct Context<'a> {
+    pub(super) resources: &'a Resources<'a>,
+    pub(super) options: &'a LoadOptions,
+    warnings: &'a mut Warnings,
+    /// Name for people and path, by the number of a file in [`Place`].
+    files: Vec<(String, PathBuf)>,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(
+        path: &Path,
+        resources: &'a Resources<'a>,
+        options: &'a LoadOptions,
+        warnings: &'a mut Warnings,
+    ) -> Self {
+        let mut context = Self { resources, options, warnings, files: Vec::new() };
+        context.add_file(path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default(), path);
+        context
+    }
+
+    /// Remembers a file, and gives it a number.
+    pub(super) fn add_file(&mut self, name: impl Into<String>, path: impl Into<PathBuf>) -> u32 {
+        self.files.push((name.into(), path.into()));
+        self.files.len() as u32 - 1
+    }
+
+    /// The file with that number.
+    pub(super) fn path(&self, file: u32) -> &Path {
+        &self.files[file as usize].1
+    }
+
+    /// The place for people: file, line and column.
+    pub(super) fn place(&self, at: Place) -> String {
+        format!("{}:{}:{}", shortened(&self.files[at.file as usize].0), at.line, at.column)
+    }
+
+    /// Tells of something that is odd, or differs in the last detail.
+    pub(super) fn warn(&mut self, at: Place, message: impl Into<String>) {
+        let place = self.place(at);
+        self.warnings.add(place, message);
+    }
+
+    /// Tells of something that the scene asks for and does not get.
+    pub(super) fn unsupported(&mut self, at: Place, message: impl Into<String>) {
+        let place = self.place(at);
+        self.warnings.unsupported(place, message);
+    }
+
+    pub(super) fn warnings(&mut self) -> &mut Warnings {
+        self.warnings
+    }
+
+    /// Tells of parameters that nobody asked for.
+    pub(super) fn report_unused(&mut self, params: &Params) {
+        for param in params.unused() {
+            let message = format!("the parameter \"{} {}\" is not known here", param.kind, shortened(&param.name));
+            self.unsupported(param.at, message);
+        }
+    }
+
+    /// What the user is told.
+    pub(super) fn error(&self, stop: Stop) -> SceneError {
+        match stop {
+            Stop::Scene(error) => *error,
+            Stop::Fault(Fault { at, problem }) => SceneError::Text {
+                path: self.path(at.file).into(),
+                line: at.line as usize,
+                column: at.column as usize,
+                problem,
+            },
+        }
+    }
+}

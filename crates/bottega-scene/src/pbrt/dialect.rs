@@ -1,0 +1,77 @@
+//! What tells a file for pbrt-v3 from one for pbrt-v4.
+
+use super::parser::old_version;
+use super::token::{Fault, Place, Token};
+
+/// Directives and their types that only pbrt-v3 (or v2) has.
+const OLD: &[(&str, &[&str])] = &[
+    ("Texture type", &["color"]),
+    ("directive", &["Renderer", "SurfaceIntegrator", "VolumeIntegrator", "Volume", "SearchPath"]),
+    ("Film", &["image"]),
+    ("Sampler", &["lowdiscrepancy", "02sequence", "maxmindist", "random", "bestcandidate", "adaptive"]),
+    ("Integrator", &["directlighting", "whitted"]),
+    ("Camera", &["environment"]),
+    ("Shape", &["cone", "hyperboloid", "paraboloid", "heightfield", "nurbs"]),
+    ("AreaLightSource", &["area"]),
+    ("Material", OLD_MATERIALS),
+    ("MakeNamedMaterial", OLD_MATERIALS),
+    ("MakeNamedMedium", &["heterogeneous"]),
+];
+
+const OLD_MATERIALS: &[&str] = &[
+    "matte",
+    "plastic",
+    "glass",
+    "metal",
+    "mirror",
+    "uber",
+    "substrate",
+    "translucent",
+    "disney",
+    "fourier",
+    "kdsubsurface",
+    "shinymetal",
+];
+
+/// Says so where a directive or its type is of pbrt-v3.
+pub(super) fn check(directive: &str, kind: &str, at: Place) -> Result<(), Fault> {
+    let is_old = OLD.iter().any(|(old, kinds)| *old == directive && kinds.contains(&kind));
+    if is_old { Err(old_version(at, directive, kind)) } else { Ok(()) }
+}
+
+/// Whether an option changes the picture.
+pub(super) fn option_matters(name: &str, value: &Token<'_>) -> bool {
+    let name: String = name.chars().filter(|c| *c != '_' && *c != '-').flat_map(char::to_lowercase).collect();
+    let is_false = matches!(value, Token::Word(word) | Token::Text(word) if word == "false");
+    let changes = matches!(
+        name.as_str(),
+        "disablepixeljitter" | "disabletexturefiltering" | "forcediffuse" | "displacementedgescale"
+    );
+    // What is left speaks of noise, statistics and where pbrt computes, or is unknown.
+    let is_known = matches!(
+        name.as_str(),
+        "disablewavelengthjitter"
+            | "msereferenceimage"
+            | "msereferenceout"
+            | "seed"
+            | "pixelstats"
+            | "wavefront"
+            | "rendercoordsys"
+            | "quiet"
+    );
+    (changes && !is_false) || !(changes || is_known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_that_change_nothing_here_are_not_told() {
+        let on = Token::Word("true".into());
+        assert!(!option_matters("seed", &Token::Word("7".into())));
+        assert!(option_matters("disablePixelJitter", &on));
+        assert!(!option_matters("disable_pixel_jitter", &Token::Word("false".into())));
+        assert!(option_matters("nonsense", &on));
+    }
+}

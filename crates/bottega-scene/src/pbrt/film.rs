@@ -1,0 +1,245 @@
+//! Film, filter, sampler and integrator: how the picture is to be painted, and how bright.
+
+use glam::{DMat3, DVec3};
+
+use super::color::{ColorSpace, white_balance};
+use super::context::{Context, Outcome};
+use super::token::Place;
+use super::world::{Entity, World};
+use crate::text::shortened;
+use crate::{FilmFilter, RenderHints, Spectrum};
+
+/// pbrt's film when none is given.
+const RESOLUTION: [i64; 2] = [1280, 720];
+
+/// The longest side of a picture that is believed.
+const SIDE_MAX: i64 = 1 << 20;
+
+/// What the sensor makes of light. We fold it into the lights: the picture is the same, and is as bright as it should be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exposure {
+    matrix: DMat3,
+}
+
+impl Exposure {
+    /// The colour of a light so that the picture is exposed.
+    pub(super) fn apply(&self, color: Spectrum) -> Spectrum {
+        (self.matrix * color.as_dvec3()).max(DVec3::ZERO).as_vec3()
+    }
+}
+
+impl World {
+    /// How the file wants to be painted.
+    pub(super) fn hints(&self, context: &mut Context<'_>) -> Outcome<RenderHints> {
+        let (resolution, crop) = self.film_size(context)?;
+        Ok(RenderHints {
+            resolution: Some(resolution),
+            crop,
+            samples: Some(self.samples(context)?),
+            max_depth: Some(self.max_depth(context)?),
+            filter: Some(self.pixel_filter(context)?),
+        })
+    }
+
+    /// Columns and rows, and the part that is painted.
+    fn film_size(&self, context: &mut Context<'_>) -> Outcome<([u32; 2], Option<[u32; 4]>)> {
+        let plain = Entity::plain("rgb");
+        let film = self.film.as_ref().unwrap_or(&plain);
+        let params = &film.params;
+        let mut resolution = [0; 2];
+        for (side, (name, default)) in
+            resolution.iter_mut().zip(["xresolution", "yresolution"].into_iter().zip(RESOLUTION))
+        {
+            let pixels = params.integer(name)?.unwrap_or(default);
+            if !(1..=SIDE_MAX).contains(&pixels) {
+                let problem = format!("`{name}` is {pixels}; it must be from 1 to {SIDE_MAX}");
+                return Err(params.place_of(name).fault(problem).into());
+            }
+            *side = pixels as u32;
+        }
+        let [width, height] = resolution;
+        let mut bounds = None;
+        if let Some(pixels) = params.integers("pixelbounds") {
+            let &[x0, x1, y0, y1] = pixels else {
+                return Err(params.place_of("pixelbounds").fault("`pixelbounds` has not four values").into());
+            };
+            bounds = Some(("pixelbounds", [x0, x1, y0, y1]));
+        }
+        if let Some(shares) = params.floats("cropwindow") {
+            let &[x0, x1, y0, y1] = shares else {
+                return Err(params.place_of("cropwindow").fault("`cropwindow` has not four values").into());
+            };
+            let edge = |share: f64, size: u32| (share.clamp(0.0, 1.0) * f64::from(size)).ceil();
+            let (x, y) = (
+                (edge(x0.min(x1), width), edge(x0.max(x1), width)),
+                (edge(y0.min(y1), height), edge(y0.max(y1), height)),
+            );
+            bounds = Some(("cropwindow", [x.0, x.1, y.0, y.1]));
+        }
+        let crop = match bounds {
+            None => None,
+            Some((name, [x0, x1, y0, y1])) => {
+                let clamp = |edge: f64, size: u32| edge.clamp(0.0, f64::from(size)) as u32;
+                let (x0, x1, y0, y1) = (clamp(x0, width), clamp(x1, width), clamp(y0, height), clamp(y1, height));
+                if x1 <= x0 || y1 <= y0 {
+                    return Err(params.place_of(name).fault(format!("`{name}` leaves no pixel")).into());
+                }
+                Some([x0, y0, x1 - x0, y1 - y0])
+            }
+        };
+        match film.kind.as_str() {
+            "rgb" | "gbuffer" | "spectral" => {}
+            kind => context
+                .unsupported(film.at, format!("the film \"{}\" is not known; it is an RGB film", shortened(kind))),
+        }
+        if params.color_space() != ColorSpace::Srgb {
+            context.warn(film.at, "the picture is written in linear Rec. 709, not in the colour space of the film");
+        }
+        params.ignore(&["filename", "diagonal", "savefp16", "maxcomponentvalue", "coordinatesystem", "nbuckets"]);
+        // The first four are asked for by `exposure`.
+        params.ignore(&["iso", "exposuretime", "sensor", "whitebalance", "lambdamin", "lambdamax"]);
+        context.report_unused(params);
+        Ok((resolution, crop))
+    }
+
+    /// What the sensor makes of light: the exposure time, the ISO number, the white balance.
+    pub(super) fn exposure(&self, context: &mut Context<'_>) -> Outcome<Exposure> {
+        let plain = (Entity::plain("rgb"), Entity::plain("perspective"));
+        let film = self.film.as_ref().unwrap_or(&plain.0);
+        let camera = &self.camera.as_ref().unwrap_or(&plain.1).params;
+        let shutter = camera.float("shutterclose")?.unwrap_or(1.0) - camera.float("shutteropen")?.unwrap_or(0.0);
+        if shutter.is_nan() || shutter <= 0.0 {
+            return Err(camera.place_of("shutterclose").fault("the shutter closes before it opens").into());
+        }
+        let params = &film.params;
+        let iso = params.float("iso")?.unwrap_or(100.0);
+        // Early versions had a factor of its own for the time.
+        let seconds = params.float("exposuretime")?.unwrap_or(1.0);
+        let ratio = shutter * seconds * iso / 100.0;
+        if !ratio.is_normal() || ratio < 0.0 {
+            return Err(params.place_of("iso").fault(format!("the exposure {ratio} is no positive number")).into());
+        }
+        let sensor = params.text("sensor")?.unwrap_or("cie1931");
+        if sensor != "cie1931" {
+            let message = format!(
+                "the sensor \"{}\" sees as the standard observer does; colours may differ slightly",
+                shortened(sensor)
+            );
+            context.unsupported(params.place_of("sensor"), message);
+        }
+        let mut matrix = DMat3::from_diagonal(DVec3::splat(ratio));
+        let kelvin = params.float("whitebalance")?.unwrap_or(0.0);
+        if kelvin > 0.0 {
+            matrix = white_balance(kelvin) * matrix;
+            context.warn(
+                params.place_of("whitebalance"),
+                "the colours of the lights are balanced, instead of the picture's",
+            );
+        }
+        Ok(Exposure { matrix })
+    }
+
+    fn samples(&self, context: &mut Context<'_>) -> Outcome<u32> {
+        let Some(sampler) = &self.sampler else { return Ok(16) };
+        let params = &sampler.params;
+        let samples = if sampler.kind == "stratified" {
+            params.integer("xsamples")?.unwrap_or(4).saturating_mul(params.integer("ysamples")?.unwrap_or(4))
+        } else {
+            params.integer("pixelsamples")?.unwrap_or(16)
+        };
+        params.ignore(&["seed", "randomization", "jitter"]);
+        context.report_unused(params);
+        u32::try_from(samples).ok().filter(|&samples| samples > 0).ok_or_else(|| {
+            let problem = format!("{samples} samples of a pixel are no number to paint with");
+            params.place_of("pixelsamples").fault(problem).into()
+        })
+    }
+
+    /// pbrt counts as we do: 0 shows what is emitted towards the camera, 1 direct light.
+    fn max_depth(&self, context: &mut Context<'_>) -> Outcome<u32> {
+        let plain = Entity::plain("volpath");
+        let integrator = self.integrator.as_ref().unwrap_or(&plain);
+        let params = &integrator.params;
+        let depth = params.integer("maxdepth")?.unwrap_or(5);
+        match integrator.kind.as_str() {
+            "path" | "volpath" | "bdpt" | "mlt" | "sppm" | "simplepath" | "simplevolpath" | "lightpath"
+            | "randomwalk" => {}
+            "ao" | "function" => {
+                let message = format!(
+                    "the integrator \"{}\" is not painted with; light is followed along paths",
+                    integrator.kind
+                );
+                context.unsupported(integrator.at, message);
+            }
+            kind => {
+                let message =
+                    format!("the integrator \"{}\" is not known; light is followed along paths", shortened(kind));
+                context.unsupported(integrator.at, message);
+            }
+        }
+        params.ignore(&[
+            "regularize",
+            "lightsampler",
+            "visualizestrategies",
+            "visualizeweights",
+            "samplelights",
+            "samplebsdf",
+        ]);
+        params.ignore(&["bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"]);
+        params.ignore(&["photonsperiteration", "radius", "seed", "cossample", "maxdistance", "rrthreshold"]);
+        context.report_unused(params);
+        u32::try_from(depth).map_err(|_| params.place_of("maxdepth").fault("`maxdepth` is negative").into())
+    }
+
+    fn pixel_filter(&self, context: &mut Context<'_>) -> Outcome<FilmFilter> {
+        let plain = Entity::plain("gaussian");
+        let filter = self.filter.as_ref().unwrap_or(&plain);
+        let params = &filter.params;
+        let default_radius = match filter.kind.as_str() {
+            "box" => 0.5,
+            "gaussian" => 1.5,
+            "sinc" => 4.0,
+            _ => 2.0,
+        };
+        let (x, y) =
+            (params.float("xradius")?.unwrap_or(default_radius), params.float("yradius")?.unwrap_or(default_radius));
+        let radius = 0.5 * (x + y);
+        if !(x > 0.0 && y > 0.0 && radius <= 64.0) {
+            return Err(params.place_of("xradius").fault("a filter's radius must be above 0, and at most 64").into());
+        }
+        if x != y {
+            context.unsupported(params.place_of("xradius"), format!("the filter is as wide as it is high: {radius}"));
+        }
+        let radius = radius as f32;
+        let result = match filter.kind.as_str() {
+            "box" => FilmFilter::Box { radius },
+            "triangle" => FilmFilter::Tent { radius },
+            "gaussian" => FilmFilter::Gaussian {
+                radius,
+                sigma: positive(params.float("sigma")?.unwrap_or(0.5), params.place_of("sigma"))?,
+            },
+            "mitchell" => {
+                let third = 1.0 / 3.0;
+                let (b, c) = (params.float("B")?.unwrap_or(third), params.float("C")?.unwrap_or(third));
+                FilmFilter::Mitchell { radius, b: b as f32, c: c as f32 }
+            }
+            kind => {
+                if kind == "sinc" {
+                    params.ignore(&["tau"]);
+                }
+                let message =
+                    format!("the filter \"{}\" is replaced by that of Mitchell and Netravali", shortened(kind));
+                context.unsupported(filter.at, message);
+                FilmFilter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 }
+            }
+        };
+        context.report_unused(params);
+        Ok(result)
+    }
+}
+
+/// A number above 0 in single precision.
+fn positive(number: f64, at: Place) -> Outcome<f32> {
+    let rounded = number as f32;
+    if rounded.is_normal() && rounded > 0.0 { Ok(rounded) } else { Err(at.fault("it must be above 0").into()) }
+}

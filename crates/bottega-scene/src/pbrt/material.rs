@@ -1,0 +1,422 @@
+//! Materials.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::color::{Color, Meaning};
+use super::context::{Context, Outcome};
+use super::medium::preset_coefficients;
+use super::params::Params;
+use super::texture::Textures;
+use super::world::{Entity, MaterialRef, World};
+use crate::spectrum::Sampled;
+use crate::text::shortened;
+use crate::{
+    Coated, CoatedBase, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Relief, RoughnessScale,
+    ScalarParam, Shadowing, Spectrum, Surface,
+};
+
+/// Mixtures of mixtures of mixtures.
+const MIX_DEPTH_MAX: usize = 16;
+
+/// How a surface scatters, and its relief.
+#[derive(Clone, Debug)]
+pub(super) struct Look {
+    pub(super) name: String,
+    pub(super) surface: Surface,
+    pub(super) relief: Option<Relief>,
+}
+
+/// The materials that are used.
+pub(super) struct Materials<'w> {
+    world: &'w World,
+    looks: BTreeMap<usize, Look>,
+}
+
+impl<'w> Materials<'w> {
+    pub(super) fn new(world: &'w World) -> Self {
+        Self { world, looks: BTreeMap::new() }
+    }
+
+    /// Index of a material.
+    pub(super) fn find(&self, material: &MaterialRef) -> Outcome<usize> {
+        match material {
+            MaterialRef::Index(index) => Ok(*index),
+            MaterialRef::Named(name, at) => self
+                .world
+                .named_materials
+                .get(&**name)
+                .copied()
+                .ok_or_else(|| at.fault(format!("there is no material \"{}\"", shortened(name))).into()),
+        }
+    }
+
+    /// How the material with that index looks.
+    pub(super) fn look(
+        &mut self,
+        context: &mut Context<'_>,
+        textures: &mut Textures<'_, '_>,
+        index: usize,
+    ) -> Outcome<Look> {
+        self.look_within(context, textures, index, &mut Vec::new())
+    }
+
+    fn look_within(
+        &mut self,
+        context: &mut Context<'_>,
+        textures: &mut Textures<'_, '_>,
+        index: usize,
+        outer: &mut Vec<usize>,
+    ) -> Outcome<Look> {
+        if let Some(look) = self.looks.get(&index) {
+            return Ok(look.clone());
+        }
+        let world = self.world;
+        let entity = &world.materials[index];
+        if outer.contains(&index) || outer.len() >= MIX_DEPTH_MAX {
+            return Err(entity
+                .at
+                .fault("the material is a mixture of itself, or of too many within each other")
+                .into());
+        }
+        let surface = if entity.kind == "mix" {
+            outer.push(index);
+            let surface = self.mix(context, textures, entity, outer)?;
+            outer.pop();
+            surface
+        } else {
+            convert(context, textures, entity)?
+        };
+        let params = &entity.params;
+        params.ignore(&["type"]);
+        let relief = match params.text("normalmap")? {
+            Some(file) => {
+                let map = textures.picture(context, file, true, params.place_of("normalmap"))?;
+                Some(Relief::Normal(map, 1.0))
+            }
+            None => textures
+                .scalar(context, params, "displacement")?
+                .filter(|height| height.texture.is_some())
+                .map(Relief::Bump),
+        };
+        context.report_unused(params);
+        let name = world.named_materials.iter().find(|(_, known)| **known == index).map(|(name, _)| name.clone());
+        let look = Look { name: name.unwrap_or_default(), surface, relief };
+        self.looks.insert(index, look.clone());
+        Ok(look)
+    }
+
+    fn mix(
+        &mut self,
+        context: &mut Context<'_>,
+        textures: &mut Textures<'_, '_>,
+        entity: &Entity,
+        outer: &mut Vec<usize>,
+    ) -> Outcome<Surface> {
+        let params = &entity.params;
+        let Some(([first, second], at)) =
+            params.texts("materials").and_then(|(names, at)| Some((names.as_array::<2>()?, at)))
+        else {
+            return Err(entity.at.fault("`mix` needs two names in \"string materials\"").into());
+        };
+        let mut surfaces = Vec::with_capacity(2);
+        for name in [first, second] {
+            let index = self.find(&MaterialRef::Named(name.as_str().into(), at))?;
+            let look = self.look_within(context, textures, index, outer)?;
+            if look.relief.is_some() {
+                context.unsupported(at, format!("the relief of \"{}\" is left out of the mixture", shortened(name)));
+            }
+            surfaces.push(look.surface);
+        }
+        let weight = textures.scalar(context, params, "amount")?.unwrap_or(0.5.into());
+        let surfaces: [Surface; 2] = surfaces.try_into().unwrap_or_default();
+        Ok(Surface::Blend { weight, surfaces: Box::new(surfaces) })
+    }
+}
+
+fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+    let (params, at) = (&entity.params, entity.at);
+    let color = |context: &mut Context<'_>, textures: &mut Textures<'_, '_>, name: &str, default: f32| {
+        let color = textures.color(context, params, name, Meaning::Reflectance)?;
+        Ok::<_, super::context::Stop>(color.unwrap_or(Spectrum::splat(default).into()))
+    };
+    Ok(match entity.kind.as_str() {
+        "interface" | "none" | "" => Surface::Null,
+        "diffuse" => Surface::Diffuse(Diffuse {
+            reflectance: color(context, textures, "reflectance", 0.5)?,
+            roughness: 0.0.into(),
+        }),
+        "coateddiffuse" => {
+            let reflectance = color(context, textures, "reflectance", 0.5)?;
+            let base = CoatedBase::Diffuse(Diffuse { reflectance, roughness: 0.0.into() });
+            let facets = facets(context, textures, params, "")?;
+            let eta = index_of_refraction(context, params, "eta", 1.5)?;
+            coated(context, textures, params, eta, facets, base)?
+        }
+        "coatedconductor" => {
+            let inner = facets(context, textures, params, "conductor.")?;
+            let base = CoatedBase::Conductor(conductor(context, textures, params, "conductor.", inner)?);
+            let facets = facets(context, textures, params, "interface.")?;
+            let eta = index_of_refraction(context, params, "interface.eta", 1.5)?;
+            coated(context, textures, params, eta, facets, base)?
+        }
+        "conductor" => {
+            let facets = facets(context, textures, params, "")?;
+            Surface::Conductor(conductor(context, textures, params, "", facets)?)
+        }
+        "dielectric" | "thindielectric" => {
+            let thin = entity.kind == "thindielectric";
+            let facets = if thin { Facets::smooth() } else { facets(context, textures, params, "")? };
+            Surface::Dielectric(Dielectric {
+                eta: index_of_refraction(context, params, "eta", 1.5)?,
+                reflectance: Spectrum::ONE.into(),
+                transmittance: Spectrum::ONE.into(),
+                facets,
+                thin,
+            })
+        }
+        "diffusetransmission" => {
+            let scale = params.float("scale")?.unwrap_or(1.0) as f32;
+            let mut reflectance = color(context, textures, "reflectance", 0.25)?;
+            let mut transmittance = color(context, textures, "transmittance", 0.25)?;
+            reflectance.factor *= scale;
+            transmittance.factor *= scale;
+            Surface::DiffuseTransmission { reflectance, transmittance }
+        }
+        "subsurface" => subsurface(context, textures, entity)?,
+        "hair" => hair(context, textures, entity)?,
+        "measured" => {
+            params.ignore(&["filename"]);
+            context.unsupported(at, "the measured material is replaced by a gray matte one");
+            Surface::matte(Spectrum::splat(0.5))
+        }
+        kind => {
+            context.unsupported(
+                at,
+                format!("the material \"{}\" is not known; a gray matte one stands for it", shortened(kind)),
+            );
+            Surface::matte(Spectrum::splat(0.5))
+        }
+    })
+}
+
+/// Roughness along u and v.
+///
+/// - `prefix`: before the names of the parameters.
+fn facets(
+    context: &mut Context<'_>,
+    textures: &mut Textures<'_, '_>,
+    params: &Params,
+    prefix: &str,
+) -> Outcome<Facets> {
+    let both = textures.scalar(context, params, &format!("{prefix}roughness"))?;
+    let mut roughness: [ScalarParam; 2] = [0.0.into(), 0.0.into()];
+    for (roughness, name) in roughness.iter_mut().zip(["uroughness", "vroughness"]) {
+        let own = textures.scalar(context, params, &format!("{prefix}{name}"))?;
+        *roughness = own.or_else(|| both.clone()).unwrap_or(0.0.into());
+        if roughness.factor < 0.0 {
+            return Err(params.place_of(&format!("{prefix}{name}")).fault("a roughness is negative").into());
+        }
+    }
+    let scale = match params.bool("remaproughness")? {
+        Some(false) => RoughnessScale::Alpha,
+        _ => RoughnessScale::SquareRoot,
+    };
+    Ok(Facets { distribution: Distribution::Ggx, roughness, scale, shadowing: Shadowing::Correlated })
+}
+
+/// An index of refraction that is a number, or a spectrum of which the yellow is taken.
+fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> Outcome<f32> {
+    let eta = match context.color(params, name)? {
+        Some(Color::Samples(samples)) => {
+            if samples != Sampled::constant(samples.at(587.6)) {
+                context.warn(params.place_of(name), "light of all colours is refracted as yellow is (587.6 nm)");
+            }
+            samples.at(587.6)
+        }
+        Some(color) => f64::from(color.to_rec709(Meaning::Unbounded).y),
+        None => match params.texture(name)? {
+            Some((_, at)) => {
+                context.unsupported(at, format!("`{name}` is the same everywhere: {default}"));
+                default
+            }
+            None => params.float(name)?.unwrap_or(default),
+        },
+    };
+    // pbrt takes 0 for a vacuum.
+    let eta = if eta == 0.0 { 1.0 } else { eta as f32 };
+    if eta > 0.0 && eta.is_normal() { Ok(eta) } else { Err(params.place_of(name).fault("it must be above 0").into()) }
+}
+
+fn conductor(
+    context: &mut Context<'_>,
+    textures: &mut Textures<'_, '_>,
+    params: &Params,
+    prefix: &str,
+    facets: Facets,
+) -> Outcome<Conductor> {
+    let name = |name: &str| format!("{prefix}{name}");
+    let reflectance = Spectrum::ONE.into();
+    // A metal of η = 1 that reflects this at normal incidence.
+    let k_of = |r: DVec3| {
+        let r = r.clamp(DVec3::ZERO, DVec3::splat(0.9999));
+        DVec3::new(r.x / (1.0 - r.x), r.y / (1.0 - r.y), r.z / (1.0 - r.z)).powf(0.5) * 2.0
+    };
+    if let Some(k) = textures.changed(context, params, &name("reflectance"), k_of)? {
+        return Ok(Conductor { eta: Spectrum::ONE.into(), k, reflectance, facets });
+    }
+    let given = |context: &mut Context<'_>, what: &str| context.color(params, &name(what));
+    let has_texture = params.texture(&name("eta"))?.is_some() || params.texture(&name("k"))?.is_some();
+    if has_texture {
+        let mut number = |what: &str| textures.color(context, params, &name(what), Meaning::Unbounded);
+        let (eta, k) = (number("eta")?, number("k")?);
+        let (copper_eta, copper_k) = metal_color(&copper().0, &copper().1);
+        let or = |param: Option<ColorParam>, default: Spectrum| param.unwrap_or(default.into());
+        return Ok(Conductor { eta: or(eta, copper_eta), k: or(k, copper_k), reflectance, facets });
+    }
+    let eta = given(context, "eta")?.unwrap_or_else(|| Color::Samples(copper().0));
+    let k = given(context, "k")?.unwrap_or_else(|| Color::Samples(copper().1));
+    let (eta, k) = match (&eta, &k) {
+        (Color::Samples(eta), Color::Samples(k)) => metal_color(eta, k),
+        _ => (eta.to_rec709(Meaning::Unbounded), k.to_rec709(Meaning::Unbounded)),
+    };
+    Ok(Conductor { eta: eta.into(), k: k.into(), reflectance, facets })
+}
+
+/// The metal of conductors of which nothing is said.
+fn copper() -> (Sampled, Sampled) {
+    let nothing = || (Sampled::constant(1.0), Sampled::constant(1.0));
+    crate::spectrum::metal_spectra("Cu").unwrap_or_else(nothing)
+}
+
+/// A metal in three colours: η is what an observer sees of it, and k is such that the reflection at normal incidence
+/// has the colour which the spectra have.
+fn metal_color(eta: &Sampled, k: &Sampled) -> (Spectrum, Spectrum) {
+    let reflected = |nm: f64| {
+        let (eta, k) = (eta.at(nm), k.at(nm));
+        ((eta - 1.0).powi(2) + k * k) / ((eta + 1.0).powi(2) + k * k)
+    };
+    let samples = (0..=94).map(|index| 360.0 + 5.0 * f64::from(index)).map(|nm| (nm, reflected(nm))).collect();
+    let eta_color = eta.pbrt_reflectance().as_dvec3();
+    let Ok(samples) = Sampled::new(samples) else { return (eta_color.as_vec3(), k.pbrt_reflectance()) };
+    let r = samples.pbrt_reflectance().as_dvec3().clamp(DVec3::ZERO, DVec3::splat(0.9999));
+    let k_squared = (r * (eta_color + 1.0) * (eta_color + 1.0) - (eta_color - 1.0) * (eta_color - 1.0)) / (1.0 - r);
+    (eta_color.as_vec3(), k_squared.max(DVec3::ZERO).powf(0.5).as_vec3())
+}
+
+fn coated(
+    context: &mut Context<'_>,
+    textures: &mut Textures<'_, '_>,
+    params: &Params,
+    eta: f32,
+    facets: Facets,
+    base: CoatedBase,
+) -> Outcome<Surface> {
+    let mut g = textures.scalar(context, params, "g")?.unwrap_or(0.0.into());
+    if !(0.0..1.0).contains(&g.factor) {
+        context.unsupported(params.place_of("g"), "the coat scatters evenly: its g is not in [0, 1)");
+        g = 0.0.into();
+    }
+    let depth = params.integer("maxdepth")?.unwrap_or(10);
+    // How pbrt estimates the reflections within.
+    params.ignore(&["nsamples", "twosided"]);
+    Ok(Surface::Coated(Box::new(Coated {
+        eta,
+        facets,
+        thickness: textures.scalar(context, params, "thickness")?.unwrap_or(0.01.into()),
+        albedo: textures.color(context, params, "albedo", Meaning::Reflectance)?.unwrap_or_default(),
+        g,
+        max_depth: u32::try_from(depth).unwrap_or(0),
+        base,
+    })))
+}
+
+/// A coat over the colour that the light comes back with.
+fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+    let (params, at) = (&entity.params, entity.at);
+    context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
+    let mut sigma = preset_coefficients("Wholemilk").unwrap_or([DVec3::ONE; 2]);
+    if let Some(name) = params.text("name")? {
+        let problem = || params.place_of("name").fault(format!("there is no substance \"{}\"", shortened(name)));
+        sigma = preset_coefficients(name).ok_or_else(problem)?;
+    }
+    for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
+        if let Some(color) = context.color(params, name)? {
+            *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+        } else if params.texture(name)?.is_some() {
+            *sigma = DVec3::ONE;
+        }
+    }
+    params.ignore(&["mfp", "scale", "g"]);
+    let reflectance = match textures.color(context, params, "reflectance", Meaning::Reflectance)? {
+        Some(color) => color,
+        None => {
+            // Of a half space without boundary (Jensen et al. 2001, equation 4 integrated, with A = 1).
+            let albedo = sigma[1] / (sigma[0] + sigma[1]).max(DVec3::splat(1e-12));
+            let root = (3.0 * (1.0 - albedo)).powf(0.5);
+            (albedo * 0.5 * (1.0 + (-root * (4.0 / 3.0)).exp()) * (-root).exp()).as_vec3().into()
+        }
+    };
+    let base = CoatedBase::Diffuse(Diffuse { reflectance, roughness: 0.0.into() });
+    let facets = facets(context, textures, params, "")?;
+    let eta = index_of_refraction(context, params, "eta", 1.33)?;
+    coated(context, textures, params, eta, facets, base)
+}
+
+/// A coat over the colour of the hair.
+fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+    let (params, at) = (&entity.params, entity.at);
+    context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
+    let beta_n = params.float("beta_n")?.unwrap_or(0.3);
+    let beta_m = params.float("beta_m")?.unwrap_or(0.3);
+    params.ignore(&["alpha"]);
+    let pigment = |name| params.float(name);
+    let (eumelanin, pheomelanin) = (pigment("eumelanin")?, pigment("pheomelanin")?);
+    let mut sigma_a = match context.color(params, "sigma_a")? {
+        Some(color) => Some(color.to_rec709(Meaning::Unbounded).as_dvec3()),
+        None => None,
+    };
+    let color = textures.color(context, params, "color", Meaning::Reflectance)?;
+    if sigma_a.is_none() && color.is_none() {
+        let is_given = eumelanin.is_some() || pheomelanin.is_some();
+        let eumelanin = eumelanin.unwrap_or(if is_given { 0.0 } else { 1.3 });
+        sigma_a = Some(
+            DVec3::new(0.419, 0.697, 1.37) * eumelanin + DVec3::new(0.187, 0.4, 1.05) * pheomelanin.unwrap_or(0.0),
+        );
+    }
+    let reflectance = match (sigma_a, color) {
+        // Chiang et al. 2016, A Practical and Controllable Hair and Fur Model, equation 9, solved for the colour.
+        (Some(sigma_a), _) => {
+            let b = beta_n;
+            let fit = 5.969 - 0.215 * b + 2.532 * b.powi(2) - 10.73 * b.powi(3) + 5.574 * b.powi(4) + 0.245 * b.powi(5);
+            (-sigma_a.max(DVec3::ZERO).powf(0.5) * fit).exp().as_vec3().into()
+        }
+        (None, color) => color.unwrap_or_default(),
+    };
+    let base = CoatedBase::Diffuse(Diffuse { reflectance, roughness: 0.0.into() });
+    let eta = index_of_refraction(context, params, "eta", 1.55)?;
+    coated(context, textures, params, eta, (beta_m.clamp(0.05, 1.0) as f32).into(), base)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metals_reflect_the_colour_that_their_spectra_do() {
+        for metal in ["Ag", "Au", "Cu", "Al"] {
+            let Some((eta, k)) = crate::spectrum::metal_spectra(metal) else { panic!("{metal}") };
+            let (eta, k) = metal_color(&eta, &k);
+            let r = ((eta - 1.0).powf(2.0) + k * k) / ((eta + 1.0).powf(2.0) + k * k);
+            let expected = match metal {
+                // Lagarde, Feeding a physically based shading model: F0 in linear sRGB, from other data.
+                "Ag" => Spectrum::new(0.972, 0.960, 0.915),
+                "Au" => Spectrum::new(1.0, 0.766, 0.336),
+                "Cu" => Spectrum::new(0.955, 0.637, 0.538),
+                _ => Spectrum::new(0.913, 0.921, 0.925),
+            };
+            assert!((r - expected).abs().max_element() < 0.06, "{metal}: {r}");
+        }
+    }
+}

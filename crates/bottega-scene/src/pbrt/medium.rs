@@ -1,0 +1,143 @@
+//! Media: what fills space.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::color::{ColorSpace, Meaning};
+use super::context::{Context, Outcome};
+use super::film::Exposure;
+use super::token::Place;
+use super::world::{Entity, MediumInterface, World};
+use crate::text::shortened;
+use crate::{Medium, MediumId, Spectrum};
+
+/// The media that are used, by name.
+pub(super) struct Media<'w> {
+    world: &'w World,
+    exposure: Exposure,
+    pub(super) list: Vec<Medium>,
+    /// `None`: one that we do not have, and leave out.
+    id_of: BTreeMap<String, Option<MediumId>>,
+}
+
+impl<'w> Media<'w> {
+    pub(super) fn new(world: &'w World, exposure: Exposure) -> Self {
+        Self { world, exposure, list: Vec::new(), id_of: BTreeMap::new() }
+    }
+
+    /// What is behind and before a surface. Equal where the surface parts nothing, so that light stays in whatever it
+    /// came through.
+    pub(super) fn interface(
+        &mut self,
+        context: &mut Context<'_>,
+        interface: &MediumInterface,
+    ) -> Outcome<[Option<MediumId>; 2]> {
+        if interface.inside == interface.outside {
+            return Ok([None, None]);
+        }
+        let inside = self.find(context, interface.inside.as_deref(), interface.at)?;
+        Ok([inside, self.find(context, interface.outside.as_deref(), interface.at)?])
+    }
+
+    /// The medium of that name; `None`: vacuum.
+    pub(super) fn find(
+        &mut self,
+        context: &mut Context<'_>,
+        name: Option<&str>,
+        at: Place,
+    ) -> Outcome<Option<MediumId>> {
+        let Some(name) = name else { return Ok(None) };
+        if let Some(id) = self.id_of.get(name) {
+            return Ok(*id);
+        }
+        let Some(entity) = self.world.media.get(name) else {
+            return Err(at.fault(format!("there is no medium \"{}\"", shortened(name))).into());
+        };
+        let id = match convert(context, entity, self.exposure)? {
+            Some(medium) => {
+                self.list.push(Medium { name: name.into(), ..medium });
+                Some(MediumId(self.list.len() as u32 - 1))
+            }
+            None => None,
+        };
+        self.id_of.insert(name.into(), id);
+        Ok(id)
+    }
+}
+
+fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Outcome<Option<Medium>> {
+    let (params, at) = (&entity.params, entity.at);
+    if entity.kind != "homogeneous" {
+        context.unsupported(at, format!("a medium of type \"{}\" is left out", shortened(&entity.kind)));
+        return Ok(None);
+    }
+    let scale = params.float("scale")?.unwrap_or(1.0);
+    let g = params.float("g")?.unwrap_or(0.0);
+    if !(scale >= 0.0 && g > -1.0 && g < 1.0) {
+        return Err(at.fault("a medium's scale must not be negative, and its g be between -1 and 1").into());
+    }
+    let mut sigma = [DVec3::ONE; 2];
+    for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
+        if let Some(color) = context.color(params, name)? {
+            *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+        }
+    }
+    if let Some(preset) = params.text("preset")? {
+        match preset_coefficients(preset) {
+            Some(coefficients) => sigma = coefficients,
+            None => {
+                let problem = format!("there is no medium preset \"{}\"", shortened(preset));
+                return Err(params.place_of("preset").fault(problem).into());
+            }
+        }
+    }
+    let [absorption, scattering] = sigma.map(|sigma| (sigma * scale).as_vec3());
+    // pbrt emits in proportion to the absorption.
+    let mut emission = Spectrum::ZERO;
+    if let Some(color) = context.color(params, "Le")? {
+        let strength = params.float("Lescale")?.unwrap_or(1.0);
+        emission = absorption * exposure.apply(color.to_rec709(Meaning::Light) * strength as f32);
+    }
+    context.report_unused(params);
+    if !(absorption + scattering + emission).is_finite() {
+        return Err(at.fault("the coefficients of the medium exceed all bounds").into());
+    }
+    Ok(Some(Medium { name: String::new(), absorption, scattering, emission, g: g as f32 }))
+}
+
+/// Absorption and reduced scattering of a substance, per millimetre.
+pub(super) fn preset_coefficients(name: &str) -> Option<[DVec3; 2]> {
+    let lines = include_str!("presets.txt").lines().filter(|line| !line.starts_with('#'));
+    for line in lines {
+        let (known, numbers) = line.split_once(':')?;
+        if known == name {
+            let numbers: Vec<f64> = numbers.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+            let &[s0, s1, s2, a0, a1, a2] = numbers.as_slice() else { return None };
+            let rgb = |r, g, b| ColorSpace::Srgb.to_rec709(DVec3::new(r, g, b), Meaning::Unbounded).as_dvec3();
+            return Some([rgb(a0, a1, a2), rgb(s0, s1, s2)]);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_is_complete() {
+        let names = include_str!("presets.txt").lines().filter(|line| !line.starts_with('#'));
+        let names: Vec<&str> = names.filter_map(|line| line.split_once(':')).map(|(name, _)| name).collect();
+        assert!(names.len() > 40);
+        for name in names {
+            let [absorption, scattering] = preset_coefficients(name).unwrap();
+            assert!(absorption.min_element() >= 0.0 && scattering.min_element() >= 0.0, "{name}");
+        }
+        assert_eq!(
+            preset_coefficients("Wholemilk").unwrap()[0],
+            DVec3::new(0.0011, 0.0024, 0.014).as_vec3().as_dvec3()
+        );
+        assert_eq!(preset_coefficients("Ink"), None);
+    }
+}

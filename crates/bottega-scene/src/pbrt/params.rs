@@ -1,0 +1,357 @@
+//! Parameter lists: `"float radius" [ 1 ]`.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use glam::{DVec2, DVec3};
+
+use super::color::ColorSpace;
+use super::token::{Fault, Place, Token, Tokens};
+use crate::text::shortened;
+
+/// The values of a parameter, all of one kind.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Values {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+    Bools(Vec<bool>),
+}
+
+/// One parameter.
+#[derive(Clone, Debug)]
+pub(super) struct Param {
+    /// `float`, `rgb` …
+    pub(super) kind: String,
+    pub(super) name: String,
+    pub(super) values: Values,
+    pub(super) at: Place,
+    /// What its `rgb` values mean, where that was settled before the list that it is part of.
+    color_space: Option<ColorSpace>,
+    /// Whether somebody asked for it.
+    used: Cell<bool>,
+    /// Whether nobody need ask for it.
+    may_be_unused: bool,
+}
+
+/// A parameter list.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Params {
+    /// The directive that it belongs to.
+    pub(super) at: Place,
+    /// Later ones go before earlier ones.
+    list: Vec<Rc<Param>>,
+    color_space: ColorSpace,
+}
+
+const KINDS: &[&str] = &[
+    "bool",
+    "integer",
+    "float",
+    "point2",
+    "vector2",
+    "point3",
+    "vector3",
+    "normal",
+    "rgb",
+    "spectrum",
+    "blackbody",
+    "string",
+    "texture",
+];
+
+impl Params {
+    /// Reads a list up to the next directive.
+    pub(super) fn read(tokens: &mut Tokens<'_>, at: Place, color_space: ColorSpace) -> Result<Self, Fault> {
+        let mut list = Vec::new();
+        while let Some((Token::Text(_), _)) = tokens.peek()? {
+            let Some((Token::Text(declaration), at)) = tokens.next()? else { break };
+            let mut words = declaration.split([' ', '\t']).filter(|word| !word.is_empty());
+            let (Some(kind), Some(name), None) = (words.next(), words.next(), words.next()) else {
+                let problem = format!("\"{}\" is no parameter: it should be \"type name\"", shortened(&declaration));
+                return Err(at.fault(problem));
+            };
+            let kind = match kind {
+                "point" => "point3",
+                "vector" => "vector3",
+                "normal3" => "normal",
+                kind => kind,
+            };
+            if kind == "color" || kind == "xyz" {
+                return Err(at.fault(format!("parameters of type \"{kind}\" are those of pbrt-v3; {UPGRADE}")));
+            }
+            if !KINDS.contains(&kind) {
+                return Err(at.fault(format!("\"{}\" is no type of parameter", shortened(kind))));
+            }
+            let values = read_values(tokens, at, kind)?;
+            list.push(Rc::new(Param {
+                kind: kind.into(),
+                name: name.into(),
+                values,
+                at,
+                color_space: None,
+                used: Cell::new(false),
+                may_be_unused: false,
+            }));
+        }
+        list.reverse();
+        Ok(Self { at, list, color_space })
+    }
+
+    /// The parameters as attributes that later lists fall back to.
+    pub(super) fn into_attributes(self) -> impl Iterator<Item = Rc<Param>> {
+        let color_space = self.color_space;
+        self.list.into_iter().rev().map(move |param| {
+            let param = Rc::try_unwrap(param).unwrap_or_else(|shared| (*shared).clone());
+            Rc::new(Param { color_space: Some(color_space), may_be_unused: true, ..param })
+        })
+    }
+
+    /// Lets a list fall back to attributes, the latest of which is last.
+    pub(super) fn with_attributes(mut self, attributes: &[Rc<Param>]) -> Self {
+        self.list.extend(attributes.iter().rev().cloned());
+        self
+    }
+
+    /// The parameters of that name that go first: the latest of all.
+    pub(super) fn find(&self, name: &str, kinds: &[&str]) -> Option<&Param> {
+        let found = self.list.iter().find(|param| param.name == name && kinds.contains(&param.kind.as_str()))?;
+        // Those that it hides are used up with it.
+        let same = |param: &&Rc<Param>| param.name == name && kinds.contains(&param.kind.as_str());
+        self.list.iter().filter(same).for_each(|param| param.used.set(true));
+        Some(found)
+    }
+
+    /// What `rgb` values of a parameter of this list mean.
+    pub(super) fn color_space_of(&self, param: &Param) -> ColorSpace {
+        param.color_space.unwrap_or(self.color_space)
+    }
+
+    /// The colour space in force where the list stands.
+    pub(super) fn color_space(&self) -> ColorSpace {
+        self.color_space
+    }
+
+    /// Where the parameter stands, or else the list.
+    pub(super) fn place_of(&self, name: &str) -> Place {
+        self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)
+    }
+
+    /// Parameters that are understood, and change nothing here.
+    pub(super) fn ignore(&self, names: &[&str]) {
+        let ignored = self.list.iter().filter(|param| names.contains(&param.name.as_str()));
+        ignored.for_each(|param| param.used.set(true));
+    }
+
+    /// What nobody asked for.
+    pub(super) fn unused(&self) -> impl Iterator<Item = &Param> {
+        self.list.iter().map(AsRef::as_ref).filter(|param| !param.used.get() && !param.may_be_unused)
+    }
+
+    fn numbers(&self, name: &str, kind: &str) -> Option<(&[f64], Place)> {
+        let param = self.find(name, &[kind])?;
+        if let Values::Numbers(numbers) = &param.values { Some((numbers, param.at)) } else { None }
+    }
+
+    /// A single number.
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, Fault> {
+        self.numbers(name, "float").map(|(numbers, at)| one(numbers, at, name)).transpose()
+    }
+
+    /// A single integer.
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, Fault> {
+        self.numbers(name, "integer").map(|(numbers, at)| one(numbers, at, name).map(|x| x as i64)).transpose()
+    }
+
+    /// `true` or `false`.
+    pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, Fault> {
+        let Some(param) = self.find(name, &["bool"]) else { return Ok(None) };
+        match &param.values {
+            Values::Bools(bools) => one(bools, param.at, name).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// A single text.
+    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, Fault> {
+        self.texts(name).map(|(texts, at)| one_of(texts, at, name).map(String::as_str)).transpose()
+    }
+
+    /// Texts.
+    pub(super) fn texts(&self, name: &str) -> Option<(&[String], Place)> {
+        let param = self.find(name, &["string"])?;
+        if let Values::Texts(texts) = &param.values { Some((texts, param.at)) } else { None }
+    }
+
+    /// The name of a texture.
+    pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, Place)>, Fault> {
+        let Some(param) = self.find(name, &["texture"]) else { return Ok(None) };
+        match &param.values {
+            Values::Texts(texts) => Ok(Some((one_of(texts, param.at, name)?, param.at))),
+            _ => Ok(None),
+        }
+    }
+
+    /// Numbers.
+    pub(super) fn floats(&self, name: &str) -> Option<&[f64]> {
+        self.numbers(name, "float").map(|(numbers, _)| numbers)
+    }
+
+    /// Integers.
+    pub(super) fn integers(&self, name: &str) -> Option<&[f64]> {
+        self.numbers(name, "integer").map(|(numbers, _)| numbers)
+    }
+
+    /// Points in the plane.
+    pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, Fault> {
+        self.tuples(name, "point2", |[x, y]| DVec2::new(x, y))
+    }
+
+    /// Points, or with the kind `normal` or `vector3` those.
+    pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, Fault> {
+        self.tuples(name, kind, |[x, y, z]| DVec3::new(x, y, z))
+    }
+
+    /// One point or vector.
+    pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, Fault> {
+        let Some(points) = self.points3(name, kind)? else { return Ok(None) };
+        one(&points, self.place_of(name), name).map(Some)
+    }
+
+    fn tuples<const N: usize, T>(
+        &self,
+        name: &str,
+        kind: &str,
+        make: impl Fn([f64; N]) -> T,
+    ) -> Result<Option<Vec<T>>, Fault> {
+        let Some((numbers, at)) = self.numbers(name, kind) else { return Ok(None) };
+        let (tuples, rest) = numbers.as_chunks::<N>();
+        if !rest.is_empty() {
+            return Err(at.fault(format!("`{name}` has {} numbers, which is no multiple of {N}", numbers.len())));
+        }
+        Ok(Some(tuples.iter().map(|&tuple| make(tuple)).collect()))
+    }
+}
+
+/// What to do with a file for pbrt-v3.
+pub(super) const UPGRADE: &str = "convert the file with `pbrt --upgrade old.pbrt > new.pbrt`";
+
+fn one_of<'a, T>(values: &'a [T], at: Place, name: &str) -> Result<&'a T, Fault> {
+    match values {
+        [value] => Ok(value),
+        _ => Err(at.fault(format!("`{}` has {} values instead of one", shortened(name), values.len()))),
+    }
+}
+
+fn one<T: Copy>(values: &[T], at: Place, name: &str) -> Result<T, Fault> {
+    one_of(values, at, name).copied()
+}
+
+fn read_values(tokens: &mut Tokens<'_>, at: Place, kind: &str) -> Result<Values, Fault> {
+    let ended = || at.fault("the file ends before the value of this parameter");
+    let mut values = match kind {
+        "bool" => Values::Bools(Vec::new()),
+        "string" | "texture" => Values::Texts(Vec::new()),
+        // A spectrum may be given by numbers or by name: the first value decides.
+        _ => Values::Numbers(Vec::new()),
+    };
+    let (first, place) = tokens.next()?.ok_or_else(ended)?;
+    if first != Token::Open {
+        push_value(&mut values, &first, place, kind)?;
+        return Ok(values);
+    }
+    loop {
+        let (token, place) = tokens.next()?.ok_or_else(ended)?;
+        if token == Token::Close {
+            return Ok(values);
+        }
+        push_value(&mut values, &token, place, kind)?;
+    }
+}
+
+fn push_value(values: &mut Values, token: &Token<'_>, at: Place, kind: &str) -> Result<(), Fault> {
+    let expected = |what: &str| Err(at.fault(format!("a parameter of type \"{kind}\" takes {what}")));
+    match (&mut *values, token) {
+        (Values::Numbers(numbers), Token::Word(word)) => {
+            let number = number(word).ok_or_else(|| at.fault(format!("`{}` is no number", shortened(word))))?;
+            if kind == "integer" && (number.fract() != 0.0 || number.abs() > f64::from(i32::MAX)) {
+                return Err(at.fault(format!("`{}` is no integer of 32 bits", shortened(word))));
+            }
+            numbers.push(number);
+        }
+        (Values::Numbers(numbers), Token::Text(text)) if kind == "spectrum" && numbers.is_empty() => {
+            *values = Values::Texts(vec![text.clone().into_owned()]);
+        }
+        (Values::Texts(texts), Token::Text(text)) => texts.push(text.clone().into_owned()),
+        // pbrt-v3 wrote truth values in quotes.
+        (Values::Bools(bools), Token::Word(word) | Token::Text(word)) => match word.as_ref() {
+            "true" => bools.push(true),
+            "false" => bools.push(false),
+            _ => return expected("true or false"),
+        },
+        (Values::Numbers(_), _) => return expected("numbers"),
+        (Values::Texts(_), _) => return expected("texts in quotes"),
+        (Values::Bools(_), _) => return expected("true or false"),
+    }
+    Ok(())
+}
+
+/// A finite number.
+pub(super) fn number(word: &str) -> Option<f64> {
+    // What `f64` understands beyond numbers starts with a letter: inf, nan, infinity.
+    let is_number = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));
+    if !is_number {
+        return None;
+    }
+    word.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Params, Fault> {
+        let mut tokens = Tokens::new(0, text.as_bytes())?;
+        Params::read(&mut tokens, Place::default(), ColorSpace::default())
+    }
+
+    #[test]
+    fn values_have_the_type_that_is_declared() {
+        let params = read(r#""float r" 2 "point3 P" [0 1 2 3 4 5] "bool b" true "bool c" "false" "string s" ["x"]"#);
+        let params = params.unwrap();
+        assert_eq!(params.float("r").unwrap(), Some(2.0));
+        assert_eq!(params.points3("P", "point3").unwrap().unwrap()[1], DVec3::new(3.0, 4.0, 5.0));
+        assert_eq!((params.bool("b").unwrap(), params.bool("c").unwrap()), (Some(true), Some(false)));
+        assert_eq!(params.text("s").unwrap(), Some("x"));
+        assert_eq!(params.unused().count(), 0);
+        assert_eq!(params.float("absent").unwrap(), None);
+        for bad in [
+            r#""float r" nan"#,
+            r#""float r" inf"#,
+            r#""float r" 1e999"#,
+            r#""float r" "1""#,
+            r#""float r" "#,
+            r#""float r" [1 2"#,
+            r#""integer i" 1.5"#,
+            r#""integer i" 3000000000"#,
+            r#""bool b" 1"#,
+            r#""string s" 1"#,
+            r#""float" 1"#,
+            r#""quaternion q" 1"#,
+            r#""color c" [1 1 1]"#,
+        ] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+        assert!(read(r#""float r" [1 2]"#).unwrap().float("r").is_err());
+        assert!(read(r#""point3 P" [1 2]"#).unwrap().points3("P", "point3").is_err());
+    }
+
+    #[test]
+    fn later_parameters_hide_earlier_ones_and_attributes() {
+        let attributes: Vec<_> = read(r#""float r" 1 "float s" 5 "float t" 6"#).unwrap().into_attributes().collect();
+        let params = read(r#""float r" 2 "float r" 3 "float q" 1"#).unwrap().with_attributes(&attributes);
+        assert_eq!(params.float("r").unwrap(), Some(3.0));
+        assert_eq!(params.float("s").unwrap(), Some(5.0));
+        let unused: Vec<&str> = params.unused().map(|param| param.name.as_str()).collect();
+        assert_eq!(unused, ["q"]);
+    }
+}

@@ -1,0 +1,537 @@
+//! Directives, one after the other.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use glam::{DAffine3, DVec3};
+
+use super::color::ColorSpace;
+use super::context::{Context, Outcome};
+use super::params::{Params, UPGRADE, number};
+use super::token::{Fault, Place, Token, Tokens};
+use super::transform::{from_columns, look_at};
+use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, Target, World};
+use super::{dialect, shape};
+use crate::mesh_file::unfolded;
+use crate::text::shortened;
+
+/// Files within files within files.
+const INCLUDE_DEPTH_MAX: usize = 64;
+
+/// Files that are included, one by one; the same file may be included again and again.
+const INCLUDE_COUNT_MAX: usize = 100_000;
+
+/// `AttributeBegin` within `AttributeBegin`.
+const ATTRIBUTE_DEPTH_MAX: usize = 1024;
+
+/// Reads a file and all that it includes.
+pub(super) struct Parser<'c, 'a> {
+    context: &'c mut Context<'a>,
+    pub(super) world: World,
+    state: GraphicsState,
+    /// What was saved, by what, and where.
+    saved: Vec<(GraphicsState, Block, Place)>,
+    coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
+    in_world: bool,
+    /// The object that is being described.
+    object: Option<String>,
+    /// Names of the files that are open, outermost first.
+    open_files: Vec<String>,
+    include_count: usize,
+    /// Bytes of text that may still be read.
+    bytes_left: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Block {
+    Attribute,
+    Transform,
+    Object,
+}
+
+impl Block {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Attribute => "Attribute",
+            Self::Transform => "Transform",
+            Self::Object => "Object",
+        }
+    }
+}
+
+impl<'c, 'a> Parser<'c, 'a> {
+    pub(super) fn new(context: &'c mut Context<'a>) -> Self {
+        let bytes_left = context.resources.budget().limit();
+        let world = World { materials: vec![Entity::plain("diffuse")], ..World::default() };
+        Self {
+            context,
+            world,
+            state: GraphicsState::default(),
+            saved: Vec::new(),
+            coordinate_systems: BTreeMap::new(),
+            in_world: false,
+            object: None,
+            open_files: Vec::new(),
+            include_count: 0,
+            bytes_left,
+        }
+    }
+
+    /// Reads the scene file, and checks that everything that was begun is ended.
+    pub(super) fn read_scene(&mut self, bytes: &[u8]) -> Outcome<()> {
+        let end = self.read_file(0, bytes)?;
+        if let Some((_, block, at)) = self.saved.last() {
+            return Err(at.fault(format!("{0}Begin has no {0}End", block.name())).into());
+        }
+        if !self.in_world {
+            return Err(end.fault("the file ends before WorldBegin: it has no scene, or was cut off").into());
+        }
+        Ok(())
+    }
+
+    /// Returns where the file ends.
+    fn read_file(&mut self, file: u32, bytes: &[u8]) -> Outcome<Place> {
+        let mut tokens = Tokens::new(file, bytes)?;
+        if bytes.len() > self.bytes_left {
+            return Err(tokens.here().fault("the scene includes more text than the limit of memory allows").into());
+        }
+        self.bytes_left -= bytes.len();
+        while let Some((token, at)) = tokens.next()? {
+            let Token::Word(word) = token else {
+                return Err(at.fault("a directive is expected here, such as Shape or Translate").into());
+            };
+            self.directive(&word, at, &mut tokens)?;
+        }
+        Ok(tokens.here())
+    }
+
+    fn directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        match word {
+            "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform" | "ConcatTransform"
+            | "CoordinateSystem" | "CoordSysTransform" | "ActiveTransform" | "TransformTimes" => {
+                self.transformation(word, at, tokens)
+            }
+            "AttributeBegin" => self.begin(Block::Attribute, at),
+            "AttributeEnd" => self.end(Block::Attribute, at),
+            "TransformBegin" => self.begin(Block::Transform, at),
+            "TransformEnd" => self.end(Block::Transform, at),
+            "ObjectBegin" | "ObjectEnd" | "ObjectInstance" => self.object_directive(word, at, tokens),
+            "Camera" | "Film" | "Sampler" | "Integrator" | "PixelFilter" | "Accelerator" => {
+                self.option_directive(word, at, tokens)
+            }
+            "Option" => {
+                let (name, _) = text(tokens, at, word)?;
+                let (value, _) = tokens.next()?.ok_or_else(|| ended(at, word))?;
+                if dialect::option_matters(&name, &value) {
+                    self.context.unsupported(at, format!("the option \"{}\" is left out", shortened(&name)));
+                }
+                Ok(())
+            }
+            "WorldBegin" => {
+                self.only_before_world(at, word)?;
+                self.in_world = true;
+                self.state.ctm = [DAffine3::IDENTITY; 2];
+                self.state.active = [true; 2];
+                self.coordinate_systems.insert("world".into(), self.state.ctm);
+                Ok(())
+            }
+            "WorldEnd" => {
+                self.context.warn(at, "WorldEnd is of pbrt-v3, and means nothing in pbrt-v4");
+                Ok(())
+            }
+            "Include" | "Import" => self.include(word, at, tokens),
+            "Attribute" => {
+                let (name, name_at) = text(tokens, at, word)?;
+                let Some(target) = Target::named(&name) else {
+                    return Err(name_at.fault("an attribute is of a shape, light, material, medium or texture").into());
+                };
+                let params = Params::read(tokens, at, self.state.color_space)?;
+                Rc::make_mut(&mut self.state.attributes[target as usize]).extend(params.into_attributes());
+                Ok(())
+            }
+            "ColorSpace" => {
+                let (name, name_at) = text(tokens, at, word)?;
+                match ColorSpace::named(&name) {
+                    Some(color_space) => self.state.color_space = color_space,
+                    None => {
+                        let message = format!("the colour space \"{}\" is not known", shortened(&name));
+                        self.context.unsupported(name_at, message);
+                    }
+                }
+                Ok(())
+            }
+            "ReverseOrientation" => {
+                self.state.reverse_orientation = !self.state.reverse_orientation;
+                Ok(())
+            }
+            _ => self.world_directive(word, at, tokens),
+        }
+    }
+
+    fn world_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        match word {
+            "Material" => {
+                self.only_in_world(at, word)?;
+                let entity = self.entity(word, at, tokens, Some(Target::Material))?;
+                self.state.material = MaterialRef::Index(self.world.materials.len());
+                self.world.materials.push(entity);
+            }
+            "MakeNamedMaterial" => {
+                self.only_in_world(at, word)?;
+                let (name, _) = text(tokens, at, word)?;
+                let entity = self.typed_entity(word, at, tokens, Target::Material)?;
+                if self.world.named_materials.contains_key(&*name) {
+                    return Err(at.fault(format!("the material \"{}\" is made twice", shortened(&name))).into());
+                }
+                self.world.named_materials.insert(name, self.world.materials.len());
+                self.world.materials.push(entity);
+            }
+            "NamedMaterial" => {
+                self.only_in_world(at, word)?;
+                let (name, name_at) = text(tokens, at, word)?;
+                self.state.material = MaterialRef::Named(name.into(), name_at);
+            }
+            "MakeNamedMedium" => {
+                let (name, _) = text(tokens, at, word)?;
+                let entity = self.typed_entity(word, at, tokens, Target::Medium)?;
+                if self.world.media.insert(name.clone(), entity).is_some() {
+                    return Err(at.fault(format!("the medium \"{}\" is made twice", shortened(&name))).into());
+                }
+            }
+            "MediumInterface" => {
+                let (inside, _) = text(tokens, at, word)?;
+                let outside = match tokens.peek()? {
+                    Some((Token::Text(_), _)) => text(tokens, at, word)?.0,
+                    _ => inside.clone(),
+                };
+                let name = |name: String| (!name.is_empty()).then(|| name.into());
+                self.state.media = MediumInterface { inside: name(inside), outside: name(outside), at };
+            }
+            "Texture" => {
+                self.only_in_world(at, word)?;
+                let (name, _) = text(tokens, at, word)?;
+                let (kind, kind_at) = text(tokens, at, word)?;
+                if kind != "float" && kind != "spectrum" {
+                    dialect::check("Texture type", &kind, kind_at)?;
+                    return Err(kind_at.fault("a texture is of type \"float\" or \"spectrum\"").into());
+                }
+                let entity = self.entity(word, at, tokens, Some(Target::Texture))?;
+                let textures =
+                    if kind == "float" { &mut self.world.float_textures } else { &mut self.world.spectrum_textures };
+                if textures.insert(name.clone(), entity).is_some() {
+                    return Err(at.fault(format!("the texture \"{}\" is made twice", shortened(&name))).into());
+                }
+            }
+            "LightSource" => {
+                self.only_in_world(at, word)?;
+                let entity = self.entity(word, at, tokens, Some(Target::Light))?;
+                self.note_motion(at);
+                self.world.lights.push(entity);
+            }
+            "AreaLightSource" => {
+                self.only_in_world(at, word)?;
+                let entity = self.entity(word, at, tokens, Some(Target::Light))?;
+                self.state.area_light = Some(self.world.area_lights.len());
+                self.world.area_lights.push(entity);
+            }
+            "Shape" => self.shape(at, tokens)?,
+            _ => {
+                dialect::check("directive", word, at)?;
+                return Err(at.fault(format!("there is no directive `{}`", shortened(word))).into());
+            }
+        }
+        Ok(())
+    }
+
+    fn transformation(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        match word {
+            "Identity" => self.state.transform(|_| DAffine3::IDENTITY),
+            "Translate" => {
+                let offset = DVec3::from_array(numbers(tokens, at, word)?);
+                self.state.transform(|ctm| *ctm * DAffine3::from_translation(offset));
+            }
+            "Scale" => {
+                let scale = DVec3::from_array(numbers(tokens, at, word)?);
+                self.state.transform(|ctm| *ctm * DAffine3::from_scale(scale));
+            }
+            "Rotate" => {
+                let [degrees, x, y, z] = numbers(tokens, at, word)?;
+                let axis = DVec3::new(x, y, z).try_normalize().ok_or_else(|| at.fault("the axis has no direction"))?;
+                let rotation = DAffine3::from_axis_angle(axis, degrees.to_radians());
+                self.state.transform(|ctm| *ctm * rotation);
+            }
+            "LookAt" => {
+                let [ex, ey, ez, lx, ly, lz, ux, uy, uz] = numbers(tokens, at, word)?;
+                let (eye, look, up) = (DVec3::new(ex, ey, ez), DVec3::new(lx, ly, lz), DVec3::new(ux, uy, uz));
+                let camera = look_at(eye, look, up)
+                    .ok_or_else(|| at.fault("the eye is at the target, or the target straight up or down from it"))?;
+                self.state.transform(|ctm| *ctm * camera);
+            }
+            "Transform" | "ConcatTransform" => {
+                let matrix = from_columns(&numbers(tokens, at, word)?, at)?;
+                match word {
+                    "Transform" => self.state.transform(|_| matrix),
+                    _ => self.state.transform(|ctm| *ctm * matrix),
+                }
+            }
+            "CoordinateSystem" => {
+                let (name, _) = text(tokens, at, word)?;
+                self.coordinate_systems.insert(name, self.state.ctm);
+            }
+            "CoordSysTransform" => {
+                let (name, name_at) = text(tokens, at, word)?;
+                match self.coordinate_systems.get(&name) {
+                    Some(ctm) => self.state.ctm = *ctm,
+                    None => {
+                        let problem = format!("there is no coordinate system \"{}\"", shortened(&name));
+                        return Err(name_at.fault(problem).into());
+                    }
+                }
+            }
+            "ActiveTransform" => match tokens.next()? {
+                Some((Token::Word(which), _)) if which == "All" => self.state.active = [true; 2],
+                Some((Token::Word(which), _)) if which == "StartTime" => self.state.active = [true, false],
+                Some((Token::Word(which), _)) if which == "EndTime" => self.state.active = [false, true],
+                _ => return Err(at.fault("ActiveTransform is All, StartTime or EndTime").into()),
+            },
+            _ => {
+                let _times: [f64; 2] = numbers(tokens, at, word)?;
+            }
+        }
+        if self.state.ctm.iter().all(|ctm| ctm.is_finite()) {
+            Ok(())
+        } else {
+            Err(at.fault("the transformation exceeds all bounds").into())
+        }
+    }
+
+    fn option_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        self.only_before_world(at, word)?;
+        let entity = Some(self.entity(word, at, tokens, None)?);
+        match word {
+            "Camera" => {
+                self.note_motion(at);
+                self.coordinate_systems.insert("camera".into(), self.state.ctm.map(|ctm| ctm.inverse()));
+                self.world.camera = entity;
+                self.world.camera_media = self.state.media.clone();
+            }
+            "Film" => self.world.film = entity,
+            "Sampler" => self.world.sampler = entity,
+            "Integrator" => self.world.integrator = entity,
+            "PixelFilter" => self.world.filter = entity,
+            // How rays find surfaces is our own affair.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn object_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        self.only_in_world(at, word)?;
+        if word == "ObjectEnd" {
+            self.end(Block::Object, at)?;
+            self.object = None;
+            return Ok(());
+        }
+        let (name, _) = text(tokens, at, word)?;
+        if self.object.is_some() {
+            return Err(at.fault(format!("{word} within an object")).into());
+        }
+        if word == "ObjectInstance" {
+            self.note_motion(at);
+            let world_from_instance = self.state.ctm[0];
+            self.world.instances.push(ObjectInstance { name, world_from_instance, at });
+            return Ok(());
+        }
+        self.begin(Block::Object, at)?;
+        if self.world.objects.contains_key(&name) {
+            return Err(at.fault(format!("the object \"{}\" is made twice", shortened(&name))).into());
+        }
+        self.world.objects.insert(name.clone(), Vec::new());
+        self.object = Some(name);
+        Ok(())
+    }
+
+    fn shape(&mut self, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        self.only_in_world(at, "Shape")?;
+        let entity = self.entity("Shape", at, tokens, Some(Target::Shape))?;
+        self.note_motion(at);
+        let params = &entity.params;
+        let alpha = match params.texture("alpha")? {
+            Some((name, at)) => Some(Alpha::Texture(name.into(), at)),
+            None => params.float("alpha")?.map(Alpha::Constant),
+        };
+        let geometry = shape::read(self.context, &entity)?;
+        self.context.report_unused(params);
+        let Some(geometry) = geometry else { return Ok(()) };
+        let mut area_light = self.state.area_light;
+        if area_light.is_some() && self.object.is_some() {
+            self.context.warn(at, "a light within an object does not shine, as in pbrt");
+            area_light = None;
+        }
+        let shape = super::world::Shape {
+            geometry,
+            at,
+            world_from_object: entity.ctm,
+            reverse_orientation: self.state.reverse_orientation,
+            material: self.state.material.clone(),
+            area_light,
+            media: self.state.media.clone(),
+            alpha,
+        };
+        let object = self.object.as_ref().and_then(|name| self.world.objects.get_mut(name));
+        match object {
+            Some(shapes) => shapes.push(shape),
+            None => self.world.shapes.push(shape),
+        }
+        Ok(())
+    }
+
+    fn include(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+        let (reference, reference_at) = text(tokens, at, word)?;
+        let place = self.context.place(reference_at);
+        let location = self.context.resources.locate(&reference, &place)?;
+        if location.path() == self.context.path(0) || self.open_files.contains(&location.name) {
+            let problem = format!("`{}` includes itself, directly or by way of others", shortened(&reference));
+            return Err(reference_at.fault(problem).into());
+        }
+        self.include_count += 1;
+        if self.open_files.len() >= INCLUDE_DEPTH_MAX || self.include_count > INCLUDE_COUNT_MAX {
+            let problem = format!(
+                "more than {INCLUDE_DEPTH_MAX} files within each other, or {INCLUDE_COUNT_MAX} in all, are included"
+            );
+            return Err(reference_at.fault(problem).into());
+        }
+        let bytes = self.context.resources.read(&location)?;
+        let (bytes, _held) = unfolded(location.path(), bytes, self.context.resources.budget())?;
+        let file = self.context.add_file(location.name.as_str(), location.path());
+        self.open_files.push(location.name.clone());
+        let (state, depth) = (self.state.clone(), self.saved.len());
+        self.read_file(file, &bytes)?;
+        self.open_files.pop();
+        // Files that are imported change nothing but what they name.
+        if word == "Import" {
+            if self.saved.len() != depth {
+                return Err(at.fault("the file that is imported does not end what it begins").into());
+            }
+            self.state = state;
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, block: Block, at: Place) -> Outcome<()> {
+        if block == Block::Attribute {
+            self.only_in_world(at, "AttributeBegin")?;
+        }
+        if self.saved.len() >= ATTRIBUTE_DEPTH_MAX {
+            return Err(at.fault(format!("more than {ATTRIBUTE_DEPTH_MAX} blocks within each other")).into());
+        }
+        self.saved.push((self.state.clone(), block, at));
+        Ok(())
+    }
+
+    fn end(&mut self, block: Block, at: Place) -> Outcome<()> {
+        let name = block.name();
+        match self.saved.pop() {
+            None => Err(at.fault(format!("{name}End without {name}Begin")).into()),
+            Some((state, begun, _)) if begun == block => {
+                match block {
+                    Block::Transform => (self.state.ctm, self.state.active) = (state.ctm, state.active),
+                    Block::Attribute | Block::Object => self.state = state,
+                }
+                Ok(())
+            }
+            Some((_, begun, begun_at)) => {
+                let (begun, line) = (begun.name(), begun_at.line);
+                Err(at.fault(format!("{name}End, but {begun}Begin of line {line} is still open")).into())
+            }
+        }
+    }
+
+    /// The quoted type and the parameters that follow a directive.
+    fn entity(&self, word: &str, at: Place, tokens: &mut Tokens<'_>, target: Option<Target>) -> Outcome<Entity> {
+        let (kind, kind_at) = text(tokens, at, word)?;
+        dialect::check(word, &kind, kind_at)?;
+        let params = Params::read(tokens, at, self.state.color_space)?;
+        let params = target.map_or_else(|| params.clone(), |target| self.state.complete(params.clone(), target));
+        Ok(Entity { kind, params, at, ctm: self.state.ctm[0] })
+    }
+
+    /// The parameters that follow the name, with the type among them.
+    fn typed_entity(&self, word: &str, at: Place, tokens: &mut Tokens<'_>, target: Target) -> Outcome<Entity> {
+        let params = self.state.complete(Params::read(tokens, at, self.state.color_space)?, target);
+        let Some(kind) = params.text("type")? else {
+            return Err(at.fault(format!("{word} needs the parameter \"string type\"")).into());
+        };
+        dialect::check(word, kind, params.place_of("type"))?;
+        Ok(Entity { kind: kind.into(), params, at, ctm: self.state.ctm[0] })
+    }
+
+    fn note_motion(&mut self, at: Place) {
+        if self.state.ctm[0] != self.state.ctm[1] {
+            self.world.moving = Some(self.world.moving.map_or((at, 1), |(first, count)| (first, count + 1)));
+        }
+    }
+
+    fn only_in_world(&self, at: Place, word: &str) -> Result<(), Fault> {
+        if self.in_world { Ok(()) } else { Err(at.fault(format!("{word} belongs behind WorldBegin"))) }
+    }
+
+    fn only_before_world(&self, at: Place, word: &str) -> Result<(), Fault> {
+        if self.in_world { Err(at.fault(format!("{word} belongs before WorldBegin"))) } else { Ok(()) }
+    }
+}
+
+impl Entity {
+    /// Without parameters, at the start of the file.
+    pub(super) fn plain(kind: &str) -> Self {
+        Self {
+            kind: kind.into(),
+            params: Params::default(),
+            at: Place { file: 0, line: 1, column: 1 },
+            ctm: DAffine3::IDENTITY,
+        }
+    }
+}
+
+fn ended(at: Place, word: &str) -> Fault {
+    at.fault(format!("the file ends within {word}"))
+}
+
+/// The quoted text that follows a directive.
+fn text(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<(String, Place), Fault> {
+    match tokens.next()? {
+        Some((Token::Text(text), at)) => Ok((text.into_owned(), at)),
+        Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),
+        None => Err(ended(at, word)),
+    }
+}
+
+/// The numbers that follow a directive, with or without brackets.
+fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<[f64; N], Fault> {
+    let mut numbers = [0.0; N];
+    let has_brackets = matches!(tokens.peek()?, Some((Token::Open, _)));
+    if has_brackets {
+        tokens.next()?;
+    }
+    let wrong = |at: Place| at.fault(format!("{word} is followed by {N} numbers"));
+    for value in &mut numbers {
+        *value = match tokens.next()? {
+            Some((Token::Word(word), at)) => number(&word).ok_or_else(|| wrong(at))?,
+            Some((_, at)) => return Err(wrong(at)),
+            None => return Err(ended(at, word)),
+        };
+    }
+    if has_brackets {
+        match tokens.next()? {
+            Some((Token::Close, _)) => {}
+            Some((_, at)) => return Err(wrong(at)),
+            None => return Err(ended(at, word)),
+        }
+    }
+    Ok(numbers)
+}
+
+/// What to say of a file for pbrt-v3, for [`dialect`].
+pub(super) fn old_version(at: Place, what: &str, name: &str) -> Fault {
+    at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
+}

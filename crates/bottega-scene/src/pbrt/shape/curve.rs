@@ -1,0 +1,226 @@
+//! `curve`: hair, fur and grass, as tubes and ribbons of triangles.
+//!
+//! A curve is cut into straight pieces that are off by at most 5 % of its width. One that is `flat` in pbrt always shows
+//! its width to whoever looks at it: a tube of the same width does that.
+
+use glam::{DVec3, Vec2};
+
+use super::super::context::{Context, Outcome};
+use super::super::params::Params;
+use super::super::token::Place;
+use super::{Geometry, positions};
+use crate::Mesh;
+use crate::text::shortened;
+
+/// Corners of a tube's cross-section.
+const SIDES: u32 = 5;
+
+/// Pieces of one Bézier segment, at most.
+const PIECES_MAX: f64 = 32.0;
+
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Option<Geometry>> {
+    let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`curve` needs the control points `P`"))?;
+    positions(&points, params.place_of("P"))?;
+    let width = params.float("width")?.unwrap_or(1.0);
+    let widths = [params.float("width0")?.unwrap_or(width), params.float("width1")?.unwrap_or(width)];
+    if !(widths[0] >= 0.0 && widths[1] >= 0.0 && widths[0] + widths[1] > 0.0) {
+        return Err(at.fault("a curve's width must be above 0").into());
+    }
+    let degree = params.integer("degree")?.unwrap_or(3);
+    if degree != 2 && degree != 3 {
+        return Err(params.place_of("degree").fault("a curve's degree is 2 or 3").into());
+    }
+    let degree = degree as usize;
+    let basis = params.text("basis")?.unwrap_or("bezier");
+    let segments = match basis {
+        "bezier" => bezier_segments(&points, degree),
+        "bspline" => bspline_segments(&points, degree),
+        _ => {
+            let problem = format!("a curve's basis is \"bezier\" or \"bspline\", not \"{}\"", shortened(basis));
+            return Err(params.place_of("basis").fault(problem).into());
+        }
+    };
+    let Some(segments) = segments else {
+        return Err(params
+            .place_of("P")
+            .fault(format!("{} points make no curve of degree {degree}", points.len()))
+            .into());
+    };
+    let kind = params.text("type")?.unwrap_or("flat");
+    let normals = params.points3("N", "normal")?;
+    params.ignore(&["splitdepth"]);
+    let normals = match (kind, normals) {
+        ("ribbon", Some(normals)) if normals.len() == segments.len() + 1 => Some(normals),
+        ("ribbon", _) => {
+            return Err(at.fault("a ribbon needs one normal `N` more than it has segments").into());
+        }
+        ("flat" | "cylinder", _) => None,
+        _ => {
+            let problem = format!("a curve is flat, a cylinder or a ribbon, not \"{}\"", shortened(kind));
+            return Err(params.place_of("type").fault(problem).into());
+        }
+    };
+    let line = polyline(&segments, widths);
+    let corners = if normals.is_some() { 2 } else { SIDES as usize };
+    let bytes = line.len() * corners * (32 + 24);
+    let place = context.place(at);
+    context.resources.budget().take(context.path(at.file), &place, bytes)?;
+    let mut mesh = match &normals {
+        Some(normals) => ribbon(&line, normals),
+        None => tube(&line),
+    };
+    mesh.mend_normals();
+    mesh.face_normals();
+    if mesh.triangles.is_empty() {
+        context.warn(at, "the curve has no length, and is left out");
+        return Ok(None);
+    }
+    Ok(Some(Geometry::Mesh { mesh: Box::new(mesh), primitive_count: segments.len() }))
+}
+
+/// Cubic Bézier segments of a curve whose segments share their ends.
+fn bezier_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
+    if points.len() <= degree || (points.len() - 1) % degree != 0 {
+        return None;
+    }
+    let segment = |index: usize| match &points[index * degree..=(index + 1) * degree] {
+        &[a, b, c] => elevated([a, b, c]),
+        controls => [controls[0], controls[1], controls[2], controls[3]],
+    };
+    Some((0..(points.len() - 1) / degree).map(segment).collect())
+}
+
+/// Cubic Bézier segments of a uniform B-spline.
+fn bspline_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
+    if points.len() <= degree {
+        return None;
+    }
+    let segment = |controls: &[DVec3]| match *controls {
+        [a, b, c] => elevated([a.lerp(b, 0.5), b, b.lerp(c, 0.5)]),
+        _ => {
+            let [a, b, c, d] = [controls[0], controls[1], controls[2], controls[3]];
+            [(a + b * 4.0 + c) / 6.0, (b * 2.0 + c) / 3.0, (b + c * 2.0) / 3.0, (b + c * 4.0 + d) / 6.0]
+        }
+    };
+    Some(points.windows(degree + 1).map(segment).collect())
+}
+
+/// The same curve with one control point more.
+fn elevated([a, b, c]: [DVec3; 3]) -> [DVec3; 4] {
+    [a, a.lerp(b, 2.0 / 3.0), c.lerp(b, 2.0 / 3.0), c]
+}
+
+/// A point on the way.
+struct Station {
+    position: DVec3,
+    tangent: DVec3,
+    width: f64,
+    /// Along the whole curve, from 0 to the number of segments.
+    u: f64,
+}
+
+fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station> {
+    let mut line = Vec::new();
+    let count = segments.len() as f64;
+    for (index, &[a, b, c, d]) in segments.iter().enumerate() {
+        // The chord of a cubic is off by at most an eighth of its greatest second derivative (de Boor).
+        let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
+        let length = (b - a).length() + (c - b).length() + (d - c).length();
+        let tolerance = (0.05 * width0.max(width1)).max(1e-4 * length).max(f64::MIN_POSITIVE);
+        let pieces = (0.75 * bend / tolerance).sqrt().ceil().clamp(1.0, PIECES_MAX);
+        let first = if index == 0 { 0 } else { 1 };
+        for piece in first..=pieces as u32 {
+            let t = f64::from(piece) / pieces;
+            let s = 1.0 - t;
+            let u = index as f64 + t;
+            let position = a * (s * s * s) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * (t * t * t);
+            let tangent = (b - a) * (s * s) + (c - b) * (2.0 * s * t) + (d - c) * (t * t);
+            let tangent = tangent.try_normalize().or_else(|| (d - a).try_normalize()).unwrap_or(DVec3::X);
+            line.push(Station { position, tangent, width: width0 + (width1 - width0) * (u / count), u });
+        }
+    }
+    line
+}
+
+fn tube(line: &[Station]) -> Mesh {
+    let mut mesh = Mesh::default();
+    let count = line.last().map_or(1.0, |station| station.u).max(1.0);
+    let mut x = line.first().map_or(DVec3::X, |station| station.tangent.any_orthonormal_vector());
+    for station in line {
+        // The frame turns no more than the curve does.
+        x = (x - station.tangent * station.tangent.dot(x))
+            .try_normalize()
+            .unwrap_or(station.tangent.any_orthonormal_vector());
+        let y = station.tangent.cross(x);
+        for side in 0..SIDES {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(SIDES)).sin_cos();
+            let normal = x * cos + y * sin;
+            mesh.positions.push((station.position + normal * (0.5 * station.width)).as_vec3());
+            mesh.normals.push(normal.as_vec3());
+            // Across the width, from one edge to the other and back.
+            let across = 0.5 + 0.5 * cos;
+            mesh.uvs[0].push(Vec2::new((station.u / count) as f32, across as f32));
+        }
+    }
+    for ring in 1..line.len() as u32 {
+        for side in 0..SIDES {
+            let next = (side + 1) % SIDES;
+            let (a, b) = ((ring - 1) * SIDES, ring * SIDES);
+            mesh.triangles.extend([[a + side, a + next, b + next], [a + side, b + next, b + side]]);
+        }
+    }
+    mesh
+}
+
+fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
+    let mut mesh = Mesh::default();
+    let count = (normals.len() - 1) as f64;
+    for station in line {
+        let before = (station.u as usize).min(normals.len() - 2);
+        let normal = normals[before].lerp(normals[before + 1], station.u - before as f64);
+        let side = normal.cross(station.tangent).normalize_or_zero() * (0.5 * station.width);
+        for (sign, v) in [(-1.0, 1.0), (1.0, 0.0)] {
+            mesh.positions.push((station.position + side * sign).as_vec3());
+            mesh.normals.push(normal.as_vec3());
+            mesh.uvs[0].push(Vec2::new((station.u / count) as f32, v));
+        }
+    }
+    for next in 1..line.len() as u32 {
+        let (a, b) = (2 * (next - 1), 2 * next);
+        mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_bases_pass_through_the_same_curve() {
+        // A straight line with equidistant points is the same in every basis.
+        let points: Vec<DVec3> = (0..4).map(|i| DVec3::X * f64::from(i)).collect();
+        let bezier = bezier_segments(&points, 3).unwrap();
+        assert_eq!((bezier.len(), bezier[0][3].x), (1, 3.0));
+        let bspline = bspline_segments(&points, 3).unwrap();
+        assert!((bspline[0][0].x - 1.0).abs() < 1e-12 && (bspline[0][3].x - 2.0).abs() < 1e-12);
+        let quadratic = bspline_segments(&points, 2).unwrap();
+        assert_eq!(quadratic.len(), 2);
+        assert!((quadratic[0][3] - quadratic[1][0]).length() < 1e-12);
+        assert!(bezier_segments(&points, 2).is_none() && bspline_segments(&points[..2], 2).is_none());
+    }
+
+    #[test]
+    fn a_tube_keeps_its_width_around_a_bend() {
+        let arc = [DVec3::X, DVec3::new(1.0, 0.5523, 0.0), DVec3::new(0.5523, 1.0, 0.0), DVec3::Y];
+        let line = polyline(&[arc], [0.1, 0.1]);
+        let mesh = tube(&line);
+        assert!(line.len() > 4);
+        for position in &mesh.positions {
+            // Distance from the circle of radius 1 in the plane z = 0.
+            let p = position.as_dvec3();
+            let off = (p.truncate().length() - 1.0).hypot(p.z);
+            assert!((off - 0.05).abs() < 1e-3, "{off}");
+        }
+    }
+}

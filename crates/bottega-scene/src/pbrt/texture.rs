@@ -1,0 +1,490 @@
+//! Textures: a small tree for each, reduced to factor × picture where that is exact, and else baked into a picture.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use glam::{Affine2, DVec3, Vec2};
+
+use super::bake::{Bake, projection_image, scalar_image};
+use super::color::{Color, ColorSpace, Meaning};
+use super::context::{Context, Outcome};
+use super::params::Params;
+use super::token::Place;
+use super::world::{Entity, World};
+use crate::image::{Encoding, Pictures};
+use crate::text::shortened;
+use crate::{Channel, ColorParam, Image, ImageId, ScalarParam, SceneError, Spectrum, TextureMap, Wrap};
+
+/// Trees with more parts are replaced.
+const PARTS_MAX: usize = 64;
+
+/// A texture.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Node {
+    Constant(DVec3),
+    Picture(PictureNode),
+    /// The product of both.
+    Scale(Rc<Node>, Rc<Node>),
+    /// From the first to the second by the third.
+    Mix(Rc<Node>, Rc<Node>, Rc<Node>),
+    /// The first where both coordinates are even, or both odd.
+    Checkerboard(Affine2, Rc<Node>, Rc<Node>),
+    /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
+    Bilinear(Affine2, [DVec3; 4]),
+}
+
+/// A picture laid on a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PictureNode {
+    /// As [`Pictures`] counts.
+    pub(super) picture: ImageId,
+    /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
+    pub(super) is_scalar: bool,
+    pub(super) picture_from_uv: Affine2,
+    pub(super) wrap: Wrap,
+    pub(super) smooth: bool,
+    pub(super) scale: f64,
+    pub(super) invert: bool,
+    /// Exponent by which the codes of the file become linear, where that is not sRGB.
+    pub(super) gamma: Option<f64>,
+}
+
+/// What an image of the scene will be made of.
+enum Slot {
+    Picture(ImageId),
+    /// One number for each texel.
+    Scalar(ImageId),
+    Baked(Bake),
+    /// A picture that is thrown, with the angle of its shorter side in degrees.
+    Projection(ImageId, f64),
+}
+
+/// The textures that materials ask for.
+pub(super) struct Textures<'a, 'w> {
+    world: &'w World,
+    pictures: Pictures<'a>,
+    /// One for each image of the scene.
+    slots: Vec<Slot>,
+    slot_of: BTreeMap<(ImageId, bool), ImageId>,
+    /// By name and whether they are of type float.
+    nodes: BTreeMap<(String, bool), Rc<Node>>,
+    /// Names that are being understood: none may refer to itself.
+    open: Vec<(String, bool)>,
+}
+
+impl<'a, 'w> Textures<'a, 'w> {
+    pub(super) fn new(world: &'w World, context: &Context<'a>) -> Self {
+        let pictures = Pictures::new(context.resources, context.options);
+        Self { world, pictures, slots: Vec::new(), slot_of: BTreeMap::new(), nodes: BTreeMap::new(), open: Vec::new() }
+    }
+
+    /// A colour parameter, if it is given.
+    pub(super) fn color(
+        &mut self,
+        context: &mut Context<'_>,
+        params: &Params,
+        name: &str,
+        meaning: Meaning,
+    ) -> Outcome<Option<ColorParam>> {
+        if let Some((texture, at)) = params.texture(name)? {
+            let node = self.named(context, texture, false, at)?;
+            return self.color_param(context, &node, at).map(Some);
+        }
+        let Some(color) = context.color(params, name)? else { return Ok(None) };
+        let mut color = color.to_rec709(meaning);
+        if meaning == Meaning::Reflectance && color.max_element() > 1.0 {
+            context.warn(params.place_of(name), format!("`{name}` reflects more than comes in, and is cut off at 1"));
+            color = color.min(Spectrum::ONE);
+        }
+        Ok(Some(color.into()))
+    }
+
+    /// A number or a texture of numbers, if it is given.
+    pub(super) fn scalar(
+        &mut self,
+        context: &mut Context<'_>,
+        params: &Params,
+        name: &str,
+    ) -> Outcome<Option<ScalarParam>> {
+        if let Some((texture, at)) = params.texture(name)? {
+            return self.named_scalar(context, texture, at).map(Some);
+        }
+        Ok(params.float(name)?.map(|number| (number as f32).into()))
+    }
+
+    /// A texture of numbers by its name.
+    pub(super) fn named_scalar(&mut self, context: &mut Context<'_>, name: &str, at: Place) -> Outcome<ScalarParam> {
+        let node = self.named(context, name, true, at)?;
+        let (factor, map) = self.reduce(context, &node, true, at)?;
+        Ok(ScalarParam { factor: factor.x as f32, texture: map.map(|map| (map, Channel::R)) })
+    }
+
+    /// A file as a picture of colours, upright. Codes of 8 bits are sRGB, or with `is_data` the numbers themselves.
+    pub(super) fn picture(
+        &mut self,
+        context: &Context<'_>,
+        file: &str,
+        is_data: bool,
+        at: Place,
+    ) -> Outcome<TextureMap> {
+        let encoding = if is_data { Encoding::Linear } else { Encoding::Srgb };
+        let picture = self.pictures.want(file, encoding, &context.place(at))?;
+        Ok(TextureMap::new(self.slot(picture, false)))
+    }
+
+    /// A picture that is thrown. Its intensity is that of the picture in pbrt, and lights a screen evenly here.
+    ///
+    /// - `fov`: angle of the shorter side, in degrees.
+    pub(super) fn projection(&mut self, context: &Context<'_>, file: &str, fov: f64, at: Place) -> Outcome<ImageId> {
+        let picture = self.pictures.want(file, Encoding::Srgb, &context.place(at))?;
+        self.slots.push(Slot::Projection(picture, fov));
+        Ok(ImageId(self.slots.len() as u32 - 1))
+    }
+
+    /// A texture with every colour transformed by `change` after it is read, such as a reflectance to what reflects it.
+    pub(super) fn changed(
+        &mut self,
+        context: &mut Context<'_>,
+        params: &Params,
+        name: &str,
+        change: fn(DVec3) -> DVec3,
+    ) -> Outcome<Option<ColorParam>> {
+        let node = match params.texture(name)? {
+            Some((texture, at)) => self.named(context, texture, false, at)?,
+            None => match context.color(params, name)? {
+                Some(color) => Rc::new(Node::Constant(color.to_rec709(Meaning::Reflectance).as_dvec3())),
+                None => return Ok(None),
+            },
+        };
+        let at = params.place_of(name);
+        if let (factor, None) = self.reduce(context, &node, false, at)? {
+            return Ok(Some(change(factor).as_vec3().into()));
+        }
+        let (_, map) = self.bake(context, &node, false, Some(change), at)?;
+        Ok(Some(ColorParam { factor: Spectrum::ONE, texture: map }))
+    }
+
+    /// The pictures of the scene, decoded and baked.
+    pub(super) fn load(self, context: &mut Context<'_>) -> Outcome<Vec<Image>> {
+        let pictures = self.pictures.load(context.warnings())?;
+        let mut uses = vec![0usize; pictures.len()];
+        for slot in &self.slots {
+            if let Slot::Picture(id) | Slot::Scalar(id) | Slot::Projection(id, _) = slot {
+                uses[id.0 as usize] += 1;
+            }
+        }
+        let baked: Vec<Option<Image>> = (self.slots.iter())
+            .map(|slot| match slot {
+                Slot::Baked(bake) => bake.image(context, &pictures).map(Some),
+                _ => Ok(None),
+            })
+            .collect::<Result<_, SceneError>>()?;
+        let mut pictures: Vec<Option<Image>> = pictures.into_iter().map(Some).collect();
+        let mut take = |id: ImageId| {
+            let index = id.0 as usize;
+            uses[index] -= 1;
+            if uses[index] == 0 { pictures[index].take() } else { pictures[index].clone() }
+        };
+        let image = |(slot, baked): (&Slot, Option<Image>)| match slot {
+            Slot::Picture(id) => take(*id),
+            Slot::Scalar(id) => take(*id).map(scalar_image),
+            Slot::Projection(id, fov) => take(*id).map(|image| projection_image(&image, *fov)),
+            Slot::Baked(_) => baked,
+        };
+        // Every slot has a picture: they were counted above.
+        Ok(self.slots.iter().zip(baked).map(image).map(|image| image.unwrap_or_else(|| Image::missing(""))).collect())
+    }
+
+    fn slot(&mut self, picture: ImageId, is_scalar: bool) -> ImageId {
+        let Self { slots, slot_of, .. } = self;
+        *slot_of.entry((picture, is_scalar)).or_insert_with(|| {
+            slots.push(if is_scalar { Slot::Scalar(picture) } else { Slot::Picture(picture) });
+            ImageId(slots.len() as u32 - 1)
+        })
+    }
+
+    fn color_param(&mut self, context: &mut Context<'_>, node: &Rc<Node>, at: Place) -> Outcome<ColorParam> {
+        let (factor, texture) = self.reduce(context, node, false, at)?;
+        Ok(ColorParam { factor: factor.as_vec3(), texture })
+    }
+
+    /// Factor and map that are the same as a tree.
+    fn reduce(
+        &mut self,
+        context: &mut Context<'_>,
+        node: &Rc<Node>,
+        is_scalar: bool,
+        at: Place,
+    ) -> Outcome<(DVec3, Option<TextureMap>)> {
+        match &**node {
+            Node::Constant(value) => Ok((*value, None)),
+            Node::Picture(node) if !node.invert && node.gamma.is_none() => {
+                let map = TextureMap {
+                    image: self.slot(node.picture, is_scalar),
+                    uv_set: 0,
+                    picture_from_uv: node.picture_from_uv,
+                    wrap_u: node.wrap,
+                    wrap_v: node.wrap,
+                    smooth: node.smooth,
+                };
+                Ok((DVec3::splat(node.scale), Some(map)))
+            }
+            Node::Scale(a, b) => match (constant(a), constant(b)) {
+                (Some(factor), _) => self.reduce(context, b, is_scalar, at).map(|(inner, map)| (inner * factor, map)),
+                (_, Some(factor)) => self.reduce(context, a, is_scalar, at).map(|(inner, map)| (inner * factor, map)),
+                _ => self.bake(context, node, is_scalar, None, at),
+            },
+            _ => match constant(node) {
+                Some(value) => Ok((value, None)),
+                None => self.bake(context, node, is_scalar, None, at),
+            },
+        }
+    }
+
+    fn bake(
+        &mut self,
+        context: &mut Context<'_>,
+        node: &Rc<Node>,
+        is_scalar: bool,
+        change: Option<fn(DVec3) -> DVec3>,
+        at: Place,
+    ) -> Outcome<(DVec3, Option<TextureMap>)> {
+        let bake = Bake::new(node.clone(), is_scalar, change, at);
+        if !bake.repeats() {
+            context
+                .unsupported(at, "parts of this texture repeat at rates without a common period; it is cut at [0, 1]");
+        }
+        let image = ImageId(self.slots.len() as u32);
+        let map = TextureMap {
+            image,
+            uv_set: 0,
+            picture_from_uv: bake.picture_from_uv(),
+            wrap_u: bake.wrap(),
+            wrap_v: bake.wrap(),
+            smooth: bake.is_smooth(),
+        };
+        self.slots.push(Slot::Baked(bake));
+        Ok((DVec3::ONE, Some(map)))
+    }
+
+    /// The tree of a texture that is called by name.
+    fn named(&mut self, context: &mut Context<'_>, name: &str, is_float: bool, at: Place) -> Outcome<Rc<Node>> {
+        let key = (name.to_owned(), is_float);
+        if let Some(node) = self.nodes.get(&key) {
+            return Ok(node.clone());
+        }
+        let world = self.world;
+        let textures = if is_float { &world.float_textures } else { &world.spectrum_textures };
+        let kind = if is_float { "float" } else { "spectrum" };
+        let Some(entity) = textures.get(name) else {
+            return Err(at.fault(format!("there is no {kind} texture \"{}\"", shortened(name))).into());
+        };
+        if self.open.contains(&key) || self.open.len() >= PARTS_MAX {
+            return Err(at.fault(format!("the texture \"{}\" refers to itself", shortened(name))).into());
+        }
+        self.open.push(key.clone());
+        let mut node = self.node(context, entity, is_float)?;
+        self.open.pop();
+        if parts(&node) > PARTS_MAX {
+            context.unsupported(entity.at, format!("the texture has more than {PARTS_MAX} parts; gray stands for it"));
+            node = Node::Constant(DVec3::splat(0.5));
+        }
+        context.report_unused(&entity.params);
+        let node = Rc::new(node);
+        self.nodes.insert(key, node.clone());
+        Ok(node)
+    }
+
+    fn node(&mut self, context: &mut Context<'_>, entity: &Entity, is_float: bool) -> Outcome<Node> {
+        let (params, at) = (&entity.params, entity.at);
+        Ok(match entity.kind.as_str() {
+            "constant" => Node::Constant(match is_float {
+                true => DVec3::splat(params.float("value")?.unwrap_or(1.0)),
+                false => self.constant_color(context, params, "value", 1.0)?,
+            }),
+            "imagemap" => self.picture_node(context, entity, is_float)?,
+            "scale" => {
+                let tex = self.part(context, params, "tex", 1.0, is_float)?;
+                let scale = self.part(context, params, "scale", 1.0, true)?;
+                Node::Scale(tex, scale)
+            }
+            "mix" => {
+                let first = self.part(context, params, "tex1", 0.0, is_float)?;
+                let second = self.part(context, params, "tex2", 1.0, is_float)?;
+                Node::Mix(first, second, self.part(context, params, "amount", 0.5, true)?)
+            }
+            "directionmix" => {
+                let first = self.part(context, params, "tex1", 0.0, is_float)?;
+                let second = self.part(context, params, "tex2", 1.0, is_float)?;
+                params.ignore(&["dir"]);
+                context.unsupported(at, "the texture \"directionmix\" is the same from all directions");
+                Node::Mix(first, second, Rc::new(Node::Constant(DVec3::splat(0.5))))
+            }
+            "checkerboard" => {
+                let first = self.part(context, params, "tex1", 1.0, is_float)?;
+                let second = self.part(context, params, "tex2", 0.0, is_float)?;
+                let dimension = params.integer("dimension")?.unwrap_or(2);
+                let mapping = mapping(context, params)?;
+                if dimension == 3 {
+                    context.unsupported(at, "the checkerboard is one of the surface, not of space");
+                }
+                Node::Checkerboard(mapping, first, second)
+            }
+            "bilerp" => {
+                let mut values = [DVec3::ZERO; 4];
+                for (value, (name, default)) in
+                    values.iter_mut().zip([("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)])
+                {
+                    *value = match is_float {
+                        true => DVec3::splat(params.float(name)?.unwrap_or(default)),
+                        false => self.constant_color(context, params, name, default)?,
+                    };
+                }
+                Node::Bilinear(mapping(context, params)?, values)
+            }
+            "dots" => {
+                let inside = self.part(context, params, "inside", 1.0, is_float)?;
+                let outside = self.part(context, params, "outside", 0.0, is_float)?;
+                mapping(context, params)?;
+                context.unsupported(
+                    at,
+                    "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
+                );
+                // A dot in half of the cells, of radius 0.35.
+                Node::Mix(outside, inside, Rc::new(Node::Constant(DVec3::splat(0.19))))
+            }
+            kind => {
+                params.ignore(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
+                let (mean, what) = match kind {
+                    // The means of what pbrt makes of its noise.
+                    "fbm" => (0.0, "0"),
+                    "wrinkled" | "windy" => (0.5, "0.5"),
+                    _ => (0.5, "gray"),
+                };
+                context.unsupported(at, format!("the texture \"{}\" is replaced by {what}", shortened(kind)));
+                Node::Constant(DVec3::splat(mean))
+            }
+        })
+    }
+
+    /// A part of a texture: another texture, a colour, or a number.
+    fn part(
+        &mut self,
+        context: &mut Context<'_>,
+        params: &Params,
+        name: &str,
+        default: f64,
+        is_float: bool,
+    ) -> Outcome<Rc<Node>> {
+        if let Some((texture, at)) = params.texture(name)? {
+            return self.named(context, texture, is_float, at);
+        }
+        Ok(Rc::new(Node::Constant(match is_float {
+            true => DVec3::splat(params.float(name)?.unwrap_or(default)),
+            false => self.constant_color(context, params, name, default)?,
+        })))
+    }
+
+    fn constant_color(
+        &mut self,
+        context: &mut Context<'_>,
+        params: &Params,
+        name: &str,
+        default: f64,
+    ) -> Outcome<DVec3> {
+        let color = context.color(params, name)?.unwrap_or(Color::Rgb(DVec3::splat(default), ColorSpace::Srgb));
+        Ok(color.to_rec709(Meaning::Reflectance).as_dvec3())
+    }
+
+    fn picture_node(&mut self, context: &mut Context<'_>, entity: &Entity, is_scalar: bool) -> Outcome<Node> {
+        let params = &entity.params;
+        let file = params.text("filename")?.ok_or_else(|| entity.at.fault("`imagemap` needs a `filename`"))?;
+        let at = params.place_of("filename");
+        let encoding = params.text("encoding")?.unwrap_or("sRGB");
+        let exponent = encoding.strip_prefix("gamma").map(|rest| rest.trim().parse::<f64>());
+        let (encoding, gamma) = match (encoding, exponent) {
+            ("sRGB" | "srgb", _) => (Encoding::Srgb, None),
+            ("linear", _) => (Encoding::Linear, None),
+            (_, Some(Ok(exponent))) if exponent > 0.0 && exponent < 100.0 => (Encoding::Linear, Some(exponent)),
+            _ => {
+                let problem = format!("the encoding \"{}\" is none of sRGB, linear and gamma N", shortened(encoding));
+                return Err(params.place_of("encoding").fault(problem).into());
+            }
+        };
+        let place = context.place(at);
+        let picture = self.pictures.want(file, encoding, &place)?;
+        let wrap = match params.text("wrap")?.unwrap_or("repeat") {
+            "repeat" => Wrap::Repeat,
+            "clamp" => Wrap::Clamp,
+            other => {
+                let message = format!("the wrap mode \"{}\" is replaced by \"clamp\"", shortened(other));
+                context.unsupported(params.place_of("wrap"), message);
+                Wrap::Clamp
+            }
+        };
+        let smooth = params.text("filter")?.is_none_or(|filter| filter != "point");
+        params.ignore(&["maxanisotropy"]);
+        Ok(Node::Picture(PictureNode {
+            picture,
+            is_scalar,
+            picture_from_uv: mapping(context, params)?,
+            wrap,
+            smooth,
+            scale: params.float("scale")?.unwrap_or(1.0),
+            invert: params.bool("invert")?.unwrap_or(false),
+            gamma,
+        }))
+    }
+}
+
+/// Where on a picture (v downwards) a point of a surface is.
+fn mapping(context: &mut Context<'_>, params: &Params) -> Outcome<Affine2> {
+    let kind = params.text("mapping")?.unwrap_or("uv");
+    if kind != "uv" {
+        params.ignore(&["v1", "v2"]);
+        let message = format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
+        context.unsupported(params.place_of("mapping"), message);
+    }
+    let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
+    let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
+    let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
+    // t = scale_v · (1 − v) + delta_v, counted upwards; 1 − t, downwards.
+    let mapping = Affine2::from_cols_array(&[
+        scale_u as f32,
+        0.0,
+        0.0,
+        scale_v as f32,
+        delta_u as f32,
+        (1.0 - scale_v - delta_v) as f32,
+    ]);
+    if mapping.is_finite() { Ok(mapping) } else { Err(params.at.fault("the mapping exceeds all bounds").into()) }
+}
+
+/// The value of a tree that is the same everywhere.
+pub(super) fn constant(node: &Node) -> Option<DVec3> {
+    match node {
+        Node::Constant(value) => Some(*value),
+        Node::Picture(_) => None,
+        Node::Scale(a, b) => Some(constant(a)? * constant(b)?),
+        Node::Mix(a, b, amount) => {
+            let (a, b, amount) = (constant(a)?, constant(b)?, constant(amount)?);
+            Some(a + (b - a) * amount)
+        }
+        Node::Checkerboard(_, a, b) => constant(a).filter(|value| constant(b) == Some(*value)),
+        Node::Bilinear(_, [first, rest @ ..]) => rest.iter().all(|value| value == first).then_some(*first),
+    }
+}
+
+/// How many parts a tree has, seen as a tree.
+fn parts(node: &Node) -> usize {
+    match node {
+        Node::Constant(_) | Node::Picture(_) | Node::Bilinear(..) => 1,
+        Node::Scale(a, b) | Node::Checkerboard(_, a, b) => parts(a) + parts(b) + 1,
+        Node::Mix(a, b, amount) => parts(a) + parts(b) + parts(amount) + 1,
+    }
+}
+
+/// Texture coordinates for pictures that are made here.
+pub(super) fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
+    Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
+}

@@ -1,0 +1,215 @@
+//! Text to tokens, each with its place.
+
+use std::borrow::Cow;
+
+/// Where something stands: which of the files that were read, line and column from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub(super) file: u32,
+    pub(super) line: u32,
+    pub(super) column: u32,
+}
+
+/// What is wrong at a place of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Fault {
+    pub(super) at: Place,
+    pub(super) problem: String,
+}
+
+impl Place {
+    pub(super) fn fault(self, problem: impl Into<String>) -> Fault {
+        Fault { at: self, problem: problem.into() }
+    }
+}
+
+/// The smallest unit of the language.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Token<'a> {
+    /// A directive, a number, `true` or `false`.
+    Word(Cow<'a, str>),
+    /// What stands between quotes.
+    Text(Cow<'a, str>),
+    /// `[`
+    Open,
+    /// `]`
+    Close,
+}
+
+/// Cuts a file into tokens.
+pub(super) struct Tokens<'a> {
+    bytes: &'a [u8],
+    position: usize,
+    file: u32,
+    line: u32,
+    line_start: usize,
+    peeked: Option<Option<(Token<'a>, Place)>>,
+}
+
+/// Words and texts that are longer are no numbers, names or paths.
+const LENGTH_MAX: usize = 1 << 16;
+
+impl<'a> Tokens<'a> {
+    pub(super) fn new(file: u32, bytes: &'a [u8]) -> Result<Self, Fault> {
+        let mut tokens = Self { bytes, position: 0, file, line: 1, line_start: 0, peeked: None };
+        match bytes {
+            [0xfe, 0xff, ..] | [0xff, 0xfe, ..] => {
+                return Err(tokens.here().fault("the file is in UTF-16; save it as UTF-8"));
+            }
+            [0xef, 0xbb, 0xbf, ..] => (tokens.position, tokens.line_start) = (3, 3),
+            _ => {}
+        }
+        Ok(tokens)
+    }
+
+    /// The place of the next byte.
+    pub(super) fn here(&self) -> Place {
+        let column = self.position - self.line_start + 1;
+        Place { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
+    }
+
+    /// The next token; `None` at the end of the file.
+    pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, Place)>, Fault> {
+        match self.peeked.take() {
+            Some(token) => Ok(token),
+            None => self.scan(),
+        }
+    }
+
+    /// The next token, which stays.
+    pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, Place)>, Fault> {
+        if self.peeked.is_none() {
+            self.peeked = Some(self.scan()?);
+        }
+        Ok(self.peeked.as_ref().and_then(Option::as_ref))
+    }
+
+    fn scan(&mut self) -> Result<Option<(Token<'a>, Place)>, Fault> {
+        self.skip_blank();
+        let at = self.here();
+        let Some(&first) = self.bytes.get(self.position) else { return Ok(None) };
+        let token = match first {
+            b'[' | b']' => {
+                self.position += 1;
+                if first == b'[' { Token::Open } else { Token::Close }
+            }
+            b'"' => self.scan_text(at)?,
+            _ => {
+                let rest = &self.bytes[self.position..];
+                let is_end = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'"' | b'[' | b']');
+                let length = rest.iter().position(is_end).unwrap_or(rest.len());
+                self.position += length;
+                if length > LENGTH_MAX {
+                    return Err(at.fault("a word is too long; the file is damaged, or is not text"));
+                }
+                Token::Word(String::from_utf8_lossy(&rest[..length]))
+            }
+        };
+        Ok(Some((token, at)))
+    }
+
+    fn skip_blank(&mut self) {
+        while let Some(&byte) = self.bytes.get(self.position) {
+            match byte {
+                b'\n' => {
+                    self.position += 1;
+                    self.line += 1;
+                    self.line_start = self.position;
+                }
+                b' ' | b'\t' | b'\r' => self.position += 1,
+                b'#' => {
+                    let rest = &self.bytes[self.position..];
+                    self.position += rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+                }
+                _ => return,
+            }
+        }
+    }
+
+    /// Reads from the opening quote to behind the closing one.
+    fn scan_text(&mut self, at: Place) -> Result<Token<'a>, Fault> {
+        let start = self.position + 1;
+        let mut escaped: Option<Vec<u8>> = None;
+        let mut end = start;
+        loop {
+            let byte = *self.bytes.get(end).ok_or_else(|| at.fault("the file ends within quotes"))?;
+            match byte {
+                b'"' => break,
+                b'\n' => return Err(at.fault("the closing quote is missing on this line")),
+                b'\\' => {
+                    let text = escaped.get_or_insert_with(|| self.bytes[start..end].to_vec());
+                    end += 1;
+                    text.push(match self.bytes.get(end) {
+                        Some(b'n') => b'\n',
+                        Some(b't') => b'\t',
+                        Some(b'r') => b'\r',
+                        Some(b'b') => 8,
+                        Some(b'f') => 12,
+                        Some(&byte @ (b'\\' | b'\'' | b'"')) => byte,
+                        _ => {
+                            return Err(at.fault("a backslash is followed by an unknown character; write \\\\ for one"));
+                        }
+                    });
+                }
+                byte => {
+                    if let Some(text) = &mut escaped {
+                        text.push(byte);
+                    }
+                }
+            }
+            end += 1;
+            if end - start > LENGTH_MAX {
+                return Err(at.fault("the text in quotes is too long"));
+            }
+        }
+        self.position = end + 1;
+        Ok(Token::Text(match escaped {
+            None => String::from_utf8_lossy(&self.bytes[start..end]),
+            Some(text) => Cow::Owned(String::from_utf8_lossy(&text).into_owned()),
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(text: &str) -> Result<Vec<(Token<'_>, (u32, u32))>, Fault> {
+        let mut tokens = Tokens::new(0, text.as_bytes())?;
+        let mut list = Vec::new();
+        while let Some((token, at)) = tokens.next()? {
+            list.push((token, (at.line, at.column)));
+        }
+        Ok(list)
+    }
+
+    fn word(text: &str) -> Token<'_> {
+        Token::Word(text.into())
+    }
+
+    #[test]
+    fn tokens_know_their_places() {
+        let tokens = all("Shape \"plymesh\" # a comment\n \"float r\"[1 -2.5]\r\n\tWorldBegin").unwrap();
+        let expected = vec![
+            (word("Shape"), (1, 1)),
+            (Token::Text("plymesh".into()), (1, 7)),
+            (Token::Text("float r".into()), (2, 2)),
+            (Token::Open, (2, 11)),
+            (word("1"), (2, 12)),
+            (word("-2.5"), (2, 14)),
+            (Token::Close, (2, 18)),
+            (word("WorldBegin"), (3, 2)),
+        ];
+        assert_eq!(tokens, expected);
+    }
+
+    #[test]
+    fn quotes_may_hold_escapes_and_must_end() {
+        assert_eq!(all(r#""a\"b\\c""#).unwrap()[0].0, Token::Text("a\"b\\c".into()));
+        for bad in ["\"abc", "\"ab\nc\"", r#""a\qb""#, "\"a\\"] {
+            assert_eq!(all(bad).unwrap_err().at, Place { file: 0, line: 1, column: 1 }, "{bad:?}");
+        }
+        assert!(Tokens::new(0, &[0xff, 0xfe, b'a', 0]).is_err());
+        assert_eq!(all("\u{feff}Film").unwrap(), vec![(word("Film"), (1, 1))]);
+    }
+}

@@ -1,0 +1,163 @@
+//! What a file describes: everything that its directives name, before it becomes a scene.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use glam::DAffine3;
+
+use super::color::ColorSpace;
+use super::params::{Param, Params};
+use super::shape::Geometry;
+use super::token::Place;
+
+/// A thing with a type and parameters: `Material "diffuse" …`.
+#[derive(Clone, Debug)]
+pub(super) struct Entity {
+    /// `diffuse`, `perspective` …
+    pub(super) kind: String,
+    pub(super) params: Params,
+    pub(super) at: Place,
+    /// Object space to world space; of the camera the other way round.
+    pub(super) ctm: DAffine3,
+}
+
+/// Which material a shape is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum MaterialRef {
+    /// Index into [`World::materials`].
+    Index(usize),
+    /// By a name that may be given later.
+    Named(Rc<str>, Place),
+}
+
+/// A shape where it was described.
+#[derive(Debug)]
+pub(super) struct Shape {
+    pub(super) geometry: Geometry,
+    pub(super) at: Place,
+    pub(super) world_from_object: DAffine3,
+    pub(super) reverse_orientation: bool,
+    pub(super) material: MaterialRef,
+    /// Index into [`World::area_lights`].
+    pub(super) area_light: Option<usize>,
+    pub(super) media: MediumInterface,
+    /// Opacity: constant, or the name of a texture.
+    pub(super) alpha: Option<Alpha>,
+}
+
+/// Opacity of a shape.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Alpha {
+    Constant(f64),
+    Texture(Rc<str>, Place),
+}
+
+/// Names of the media behind and before a surface; `None`: vacuum.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct MediumInterface {
+    pub(super) inside: Option<Rc<str>>,
+    pub(super) outside: Option<Rc<str>>,
+    pub(super) at: Place,
+}
+
+/// A use of an object.
+#[derive(Debug)]
+pub(super) struct ObjectInstance {
+    pub(super) name: String,
+    pub(super) world_from_instance: DAffine3,
+    pub(super) at: Place,
+}
+
+/// All that was described.
+#[derive(Debug, Default)]
+pub(super) struct World {
+    pub(super) camera: Option<Entity>,
+    /// What the camera stands in.
+    pub(super) camera_media: MediumInterface,
+    pub(super) film: Option<Entity>,
+    pub(super) filter: Option<Entity>,
+    pub(super) sampler: Option<Entity>,
+    pub(super) integrator: Option<Entity>,
+    pub(super) materials: Vec<Entity>,
+    /// Indices into `materials`.
+    pub(super) named_materials: BTreeMap<String, usize>,
+    pub(super) float_textures: BTreeMap<String, Entity>,
+    pub(super) spectrum_textures: BTreeMap<String, Entity>,
+    pub(super) area_lights: Vec<Entity>,
+    pub(super) lights: Vec<Entity>,
+    pub(super) media: BTreeMap<String, Entity>,
+    pub(super) shapes: Vec<Shape>,
+    /// What stands between `ObjectBegin` and `ObjectEnd`, by name.
+    pub(super) objects: BTreeMap<String, Vec<Shape>>,
+    pub(super) instances: Vec<ObjectInstance>,
+    /// Where something moves while the shutter is open, for the first such thing, and how many there are.
+    pub(super) moving: Option<(Place, usize)>,
+}
+
+/// What `Attribute` sets defaults for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    Shape,
+    Light,
+    Material,
+    Medium,
+    Texture,
+}
+
+/// What `AttributeBegin` saves and `AttributeEnd` brings back.
+#[derive(Clone, Debug)]
+pub(super) struct GraphicsState {
+    /// At the start and at the end of the time that the file speaks of.
+    pub(super) ctm: [DAffine3; 2],
+    /// Which of the two are changed.
+    pub(super) active: [bool; 2],
+    pub(super) reverse_orientation: bool,
+    pub(super) material: MaterialRef,
+    pub(super) area_light: Option<usize>,
+    pub(super) media: MediumInterface,
+    pub(super) color_space: ColorSpace,
+    /// For each [`Target`].
+    pub(super) attributes: [Rc<Vec<Rc<Param>>>; 5],
+}
+
+impl Default for GraphicsState {
+    fn default() -> Self {
+        Self {
+            ctm: [DAffine3::IDENTITY; 2],
+            active: [true; 2],
+            reverse_orientation: false,
+            material: MaterialRef::Index(0),
+            area_light: None,
+            media: MediumInterface::default(),
+            color_space: ColorSpace::default(),
+            attributes: Default::default(),
+        }
+    }
+}
+
+impl Target {
+    pub(super) fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "shape" => Self::Shape,
+            "light" => Self::Light,
+            "material" => Self::Material,
+            "medium" => Self::Medium,
+            "texture" => Self::Texture,
+            _ => return None,
+        })
+    }
+}
+
+impl GraphicsState {
+    /// Changes the transformations that are active.
+    pub(super) fn transform(&mut self, change: impl Fn(&DAffine3) -> DAffine3) {
+        for (ctm, _) in self.ctm.iter_mut().zip(self.active).filter(|(_, active)| *active) {
+            *ctm = change(ctm);
+        }
+    }
+
+    /// A list that falls back to the attributes of that kind.
+    pub(super) fn complete(&self, params: Params, target: Target) -> Params {
+        params.with_attributes(&self.attributes[target as usize])
+    }
+}

@@ -1,0 +1,426 @@
+//! Scenes for pbrt-v4: what they become, and what is said of those that are wrong.
+
+use std::path::Path;
+
+use bottega_scene::{
+    AlphaMode, FilmFilter, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides, Spectrum,
+    Surface, load,
+};
+use glam::{Vec2, Vec3};
+
+const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/pbrt");
+
+/// Loads a scene whose text this is.
+fn load_text(text: &str) -> Result<Loaded, SceneError> {
+    load_with(text, &LoadOptions::default())
+}
+
+fn load_with(text: &str, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.pbrt");
+    std::fs::write(&path, text).unwrap();
+    load(&path, options)
+}
+
+/// What follows `WorldBegin`, loaded without warnings.
+fn world(text: &str) -> Scene {
+    let loaded = load_text(&format!("WorldBegin\n{text}")).unwrap();
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let expected = ["no light", "no surface"];
+    assert!(warnings.iter().all(|warning| expected.iter().any(|text| warning.contains(text))), "{warnings:?}");
+    loaded.scene
+}
+
+/// The side of the first triangle of an instance, in world space.
+fn front(scene: &Scene, instance: usize) -> Vec3 {
+    let instance = &scene.instances[instance];
+    let mesh: &Mesh = &scene.meshes[instance.mesh as usize];
+    let [a, b, c] =
+        mesh.triangles[0].map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]));
+    (b - a).cross(c - a).normalize()
+}
+
+const TRIANGLE: &str = r#"Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ]"#;
+
+#[test]
+fn the_corpus_becomes_what_it_describes() {
+    let loaded = load(&Path::new(CORPUS).join("box.pbrt"), &LoadOptions::default()).unwrap();
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].starts_with("more.pbrt:4:3: ") && warnings[0].contains("subsurface"), "{warnings:?}");
+    assert_eq!(loaded.hints.resolution, Some([64, 48]));
+    assert_eq!(loaded.hints.crop, Some([16, 0, 32, 48]));
+    assert_eq!((loaded.hints.samples, loaded.hints.max_depth), (Some(32), Some(9)));
+    assert_eq!(loaded.hints.filter, Some(FilmFilter::Gaussian { radius: 2.0, sigma: 0.5 }));
+    let scene = &loaded.scene;
+    // Two spheres of the object, the glass ball, and the included one.
+    assert_eq!((scene.spheres.len(), scene.lights.len(), scene.media.len()), (4, 3, 1));
+    assert!((scene.media[0].absorption - Vec3::new(0.2, 0.4, 0.6)).length() < 1e-6);
+    // ISO 200 doubles all light.
+    let environment = scene.environment.as_ref().unwrap();
+    assert!((environment.factor - Spectrum::new(0.2, 0.2, 0.4)).length() < 1e-6);
+    let lamp = scene.materials.iter().find(|material| material.is_emissive()).unwrap();
+    assert_eq!((lamp.emission.factor, lamp.emission_sides), (Spectrum::splat(10.0), Sides::Both));
+    assert!(scene.materials.iter().any(|m| matches!(m.surface, Surface::Blend { .. })));
+    assert!(scene.materials.iter().any(|m| m.alpha_mode == AlphaMode::Blend));
+    // Reading it again gives the same, bit for bit.
+    let again = load(&Path::new(CORPUS).join("box.pbrt"), &LoadOptions::default()).unwrap().scene;
+    assert_eq!((&again.meshes, &again.materials, &again.digest), (&scene.meshes, &scene.materials, &scene.digest));
+}
+
+#[test]
+fn fronts_follow_normals_orientation_and_handedness_as_in_pbrt() {
+    let side = |text: &str| front(&world(text), 0);
+    assert_eq!(side(TRIANGLE), Vec3::Z);
+    assert_eq!(side(&format!("ReverseOrientation {TRIANGLE}")), Vec3::NEG_Z);
+    // pbrt turns a triangle over where the transformation mirrors: mirrored in x, it runs clockwise, and shows +z again.
+    assert_eq!(side(&format!("Scale -1 1 1 {TRIANGLE}")), Vec3::Z);
+    assert_eq!(side(&format!("ReverseOrientation Scale -1 1 1 {TRIANGLE}")), Vec3::NEG_Z);
+    let with_normals = format!(r#"{TRIANGLE} "normal N" [ 0 0 -1 0 0 -1 0 0 -1 ]"#);
+    assert_eq!(side(&with_normals), Vec3::NEG_Z);
+    assert_eq!(side(&format!("ReverseOrientation {with_normals}")), Vec3::Z);
+    assert_eq!(side(&format!("Scale 1 1 -1 {with_normals}")), Vec3::Z);
+    let disk = |text: &str| side(&format!(r#"{text} Shape "disk""#));
+    assert_eq!(disk(""), Vec3::Z);
+    assert_eq!(disk("ReverseOrientation"), Vec3::NEG_Z);
+    assert_eq!(disk("Rotate 90 0 1 0").round(), Vec3::X);
+}
+
+#[test]
+fn a_sphere_that_is_turned_over_shines_inwards() {
+    let scene = world(r#"AreaLightSource "diffuse" ReverseOrientation Shape "sphere""#);
+    assert_eq!(scene.materials[scene.spheres[0].material as usize].emission_sides, Sides::Back);
+    let scene = world(r#"ReverseOrientation Material "dielectric" Shape "sphere""#);
+    let Surface::Dielectric(dielectric) = &scene.materials[scene.spheres[0].material as usize].surface else {
+        panic!("no dielectric")
+    };
+    assert!((dielectric.eta - 1.0 / 1.5).abs() < 1e-6);
+    // Where it is no sphere, triangles stand for it.
+    let scene = world(r#"Scale 1 2 1 Shape "sphere" Shape "sphere" "float zmin" 0"#);
+    assert!(scene.spheres.is_empty() && scene.instances.len() == 2);
+}
+
+/// Where a point appears: from −1 at the left and lower edge to 1 at the right and upper one.
+fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
+    let camera = &scene.cameras[0];
+    let local = camera.world_from_camera.inverse().transform_point3(point);
+    let place = match camera.projection {
+        Projection::Perspective { vertical_fov } => local.truncate() / (-local.z * (0.5 * vertical_fov).tan()),
+        Projection::Orthographic { height } => local.truncate() / (0.5 * height),
+    };
+    place / Vec2::new(aspect, 1.0) + camera.lens_shift
+}
+
+#[test]
+fn cameras_see_what_pbrts_see() {
+    let camera = |head: &str| load_text(&format!("{head} WorldBegin {TRIANGLE}")).unwrap().scene;
+    let wide = r#"Film "rgb" "integer xresolution" 200 "integer yresolution" 100"#;
+    // Left-handed: from −z towards +z, +x is on the right.
+    let scene = camera(&format!(r#"{wide} LookAt 0 0 -2 0 0 0 0 1 0 Camera "perspective" "float fov" 90"#));
+    assert!((project(&scene, 2.0, Vec3::new(2.0, 1.0, 0.0)) - Vec2::new(0.5, 0.5)).length() < 1e-5);
+    // The angle is that of the shorter side.
+    let high = r#"Film "rgb" "integer xresolution" 100 "integer yresolution" 200 Camera "perspective" "float fov" 90"#;
+    let scene = camera(high);
+    assert!((project(&scene, 0.5, Vec3::new(1.0, 2.0, 1.0)) - Vec2::ONE).length() < 1e-5);
+    // Mirrored and scaled, the same things are seen.
+    let scene = camera(&format!(r#"{wide} Scale -3 3 3 LookAt 0 0 2 0 0 0 0 1 0 Camera "perspective""#));
+    assert!((project(&scene, 2.0, Vec3::new(2.0, 1.0, 0.0)) - Vec2::new(0.5, 0.5)).length() < 1e-5);
+    let scene = camera(&format!(r#"{wide} Camera "orthographic" "float screenwindow" [ -1 3 0 2 ]"#));
+    assert!((project(&scene, 2.0, Vec3::new(3.0, 2.0, 5.0)) - Vec2::ONE).length() < 1e-5);
+    assert!((project(&scene, 2.0, Vec3::new(-1.0, 0.0, 5.0)) + Vec2::ONE).length() < 1e-5);
+    let scene = camera(&format!(r#"{wide} Camera "perspective" "float screenwindow" [ 0 2 0 1 ]"#));
+    assert!((project(&scene, 2.0, Vec3::new(2.0, 1.0, 1.0)) - Vec2::ONE).length() < 1e-5);
+}
+
+#[test]
+fn lights_have_pbrts_units() {
+    let scene = world(&format!(
+        r#"{TRIANGLE}
+        LightSource "point" "rgb I" [ 1 2 3 ] "float scale" 2 "point3 from" [ 1 0 0 ]
+        LightSource "point" "float power" 12.566371
+        LightSource "distant" "point3 from" [ 0 0 0 ] "point3 to" [ 0 -2 0 ] "float illuminance" 7
+        LightSource "point" "blackbody I" 3000"#
+    ));
+    let kinds: Vec<&LightKind> = scene.lights.iter().map(|light| &light.kind).collect();
+    let LightKind::Point { position, intensity } = kinds[0] else { panic!("{:?}", kinds[0]) };
+    assert_eq!((*position, *intensity), (Vec3::X, Spectrum::new(2.0, 4.0, 6.0)));
+    let LightKind::Point { intensity, .. } = kinds[1] else { panic!("{:?}", kinds[1]) };
+    assert!((*intensity - Spectrum::ONE).length() < 1e-5);
+    let LightKind::Directional { direction, irradiance } = kinds[2] else { panic!("{:?}", kinds[2]) };
+    assert_eq!((*direction, *irradiance), (Vec3::NEG_Y, Spectrum::splat(7.0)));
+    // Every light's spectrum is scaled to the luminance 1, and keeps its colour.
+    let LightKind::Point { intensity, .. } = kinds[3] else { panic!("{:?}", kinds[3]) };
+    let luminance = intensity.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    assert!((luminance - 1.0).abs() < 1e-3 && intensity.x > 2.0 * intensity.z, "{intensity}");
+    // The power of an area light goes to each of its primitives.
+    let scene = world(r#"AreaLightSource "diffuse" "float power" 12.566371 Shape "sphere" "float radius" 0.5"#);
+    let emission = scene.materials[scene.spheres[0].material as usize].emission.factor;
+    assert!((emission - Spectrum::splat(4.0 / std::f32::consts::PI)).length() < 1e-5, "{emission}");
+}
+
+#[test]
+fn textures_that_no_picture_shows_are_baked() {
+    let scene = world(&format!(
+        r#"Texture "c" "spectrum" "checkerboard" "float uscale" 2 "float vscale" 2 "rgb tex1" [ 1 0 0 ] "rgb tex2" [ 0 0 1 ]
+        Texture "s" "spectrum" "scale" "texture tex" "c" "float scale" 0.5
+        Texture "m" "spectrum" "mix" "texture tex1" "s" "rgb tex2" [ 0 1 0 ] "float amount" 0.25
+        Material "diffuse" "texture reflectance" "c" {TRIANGLE} "point2 uv" [ 0 0 1 0 0 1 ]
+        Material "diffuse" "texture reflectance" "s" {TRIANGLE} "point2 uv" [ 0 0 1 0 0 1 ]
+        Material "diffuse" "texture reflectance" "m" {TRIANGLE}"#
+    ));
+    let color = |instance: usize, u: f32, v: f32| {
+        let material = scene.meshes[scene.instances[instance].mesh as usize].material;
+        let Surface::Diffuse(diffuse) = &scene.materials[material as usize].surface else { panic!("not matte") };
+        // pbrt's v grows upwards.
+        diffuse.reflectance.eval(&scene, [Vec2::new(u, 1.0 - v); 2], 0.0)
+    };
+    // Even cells are the first: that at (0, 0) is even.
+    for (u, v, expected) in [(0.2, 0.2, Vec3::X), (0.7, 0.2, Vec3::Z), (0.7, 0.7, Vec3::X), (1.2, 0.7, Vec3::Z)] {
+        assert_eq!(color(0, u, v), expected, "{u} {v}");
+        assert!((color(1, u, v) - 0.5 * expected).length() < 1e-6);
+        let mixed = 0.375 * expected + Vec3::Y * 0.25;
+        assert!((color(2, u, v) - mixed).length() < 1e-5, "{u} {v}: {}", color(2, u, v));
+    }
+    // A mesh without texture coordinates has pbrt's: (0, 0), (1, 0) and (1, 1).
+    let mesh = &scene.meshes[scene.instances[2].mesh as usize];
+    assert_eq!(mesh.uvs[0], [Vec2::Y, Vec2::ONE, Vec2::X]);
+}
+
+#[test]
+fn a_surface_that_parts_nothing_has_no_media() {
+    let fog = r#"MakeNamedMedium "fog" "string type" "homogeneous""#;
+    let scene = world(&format!(r#"{fog} MediumInterface "fog" Material "interface" Shape "sphere""#));
+    let material = &scene.materials[0];
+    assert_eq!((material.interior, material.exterior, &material.surface), (None, None, &Surface::Null));
+    let scene = world(&format!(r#"{fog} MediumInterface "" "fog" Material "dielectric" Shape "sphere""#));
+    assert!(scene.materials[0].interior.is_none() && scene.materials[0].exterior.is_some());
+}
+
+#[test]
+fn many_small_meshes_of_one_material_are_joined() {
+    let text: String = (0..500).map(|i| format!("Translate 0 0 1 {TRIANGLE} # {i}\n")).collect();
+    let scene = world(&text);
+    assert_eq!((scene.meshes.len(), scene.triangle_count()), (1, 500));
+    assert_eq!(scene.bounds().1.z, 500.0);
+}
+
+#[test]
+fn what_is_not_supported_is_named_and_refused_where_the_user_is_strict() {
+    let text =
+        "WorldBegin\nMaterial \"measured\" \"string filename\" \"x.bsdf\"\n  Shape \"sphere\" \"float wobble\" 1\n";
+    let loaded = load_text(text).unwrap();
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(warnings[0].starts_with("scene.pbrt:3:18: ") && warnings[0].contains("float wobble"), "{warnings:?}");
+    assert!(warnings[1].starts_with("scene.pbrt:2:1: ") && warnings[1].contains("measured"), "{warnings:?}");
+    let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+    let error = load_with(text, &strict).unwrap_err();
+    let SceneError::Unsupported { places, .. } = &error else { panic!("{error}") };
+    assert_eq!(places.len(), 2);
+    assert!(error.to_string().contains("\n  scene.pbrt:2:1: "), "{error}");
+    assert!(load_with(&format!("WorldBegin {TRIANGLE}"), &strict).is_ok());
+}
+
+#[test]
+fn every_error_names_the_place() {
+    let cases = [
+        ("Shape \"sphere\"", (1, 1), "behind WorldBegin"),
+        ("WorldBegin\nCamera \"perspective\"", (2, 1), "before WorldBegin"),
+        ("WorldBegin AttributeBegin", (1, 12), "no AttributeEnd"),
+        ("WorldBegin\n AttributeEnd", (2, 2), "without AttributeBegin"),
+        ("WorldBegin AttributeBegin TransformEnd", (1, 27), "still open"),
+        ("WorldBegin Translate 1 2", (1, 12), "ends within Translate"),
+        ("WorldBegin Translate 1 2 x", (1, 26), "3 numbers"),
+        ("WorldBegin Translate 1 2 nan", (1, 26), "3 numbers"),
+        ("WorldBegin Scale 1e200 1 1 Scale 1e200 1 1", (1, 28), "all bounds"),
+        ("WorldBegin Rotate 90 0 0 0", (1, 12), "axis"),
+        ("WorldBegin LookAt 0 0 0 0 0 0 0 1 0", (1, 12), "eye"),
+        ("WorldBegin Transform [ 1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1 ]", (1, 12), "affine"),
+        ("WorldBegin Sphere", (1, 12), "no directive"),
+        ("WorldBegin \"Shape\"", (1, 12), "directive is expected"),
+        ("WorldBegin Shape", (1, 12), "ends within Shape"),
+        ("WorldBegin Shape sphere", (1, 18), "in quotes"),
+        ("WorldBegin Shape \"sphere\" \"float radius\"", (1, 27), "ends before the value"),
+        ("WorldBegin Shape \"sphere\" \"float radius\" [ 1", (1, 27), "ends before the value"),
+        ("WorldBegin Shape \"sphere\" \"float radius\" [ 1 2 ]", (1, 27), "2 values"),
+        ("WorldBegin Shape \"sphere\" \"float radius\" \"1\"", (1, 42), "takes numbers"),
+        ("WorldBegin Shape \"sphere\" \"float radius\" 0", (1, 12), "above 0"),
+        ("WorldBegin Shape \"sphere\" \"float radius", (1, 27), "within quotes"),
+        (
+            "WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"integer indices\" [ 0 1 3 ]",
+            (1, 71),
+            "no vertex 3",
+        ),
+        (
+            "WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ] \"integer indices\" [ 0 1 -1 ]",
+            (1, 71),
+            "no vertex -1",
+        ),
+        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 ]", (1, 33), "no multiple of 3"),
+        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1e30 0 ]", (1, 33), "beyond"),
+        ("WorldBegin Scale 1e30 1e30 1e30 Shape \"disk\"", (1, 33), "out of reach"),
+        ("WorldBegin NamedMaterial \"m\" Shape \"sphere\"", (1, 26), "no material"),
+        (
+            "WorldBegin Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"",
+            (1, 30),
+            "no spectrum texture",
+        ),
+        (
+            "WorldBegin Texture \"t\" \"spectrum\" \"scale\" \"texture tex\" \"t\" Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"",
+            (1, 44),
+            "refers to itself",
+        ),
+        (
+            "WorldBegin MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [ \"m\" \"m\" ] NamedMaterial \"m\" Shape \"sphere\"",
+            (1, 12),
+            "mixture of itself",
+        ),
+        ("WorldBegin MediumInterface \"m\" \"\" Shape \"sphere\"", (1, 12), "no medium"),
+        ("WorldBegin ObjectInstance \"o\"", (1, 12), "no object"),
+        ("WorldBegin ObjectBegin \"o\" ObjectBegin \"p\"", (1, 28), "within an object"),
+        ("WorldBegin LightSource \"point\" \"rgb I\" [ -1 0 0 ]", (1, 32), "negative"),
+        ("WorldBegin LightSource \"point\" \"spectrum I\" \"nothing\"", (1, 32), "no spectrum of the name"),
+        ("WorldBegin LightSource \"point\" \"spectrum I\" [ 500 1 400 1 ]", (1, 32), "increase"),
+        ("Film \"rgb\" \"integer xresolution\" 0 WorldBegin", (1, 12), "xresolution"),
+        ("Film \"rgb\" \"float cropwindow\" [ 0.5 0.5 0 1 ] WorldBegin", (1, 12), "no pixel"),
+        ("Camera \"perspective\" \"float fov\" 180 WorldBegin", (1, 22), "fov"),
+        ("Scale 0 1 1 Camera \"perspective\" WorldBegin", (1, 13), "singular"),
+        ("Film \"rgb\"", (1, 11), "before WorldBegin"),
+        ("", (1, 1), "before WorldBegin"),
+    ];
+    for (text, (line, column), problem) in cases {
+        match load_text(text) {
+            Err(SceneError::Text { line: at_line, column: at_column, problem: found, .. }) => {
+                assert!(found.contains(problem), "{text:?}: {found}");
+                assert_eq!((at_line, at_column), (line, column), "{text:?}: {found}");
+            }
+            other => panic!("{text:?}: {:?}", other.map(|loaded| loaded.warnings)),
+        }
+    }
+}
+
+#[test]
+fn files_for_pbrt_v3_are_told_apart() {
+    for text in [
+        "Film \"image\" WorldBegin",
+        "Sampler \"lowdiscrepancy\" WorldBegin",
+        "WorldBegin Material \"matte\" \"rgb Kd\" [ 1 1 1 ]",
+        "WorldBegin MakeNamedMaterial \"m\" \"string type\" \"uber\"",
+        "WorldBegin Texture \"t\" \"color\" \"constant\"",
+        "WorldBegin LightSource \"point\" \"color I\" [ 1 1 1 ]",
+        "SurfaceIntegrator \"path\"",
+    ] {
+        let error = load_text(text).unwrap_err().to_string();
+        assert!(error.contains("pbrt-v3") && error.contains("--upgrade"), "{text}: {error}");
+    }
+}
+
+#[test]
+fn includes_stay_in_the_folder_and_do_not_run_in_circles() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene");
+    std::fs::create_dir(&scene).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(scene.join(name), text).unwrap();
+    let main = scene.join("main.pbrt");
+    let options = LoadOptions::default();
+    write("a.pbrt", "Include \"b.pbrt\"");
+    write("b.pbrt", "\n Include \"a.pbrt\"");
+    write("main.pbrt", "WorldBegin Include \"a.pbrt\"");
+    let error = load(&main, &options).unwrap_err().to_string();
+    assert!(error.contains("b.pbrt`, line 2, column 10") && error.contains("includes itself"), "{error}");
+    write("main.pbrt", "WorldBegin Include \"main.pbrt\"");
+    assert!(load(&main, &options).unwrap_err().to_string().contains("includes itself"));
+    write("main.pbrt", "WorldBegin Include \"missing.pbrt\"");
+    assert!(matches!(load(&main, &options), Err(SceneError::Read { .. })));
+    std::fs::write(folder.path().join("secret.pbrt"), "Shape \"sphere\"").unwrap();
+    for reference in ["../secret.pbrt", "a/../../secret.pbrt", "/etc/passwd"] {
+        write("main.pbrt", &format!("WorldBegin Include \"{reference}\""));
+        assert!(matches!(load(&main, &options), Err(SceneError::ForbiddenReference { .. })), "{reference}");
+        write("main.pbrt", &format!("WorldBegin Shape \"plymesh\" \"string filename\" \"{reference}\""));
+        assert!(matches!(load(&main, &options), Err(SceneError::ForbiddenReference { .. })), "{reference}");
+    }
+    // What is imported leaves the state as it was, what is included does not.
+    write("move.pbrt", "Translate 1 0 0");
+    write("main.pbrt", "WorldBegin Import \"move.pbrt\" Shape \"sphere\" Include \"move.pbrt\" Shape \"sphere\"");
+    let spheres = load(&main, &options).unwrap().scene.spheres;
+    assert_eq!((spheres[0].center, spheres[1].center), (Vec3::ZERO, Vec3::X));
+    write("open.pbrt", "AttributeBegin");
+    write("main.pbrt", "WorldBegin Import \"open.pbrt\"");
+    assert!(load(&main, &options).unwrap_err().to_string().contains("does not end"));
+}
+
+#[test]
+fn memory_is_bounded() {
+    let options = LoadOptions { max_memory_bytes: 4 << 20, ..LoadOptions::default() };
+    let subdivided = "WorldBegin Shape \"loopsubdiv\" \"integer levels\" 12 \"integer indices\" [ 0 1 2 ] \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ]";
+    let object = "ObjectBegin \"o\" ".to_owned() + &"Translate 1 0 0 Shape \"sphere\" ".repeat(1000) + "ObjectEnd ";
+    let squared = format!("WorldBegin {object} {}", "ObjectInstance \"o\" ".repeat(1000));
+    let nested = format!("WorldBegin {}", "AttributeBegin ".repeat(100_000));
+    let materials = format!("WorldBegin {}", "Material \"diffuse\" ".repeat(100_000));
+    for text in [subdivided, &squared, &materials] {
+        assert!(matches!(load_with(text, &options), Err(SceneError::Limit { .. })), "{}", &text[..80]);
+    }
+    assert!(load_with(&nested, &options).unwrap_err().to_string().contains("blocks within each other"));
+    // Twice as many textures in each step.
+    let mut text = String::from("WorldBegin Texture \"t0\" \"spectrum\" \"checkerboard\" ");
+    for step in 1..60 {
+        let inner = step - 1;
+        text += &format!(
+            "Texture \"t{step}\" \"spectrum\" \"mix\" \"texture tex1\" \"t{inner}\" \"texture tex2\" \"t{inner}\" "
+        );
+    }
+    text += "Material \"diffuse\" \"texture reflectance\" \"t59\" Shape \"sphere\"";
+    assert!(load_text(&text).unwrap().warnings.iter().any(|warning| warning.message.contains("parts")));
+}
+
+/// Files that are almost right: no panic, no endless loop, no more memory than allowed.
+#[test]
+fn mutations_of_the_corpus_are_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.pbrt");
+    let included = std::fs::read(Path::new(CORPUS).join("more.pbrt")).unwrap();
+    std::fs::write(folder.path().join("more.pbrt"), &included).unwrap();
+    let original = std::fs::read(Path::new(CORPUS).join("box.pbrt")).unwrap();
+    let words: Vec<&[u8]> = original.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+    let odd: [&[u8]; 8] = [b"nan", b"-1", b"1e308", b"[", b"]", b"\"", b"4294967296", b"\xff\xfe"];
+    let options = LoadOptions { max_memory_bytes: 64 << 20, ..LoadOptions::default() };
+    // SplitMix64 (Steele, Lea and Flood 2014).
+    let mut state = 0u64;
+    let mut random = |bound: usize| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ z >> 31) % bound as u64) as usize
+    };
+    let (mut read, mut refused) = (0, 0);
+    for _ in 0..400 {
+        let mut text = words.clone();
+        for _ in 0..=random(3) {
+            let at = random(text.len());
+            match random(5) {
+                0 => text[at] = odd[random(odd.len())],
+                1 => text[at] = words[random(words.len())],
+                2 => drop(text.remove(at)),
+                3 => text.insert(at, words[random(words.len())]),
+                _ => text.truncate(at.max(1)),
+            }
+        }
+        let mut bytes = text.join(&b' ');
+        if random(4) == 0 {
+            let at = random(bytes.len());
+            bytes[at] = random(256) as u8;
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        match load(&path, &options) {
+            Ok(loaded) => {
+                assert!(loaded.scene.validate().is_ok());
+                read += 1;
+            }
+            // Only the model itself may not be broken by what was read.
+            Err(SceneError::Inconsistent { place, problem }) => {
+                panic!("{place}: {problem}\n{}", String::from_utf8_lossy(&bytes))
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(read > 20 && refused > 20, "{read} {refused}");
+}
