@@ -169,7 +169,9 @@ impl Document {
         reader.resolve(&mut scene)?;
         for (name, (_, used)) in &reader.defines {
             if !used && options.defines.iter().any(|(define, _)| define == name) {
-                reader.report.warn(Place::default(), format!("the scene has no parameter `{}`", shortened(name)));
+                reader
+                    .report
+                    .warn(Place::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
             }
         }
         let roots = scene.children.iter().map(|child| child.object).collect();

@@ -134,7 +134,8 @@ impl Importer<'_> {
 
     fn projector(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
-        let mut factor = Spectrum::splat(scale);
+        // Its `irradiance` is the radiance of a white wall across the axis at distance 1: π times as much arrives there.
+        let mut factor = Spectrum::splat(scale * std::f32::consts::PI);
         let mut picture = None;
         let mut aspect = 1.0;
         if let Some(child) = object.child("irradiance") {

@@ -40,7 +40,9 @@ pub(super) fn cube() -> Mesh {
             mesh.normals.push(normal);
             mesh.uvs[0].push(uv);
         }
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        // On some sides the picture is mirrored.
+        let (second, last) = if u.cross(v).dot(normal) > 0.0 { (first + 1, first + 3) } else { (first + 3, first + 1) };
+        mesh.triangles.extend([[first, second, first + 2], [first, first + 2, last]]);
     }
     mesh
 }

@@ -23,7 +23,7 @@ fn parameters_have_defaults_that_the_user_overrides() {
     let defines = vec![("albedo".into(), "0.1 0.2 0.3".into()), ("unknown".into(), "1".into())];
     let loaded = folder.load(&LoadOptions { defines, ..bare() }).unwrap();
     assert_eq!(reflectance(&loaded), Vec3::new(0.1, 0.2, 0.3));
-    assert_eq!(told(&loaded), ["the scene has no parameter `unknown`"]);
+    assert_eq!(told(&loaded), ["no parameter of the scene is called `unknown`"]);
 }
 
 #[test]
