@@ -6,7 +6,7 @@ use crate::Aabb;
 pub(crate) const WIDTH: usize = 8;
 
 /// No path from the root is longer than this; the builder keeps to it (see `build::bins`), so stacks have a fixed size.
-pub(crate) const MAX_DEPTH: usize = 72;
+pub(crate) const MAX_DEPTH: usize = 71;
 
 /// A reference to what lies below a node: two bits of kind, thirty of index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +19,7 @@ impl Child {
     const SPHERE: u32 = 1 << 30;
     const TRIANGLES: u32 = 2 << 30;
     const INSTANCE: u32 = 3 << 30;
-    /// An empty slot. Its box is inside out, but a ray so extreme that its slabs become NaN may still get here.
+    /// No child: an empty slot, whose box is inside out and never met, and the end of a walk.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
 
     pub(crate) fn node(index: usize) -> Self {
