@@ -1,8 +1,9 @@
-//! What a developer runs: `cargo xtask ci | test | peers`.
+//! What a developer runs: `cargo xtask ci | test | leaks | peers`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
 mod layers;
+mod leaks;
 mod needs;
 mod peers;
 
@@ -19,6 +20,12 @@ enum Command {
     Ci,
     /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, from the system's packages.
     Test,
+    /// Casts rays from inside closed meshes and fails when one gets out.
+    Leaks {
+        /// How many; 1e9 is the number to publish, some minutes a core.
+        #[arg(long, default_value_t = 1e9)]
+        rays: f64,
+    },
     /// Converts the scenes of the comparison with other renderers (JSON + PLY) to glTF.
     Peers {
         /// Folder with the `.json` scenes and their `meshes/`.
@@ -32,6 +39,7 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
+        Command::Leaks { rays } => leaks::leaks(rays),
         Command::Peers { from, to } => peers::convert_all(&from, &to),
     }
 }

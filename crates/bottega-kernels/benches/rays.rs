@@ -10,7 +10,9 @@
 mod files;
 
 use bottega_kernels::bench::embree::{Embree, Setting};
-use bottega_kernels::bench::{BenchScene, Own, RayKernel, RaySets, Row, hall, interior, measure, noisy_sphere, stadium, table};
+use bottega_kernels::bench::{
+    BenchScene, Own, RayKernel, RaySets, Row, hall, interior, measure, noisy_sphere, stadium, table,
+};
 use bottega_kernels::{BuildOptions, Precision, Ray};
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
@@ -111,8 +113,7 @@ struct Options {
 
 impl Options {
     fn parse() -> Self {
-        let mut options =
-            Self { side: 512, repetitions: 7, builds: 0, obvhs: false, scene: None, paths: Vec::new() };
+        let mut options = Self { side: 512, repetitions: 7, builds: 0, obvhs: false, scene: None, paths: Vec::new() };
         let mut args = std::env::args().skip(1);
         while let Some(arg) = args.next() {
             let mut value = || args.next().expect("a value after an option");
@@ -143,7 +144,8 @@ impl Options {
             }
             Err(_) => println!("BOTTEGA_SCENES is not set: NO REAL MESH is measured"),
         }
-        scenes.extend(self.paths.iter().map(|path| files::read(path).unwrap_or_else(|error| panic!("{path}: {error}"))));
+        scenes
+            .extend(self.paths.iter().map(|path| files::read(path).unwrap_or_else(|error| panic!("{path}: {error}"))));
         scenes
     }
 }
@@ -225,7 +227,8 @@ fn main() {
         let kernels: Vec<&dyn RayKernel> = kernels.iter().map(AsRef::as_ref).collect();
         let rows = measure(scene, &rays, &kernels, options.repetitions);
         println!("{}", table(scene, &rows));
-        let obvhs: Vec<&str> = rows.iter().map(|row| row.name.as_str()).filter(|name| name.starts_with("obvhs")).collect();
+        let obvhs: Vec<&str> =
+            rows.iter().map(|row| row.name.as_str()).filter(|name| name.starts_with("obvhs")).collect();
         let pairs: [(&str, &str, &[&str]); 3] = [
             ("fast / best of Embree medium, high", "bottega fast", &["Embree medium", "Embree high"]),
             ("robust / Embree robust", "bottega robust", &["Embree robust"]),

@@ -6,8 +6,10 @@
 
 #[cfg(feature = "embree")]
 pub mod embree;
+mod leaks;
 mod scenes;
 
+pub use leaks::{Leaks, leaks};
 pub use scenes::{BenchScene, hall, interior, noisy_sphere, stadium};
 
 use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math};
@@ -192,7 +194,7 @@ pub struct Row {
 pub const KINDS: [&str; 4] = ["primary", "diffuse", "bounce 2", "shadow"];
 
 /// Rays that one kernel traces before the next has its turn: a millisecond or so.
-const CHUNK: usize = 1 << 12;
+const CHUNK: usize = 1 << 13;
 
 /// Time that this thread has had of a processor, where the system tells; else the time of day. Other work on the machine then
 /// disturbs by what it leaves in caches, not by its share of the processor.
@@ -226,7 +228,7 @@ pub fn measure(scene: &BenchScene, rays: &RaySets, kernels: &[&dyn RayKernel], r
                 turns[i].push(clock() - start);
             }
             for (i, turns) in turns.iter_mut().enumerate() {
-                times[i][kind] += quantile(turns);
+                times[i][kind] += median(turns);
                 hits[i][kind] += found[i];
             }
         }
@@ -242,10 +244,9 @@ pub fn measure(scene: &BenchScene, rays: &RaySets, kernels: &[&dyn RayKernel], r
     kernels.iter().enumerate().map(row).collect()
 }
 
-fn quantile(values: &mut [f64]) -> f64 {
+fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
-    let q = if std::env::var_os("BEST").is_some() { 0 } else { values.len() / 2 };
-    values.get(q).copied().unwrap_or(f64::NAN)
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// A table of figures as text.
@@ -269,19 +270,47 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
     out
 }
 
-/// The benchmark of this crate alone, robust and fast, on the two built-in scenes: what `bench rays` of the command
-/// line shows. `side` × `side` primary rays a scene.
-pub fn run(side: u32, repetitions: usize, threads: usize) -> Result<Vec<(BenchScene, Vec<Row>)>, BuildError> {
-    let scenes = [noisy_sphere(), interior()];
-    let result = scenes.into_iter().map(|scene| {
+/// What [`run`] found.
+pub struct Report {
+    /// Each scene with a row a kernel.
+    pub scenes: Vec<(BenchScene, Vec<Row>)>,
+    /// Why Embree is not among the kernels, if it is not, and what to do about it.
+    pub without_embree: Option<String>,
+}
+
+/// The benchmark on built-in scenes, robust and fast, beside Embree where it is found (feature `embree`): what `bench rays` of the
+/// command line shows. `side` × `side` primary rays a scene.
+pub fn run(scenes: Vec<BenchScene>, side: u32, repetitions: usize, threads: usize) -> Result<Report, BuildError> {
+    #[cfg(feature = "embree")]
+    let embree = embree::Embree::find();
+    #[cfg(not(feature = "embree"))]
+    let embree = Err::<(), _>("built without the feature `embree`".to_owned());
+    let mut report = Report { scenes: Vec::new(), without_embree: embree.as_ref().err().cloned() };
+    for scene in scenes {
         let build =
             |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
         let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
         let rays = RaySets::new(&robust.accel, &scene, side);
-        let rows = measure(&scene, &rays, &[&robust, &fast], repetitions);
-        Ok((scene, rows))
-    });
-    result.collect()
+        let mut kernels: Vec<Box<dyn RayKernel>> = vec![Box::new(robust), Box::new(fast)];
+        #[cfg(feature = "embree")]
+        if let Ok(embree) = &embree {
+            for setting in embree::Setting::ALL {
+                match embree.build(&scene, setting, threads) {
+                    Ok(peer) => kernels.push(Box::new(peer)),
+                    Err(error) => report.without_embree = Some(error),
+                }
+            }
+        }
+        let kernels: Vec<&dyn RayKernel> = kernels.iter().map(AsRef::as_ref).collect();
+        let rows = measure(&scene, &rays, &kernels, repetitions);
+        report.scenes.push((scene, rows));
+    }
+    Ok(report)
+}
+
+/// The scenes that come with the program: a rough ball, a furnished room, a pot in a stadium, a hall of a million triangles.
+pub fn built_in_scenes() -> Vec<BenchScene> {
+    vec![noisy_sphere(), interior(), stadium(), hall()]
 }
 
 #[cfg(test)]
@@ -290,8 +319,8 @@ mod tests {
 
     #[test]
     fn both_precisions_see_the_same_scenes() {
-        for (scene, rows) in run(24, 1, 1).unwrap() {
-            let [robust, fast] = &rows[..] else { panic!("two rows") };
+        for (scene, rows) in run(vec![noisy_sphere(), interior()], 24, 1, 1).unwrap().scenes {
+            let [robust, fast, ..] = &rows[..] else { panic!("two rows at least") };
             for kind in 0..4 {
                 let difference = robust.hits[kind].abs_diff(fast.hits[kind]);
                 assert!(difference <= 2 && (kind == 3 || robust.hits[kind] > 300), "{}", table(&scene, &rows));

@@ -32,8 +32,12 @@ const PATHS_SAMPLES: u32 = 16;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     let BenchCommand::Rays { scenes, repeat, json } = &args.what;
-    let rays = kernels::run(RAYS_SIDE, usize::from(*repeat), processors())
+    let report = kernels::run(kernels::built_in_scenes(), RAYS_SIDE, usize::from(*repeat), processors())
         .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
+    if let Some(reason) = &report.without_embree {
+        eprintln!("NOT BESIDE EMBREE: {reason}");
+    }
+    let rays = report.scenes;
     let paths = scenes.iter().map(|scene| paths(scene, *repeat)).collect::<Result<Vec<_>, _>>()?;
     if *json {
         let rays: Vec<Value> =

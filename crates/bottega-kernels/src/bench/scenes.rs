@@ -278,7 +278,8 @@ pub fn hall() -> BenchScene {
     let mut random = Random::new(5);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
     let (w, h) = (40.0, 12.0);
-    let hill = |x: f32, z: f32| 0.4 * math::sin(x * 0.5) * math::sin(z * 0.4 + 1.0) + 0.1 * math::sin(x * 2.3 + z * 1.7);
+    let hill =
+        |x: f32, z: f32| 0.4 * math::sin(x * 0.5) * math::sin(z * 0.4 + 1.0) + 0.1 * math::sin(x * 2.3 + z * 1.7);
     mesh.grid(460, 460, |u, v| {
         let (x, z) = (w * u, w * v);
         Vec3::new(x, hill(x, z) + 0.02 * random.unit(), z)
@@ -295,8 +296,7 @@ pub fn hall() -> BenchScene {
         let wave = math::sin(w * u * 2.0) * math::sin(w * v * 2.0);
         Vec3::new(w * u, h - 0.3 * wave.abs(), w * (1.0 - v))
     });
-    for (corner, side) in
-        [(Vec3::ZERO, Vec3::X), (Vec3::ZERO, Vec3::Z), (Vec3::Z * w, Vec3::X), (Vec3::X * w, Vec3::Z)]
+    for (corner, side) in [(Vec3::ZERO, Vec3::X), (Vec3::ZERO, Vec3::Z), (Vec3::Z * w, Vec3::X), (Vec3::X * w, Vec3::Z)]
     {
         mesh.quad(corner - Vec3::Y, side * w, Vec3::Y * (h + 1.0));
     }

@@ -80,10 +80,6 @@ impl Lanes for Portable {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
-    fn max(self, a: F, b: F) -> F {
-        zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
     fn lt(self, a: F, b: F) -> u32 {
         compare(a, b, |a, b| a < b)
     }

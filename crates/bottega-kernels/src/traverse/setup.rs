@@ -4,6 +4,16 @@ use super::lanes::{Lanes, Row, splat3};
 use super::triangle::WideRay;
 use crate::tree::{TriangleBlock, WIDTH};
 
+/// Scales and shifts of near and far planes by axis; all finite, and no scale is 0, so that no crossing is NaN, not even of a
+/// plane at infinity. (Not an array an axis: processors are slow to read as one what was just written as two.)
+#[derive(Clone, Copy)]
+struct Slabs {
+    near_scale: [f32; 3],
+    near_shift: [f32; 3],
+    far_scale: [f32; 3],
+    far_shift: [f32; 3],
+}
+
 /// A ray prepared for traversal.
 ///
 /// A plane at `b` on an axis is crossed at `b · scale + shift`, in one fused operation. For origin `o` and direction
@@ -15,9 +25,7 @@ use crate::tree::{TriangleBlock, WIDTH};
 pub(crate) struct Setup {
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
-    /// For each axis scale and shift of near planes, then of far planes; all finite, and no scale is 0, so that no crossing is
-    /// NaN, not even of a plane at infinity.
-    slabs: [[f32; 4]; 3],
+    slabs: Slabs,
     /// Bit `axis` is set where the direction is negative.
     pub(crate) octant: usize,
     /// Axes in the space of the robust triangle test; the last is the one with the largest direction.
@@ -33,37 +41,35 @@ impl Setup {
         const EPSILON: f32 = f32::EPSILON / 2.0;
         const NEAR: f32 = 1.0 - 16.0 * EPSILON;
         const FAR: f32 = 1.0 + 16.0 * EPSILON;
-        // Every axis is free: crossed by each plane before and after everything.
-        const FREE: [f32; 4] = [f32::MIN_POSITIVE, f32::MIN, f32::MIN_POSITIVE, f32::MAX];
         let size = direction.map(f32::abs);
         let larger = usize::from(size[1] >= size[0]);
         let z = if size[2] >= size[larger] { 2 } else { larger };
-        let largest = if size[2] >= size[larger] { size[2] } else { size[larger] };
+        let greater = |a: f32, b: f32| if a > b { a } else { b };
+        let largest = greater(greater(size[0], size[1]), size[2]);
         // A component this small moves nothing within the range of a float. Division by it would overflow.
         let smallest = largest * 1e-24;
-        let [ox, oy, oz] = origin.map(|x| x * 0.0);
-        let [dx, dy, dz] = direction.map(|x| x * 0.0);
-        let finite = (ox + oy) + (oz + dx) + (dy + dz) == 0.0;
-        if !(finite && smallest > 0.0) {
-            return None;
-        }
-        let mut slabs = [FREE; 3];
-        let mut octant = 0;
-        for axis in 0..3 {
-            let (o, d) = (origin[axis], direction[axis]);
-            let inverse = 1.0 / if size[axis] < smallest { smallest.copysign(d) } else { d };
-            octant |= (d.is_sign_negative() as usize) << axis;
-            let slab = if ROBUST {
-                let (near, far) = (inverse * NEAR, inverse * FAR);
-                // Beside the relative slack a tiny absolute one, for planes that pass through the very origin.
-                let slack = (o.abs() * (8.0 * EPSILON) + largest * 1e-20) * inverse.abs();
-                [near, -(o * near) - slack, far, slack - o * far]
-            } else {
-                [inverse, -(o * inverse), inverse, -(o * inverse)]
-            };
-            if (slab[1] * 0.0 + slab[2] * 0.0) + slab[3] * 0.0 == 0.0 {
-                slabs[axis] = slab;
-            }
+        let inverse = |axis: usize| 1.0 / greater(size[axis], smallest).copysign(direction[axis]);
+        let inverse = [inverse(0), inverse(1), inverse(2)];
+        let (near_factor, far_factor) = if ROBUST { (NEAR, FAR) } else { (1.0, 1.0) };
+        let scaled = |factor: f32| [inverse[0] * factor, inverse[1] * factor, inverse[2] * factor];
+        let (near_scale, far_scale) = (scaled(near_factor), scaled(far_factor));
+        // Beside the relative slack a tiny absolute one, for planes that pass through the very origin.
+        let slack = |axis: usize| {
+            if ROBUST { (origin[axis].abs() * (8.0 * EPSILON) + largest * 1e-20) * inverse[axis].abs() } else { 0.0 }
+        };
+        let near = |axis: usize| -(origin[axis] * near_scale[axis]) - slack(axis);
+        let far = |axis: usize| slack(axis) - origin[axis] * far_scale[axis];
+        let near_shift = [near(0), near(1), near(2)];
+        let far_shift = if ROBUST { [far(0), far(1), far(2)] } else { near_shift };
+        let mut slabs = Slabs { near_scale, near_shift, far_scale, far_shift };
+        let bit = |axis: usize| (direction[axis].to_bits() >> 31 << axis) as usize;
+        let octant = bit(0) | bit(1) | bit(2);
+        // Everything times 0: not 0 where something is infinite or no number.
+        let odd = |axis: usize| {
+            (near_shift[axis] * 0.0 + far_shift[axis] * 0.0) + (direction[axis] * 0.0 + inverse[axis] * 0.0)
+        };
+        if odd(0) + odd(1) + odd(2) != 0.0 || smallest == 0.0 {
+            slabs = free_slabs(origin, direction, &slabs)?;
         }
         let mut setup = Self { origin, direction, slabs, octant, axes: [1, 2, 0], shear: [0.0; 3] };
         if ROBUST {
@@ -81,6 +87,24 @@ impl Setup {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.origin, self.direction);
         (m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]), m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz))
     }
+}
+
+/// Lets go of axes whose crossings leave the range of numbers: crossed by each plane before and after everything. `None`: the ray
+/// itself is at fault.
+#[cold]
+#[inline(never)]
+fn free_slabs(origin: [f32; 3], direction: [f32; 3], slabs: &Slabs) -> Option<Slabs> {
+    let finite = origin.iter().chain(&direction).all(|x| x.is_finite());
+    let longer = direction.iter().any(|d| d.abs() * 1e-24 > 0.0);
+    let mut slabs = *slabs;
+    for axis in 0..3 {
+        let all = [slabs.near_scale[axis], slabs.near_shift[axis], slabs.far_scale[axis], slabs.far_shift[axis]];
+        if !all.iter().all(|x| x.is_finite()) {
+            (slabs.near_scale[axis], slabs.far_scale[axis]) = (f32::MIN_POSITIVE, f32::MIN_POSITIVE);
+            (slabs.near_shift[axis], slabs.far_shift[axis]) = (f32::MIN, f32::MAX);
+        }
+    }
+    (finite && longer).then_some(slabs)
 }
 
 /// The planes of a node.
@@ -102,13 +126,13 @@ pub(crate) struct Wide<S: Lanes, const ROBUST: bool> {
 impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
     #[inline(always)]
     pub(crate) fn new(s: S, setup: &Setup, floor: f32, t_min: f32) -> Self {
-        let [x, y, z] = setup.slabs;
+        let Slabs { near_scale, near_shift, far_scale, far_shift } = setup.slabs;
         let side = [setup.octant & 1, setup.octant >> 1 & 1, setup.octant >> 2 & 1];
         Self {
-            near_scale: splat3(s, [x[0], y[0], z[0]]),
-            near_shift: splat3(s, [x[1], y[1], z[1]]),
-            far_scale: splat3(s, [x[2], y[2], z[2]]),
-            far_shift: splat3(s, [x[3], y[3], z[3]]),
+            near_scale: splat3(s, near_scale),
+            near_shift: splat3(s, near_shift),
+            far_scale: splat3(s, far_scale),
+            far_shift: splat3(s, far_shift),
             floor: s.splat(floor),
             near: [Row::new(side[0]), Row::new(2 + side[1]), Row::new(4 + side[2])],
             far: [Row::new(1 - side[0]), Row::new(3 - side[1]), Row::new(5 - side[2])],
@@ -122,11 +146,10 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
     /// parameter is missed whatever its order among negatives.
     #[inline(always)]
     pub(crate) fn boxes(&self, s: S, planes: &Planes, t_max: S::F) -> (S::F, S::Mask) {
-        let (far_scale, far_shift) =
-            if ROBUST { (&self.far_scale, &self.far_shift) } else { (&self.near_scale, &self.near_shift) };
-        let near = |axis: usize| {
-            s.mul_add(s.load_row(planes, self.near[axis]), self.near_scale[axis], self.near_shift[axis])
-        };
+        let far_scale = if ROBUST { &self.far_scale } else { &self.near_scale };
+        let far_shift = &self.far_shift;
+        let near =
+            |axis: usize| s.mul_add(s.load_row(planes, self.near[axis]), self.near_scale[axis], self.near_shift[axis]);
         let far = |axis: usize| s.mul_add(s.load_row(planes, self.far[axis]), far_scale[axis], far_shift[axis]);
         let entry = s.max_bits(s.max_bits(near(0), near(1)), s.max_bits(near(2), self.floor));
         let exit = s.min_bits(s.min_bits(far(0), far(1)), s.min_bits(far(2), t_max));
@@ -136,10 +159,6 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
     /// See [`WideRay`].
     #[inline(always)]
     pub(crate) fn triangles(&self, s: S, block: &TriangleBlock, t_max: f32) -> Option<(S::F, u32)> {
-        if ROBUST {
-            self.triangle.watertight(s, block, t_max)
-        } else {
-            self.triangle.moeller_trumbore(s, block, t_max)
-        }
+        if ROBUST { self.triangle.watertight(s, block, t_max) } else { self.triangle.moeller_trumbore(s, block, t_max) }
     }
 }

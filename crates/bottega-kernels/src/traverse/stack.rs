@@ -57,6 +57,13 @@ impl<'a> Stack<'a> {
         unsafe { (self.child[self.len].assume_init(), self.near[self.len].assume_init()) }
     }
 
+    /// The subtree on top.
+    #[inline(always)]
+    pub(crate) fn top(&self) -> Child {
+        // SAFETY: as in `pop`.
+        self.child.get(self.len.wrapping_sub(1)).map_or(Child::EMPTY, |child| unsafe { child.assume_init() })
+    }
+
     /// The next eight entries, for a vector store. Panics when there is no room, which the bound on depth excludes.
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (&mut [MaybeUninit<f32>; WIDTH], &mut [MaybeUninit<Child>; WIDTH]) {
