@@ -1,8 +1,9 @@
-//! What a developer runs: `cargo xtask ci | test`.
+//! What a developer runs: `cargo xtask ci | test | leaks`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
 mod layers;
+mod leaks;
 mod needs;
 
 use anyhow::Result;
@@ -16,11 +17,18 @@ enum Command {
     Ci,
     /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, from the system's packages.
     Test,
+    /// Casts rays from inside closed meshes and fails when one gets out.
+    Leaks {
+        /// How many; 1e9 is the number to publish, some minutes a core.
+        #[arg(long, default_value_t = 1e9)]
+        rays: f64,
+    },
 }
 
 fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
+        Command::Leaks { rays } => leaks::leaks(rays),
     }
 }

@@ -1,14 +1,19 @@
-//! Rays per second of this crate beside `obvhs`, the fastest other BVH library in Rust.
+//! Rays per second of this crate beside Embree 4, where it is installed, and `obvhs`, the fastest other BVH library in Rust.
 //!
-//! `cargo bench -p bottega-kernels --bench rays -- [--side N] [--reps N] [--alone] [MESH.obj ...]`
+//! `cargo bench -p bottega-kernels --features embree --bench rays -- [--side N] [--reps N] [--scene NAME] [--builds N] [--obvhs]
+//! [MESH.obj|MESH.ply|FOLDER ...]`
 //!
-//! `obvhs` chooses its vector instructions when it is compiled: give it a chance with
-//! `RUSTFLAGS="-C target-cpu=x86-64-v3"`. Ours are chosen at run time.
+//! With `BOTTEGA_SCENES` set, a real mesh and a real interior are measured, too. `obvhs` chooses its vector instructions
+//! when it is compiled: give it a chance with `RUSTFLAGS="-C target-cpu=x86-64-v3"`. Ours are chosen at run time.
 #![allow(clippy::print_stdout)]
 
-use bottega_kernels::bench::{BenchScene, Own, RayKernel, RaySets, interior, measure, noisy_sphere, table};
+mod files;
+
+use bottega_kernels::bench::embree::{Embree, Setting};
+use bottega_kernels::bench::{
+    BenchScene, Own, RayKernel, RaySets, Row, hall, interior, measure, noisy_sphere, stadium, table,
+};
 use bottega_kernels::{BuildOptions, Precision, Ray};
-use glam::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::RayHit;
@@ -97,88 +102,153 @@ impl RayKernel for Peer {
     }
 }
 
-/// The triangles of a Wavefront OBJ file; polygons become fans.
-fn read_obj(path: &str) -> std::io::Result<BenchScene> {
-    let text = std::fs::read_to_string(path)?;
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => {
-                let mut next = || words.next().and_then(|w| w.parse().ok()).unwrap_or(0.0);
-                positions.push(Vec3::new(next(), next(), next()));
+struct Options {
+    side: u32,
+    repetitions: usize,
+    builds: usize,
+    obvhs: bool,
+    scene: Option<String>,
+    paths: Vec<String>,
+}
+
+impl Options {
+    fn parse() -> Self {
+        let mut options = Self { side: 512, repetitions: 7, builds: 0, obvhs: false, scene: None, paths: Vec::new() };
+        let mut args = std::env::args().skip(1);
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().expect("a value after an option");
+            match arg.as_str() {
+                "--side" => options.side = value().parse().expect("a number"),
+                "--reps" => options.repetitions = value().parse().expect("a number"),
+                "--builds" => options.builds = value().parse().expect("a number"),
+                "--scene" => options.scene = Some(value()),
+                "--obvhs" => options.obvhs = true,
+                "--bench" => {}
+                path => options.paths.push(path.to_owned()),
             }
-            Some("f") => {
-                let index = |w: &str| {
-                    let i: i64 = w.split('/').next().and_then(|w| w.parse().ok()).unwrap_or(1);
-                    (if i < 0 { positions.len() as i64 + i } else { i - 1 }) as u32
-                };
-                let polygon: Vec<u32> = words.map(index).collect();
-                triangles.extend((2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]]));
-            }
-            _ => {}
         }
+        options
     }
-    let name = std::path::Path::new(path).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let mut scene = BenchScene::from_mesh(&name, positions, triangles);
-    if name == "kitchen" {
-        // The interior that comes with `obvhs`: look from inside, with the light under the ceiling.
-        (scene.eye, scene.target) = (Vec3::new(3.0, 1.5, 1.4), Vec3::new(-3.9, 1.5, -1.7));
-        scene.light = [Vec3::new(0.5, 2.2, -0.5), Vec3::X, Vec3::Z];
+
+    fn scenes(&self) -> Vec<BenchScene> {
+        let wanted = |name: &str| self.scene.as_deref().is_none_or(|want| name.contains(want));
+        let mut scenes = Vec::new();
+        let built_in: [(&str, fn() -> BenchScene); 4] =
+            [("noisy sphere", noisy_sphere), ("interior", interior), ("pot in stadium", stadium), ("hall", hall)];
+        scenes.extend(built_in.iter().filter(|(name, _)| wanted(name)).map(|(_, make)| make()));
+        match std::env::var("BOTTEGA_SCENES") {
+            Ok(folder) => {
+                let real = ["meshes/wyrm.ply", "staircase2/pbrt/models"].map(|name| format!("{folder}/{name}"));
+                let read = |path: &String| files::read(path).unwrap_or_else(|error| panic!("{path}: {error}"));
+                scenes.extend(real.iter().filter(|path| wanted(path)).map(read));
+            }
+            Err(_) => println!("BOTTEGA_SCENES is not set: NO REAL MESH is measured"),
+        }
+        scenes
+            .extend(self.paths.iter().map(|path| files::read(path).unwrap_or_else(|error| panic!("{path}: {error}"))));
+        scenes
     }
-    Ok(scene)
+}
+
+fn own(scene: &BenchScene, precision: Precision, optimize: bool, threads: usize) -> Own {
+    let name = match (precision, optimize) {
+        (Precision::Fast, true) => "bottega fast",
+        (Precision::Robust, true) => "bottega robust",
+        (Precision::Fast, false) => "bottega fast, quick",
+        (Precision::Robust, false) => "bottega robust, quick",
+    };
+    let options = BuildOptions { threads, precision, optimize, ..BuildOptions::default() };
+    Own::build(name, scene, &options).expect("the scene is sound")
+}
+
+fn find<'a>(rows: &'a [Row], name: &str) -> Option<&'a Row> {
+    rows.iter().find(|row| row.name == name)
+}
+
+/// Rate of `own` over the best of `peers`, for each kind of ray.
+fn ratio(rows: &[Row], own: &str, peers: &[&str]) -> Option<[f64; 4]> {
+    let own = find(rows, own)?;
+    let peers: Option<Vec<&Row>> = peers.iter().map(|name| find(rows, name)).collect();
+    let peers = peers?;
+    Some(std::array::from_fn(|kind| own.mrays[kind] / peers.iter().map(|row| row.mrays[kind]).fold(0.0, f64::max)))
+}
+
+fn median(mut times: Vec<Duration>) -> f64 {
+    times.sort();
+    times[times.len() / 2].as_secs_f64()
+}
+
+/// Build times beside Embree's, interleaved.
+fn builds(scene: &BenchScene, embree: &Embree, repetitions: usize) {
+    for threads in [1, 2] {
+        let mut times: [Vec<Duration>; 4] = Default::default();
+        for _ in 0..repetitions {
+            times[0].push(own(scene, Precision::Robust, true, threads).build_time());
+            times[1].push(own(scene, Precision::Robust, false, threads).build_time());
+            for (slot, setting) in [(2, Setting::Medium), (3, Setting::High)] {
+                times[slot].push(embree.build(scene, setting, threads).expect("Embree builds").build_time());
+            }
+        }
+        let [full, quick, medium, high] = times.map(median);
+        println!(
+            "  build, {threads} threads: bottega {:.1} ms, quick {:.1} ms, Embree medium {:.1} ms, high {:.1} ms; \
+             bottega / high {:.2}, quick / medium {:.2}",
+            full * 1e3,
+            quick * 1e3,
+            medium * 1e3,
+            high * 1e3,
+            full / high,
+            quick / medium
+        );
+    }
 }
 
 fn main() {
-    let (mut side, mut repetitions, mut threads, mut alone) = (512, 7, 1, false);
-    let mut scenes = vec![noisy_sphere(), interior()];
-    let mut args = std::env::args().skip(1);
-    while let Some(arg) = args.next() {
-        let mut number = || args.next().and_then(|a| a.parse().ok()).expect("a number");
-        match arg.as_str() {
-            "--side" => side = number(),
-            "--reps" => repetitions = number() as usize,
-            "--threads" => threads = number() as usize,
-            "--bench" => {}
-            "--alone" => alone = true,
-            path => scenes.push(read_obj(path).expect("an OBJ file")),
+    let options = Options::parse();
+    let embree = Embree::find().inspect_err(|error| println!("NOT BESIDE EMBREE: {error}")).ok();
+    let mut ratios = [Vec::new(), Vec::new(), Vec::new()];
+    for scene in &options.scenes() {
+        let (robust, fast) = (own(scene, Precision::Robust, true, 1), own(scene, Precision::Fast, true, 1));
+        let rays = RaySets::new(robust.accel(), scene, options.side);
+        let mut kernels: Vec<Box<dyn RayKernel>> = vec![Box::new(robust), Box::new(fast)];
+        for setting in Setting::ALL {
+            if let Some(embree) = &embree {
+                kernels.push(Box::new(embree.build(scene, setting, 1).expect("Embree builds")));
+            }
         }
-    }
-    let mut ratios = Vec::new();
-    for scene in &scenes {
-        let own = |name: &str, precision, optimize| {
-            let options = BuildOptions { threads, precision, optimize, ..BuildOptions::default() };
-            Own::build(name, scene, &options).expect("the scene is sound")
-        };
-        let (robust, fast) =
-            (own("bottega robust", Precision::Robust, true), own("bottega fast", Precision::Fast, true));
-        let quick = own("bottega quick build", Precision::Robust, false);
-        let rays = RaySets::new(robust.accel(), scene, side);
-        let mut peers = Vec::new();
         for (preset, params) in
             [("medium", BvhBuildParams::medium_build()), ("very_slow", BvhBuildParams::very_slow_build())]
         {
-            if alone {
-                continue;
+            if options.obvhs {
+                kernels.push(Box::new(Peer::build(&format!("obvhs bvh2 {preset}"), scene, params, false)));
+                kernels.push(Box::new(Peer::build(&format!("obvhs cwbvh {preset}"), scene, params, true)));
             }
-            peers.push(Peer::build(&format!("obvhs bvh2 {preset}"), scene, params, false));
-            peers.push(Peer::build(&format!("obvhs cwbvh {preset}"), scene, params, true));
         }
-        let mut kernels: Vec<&dyn RayKernel> = vec![&robust, &fast, &quick];
-        kernels.extend(peers.iter().map(|peer| peer as &dyn RayKernel));
-        let rows = measure(scene, &rays, &kernels, repetitions);
-        if alone {
-            println!("{}", table(scene, &rows));
-            continue;
+        let kernels: Vec<&dyn RayKernel> = kernels.iter().map(AsRef::as_ref).collect();
+        let rows = measure(scene, &rays, &kernels, options.repetitions);
+        println!("{}", table(scene, &rows));
+        let obvhs: Vec<&str> =
+            rows.iter().map(|row| row.name.as_str()).filter(|name| name.starts_with("obvhs")).collect();
+        let pairs: [(&str, &str, &[&str]); 3] = [
+            ("fast / best of Embree medium, high", "bottega fast", &["Embree medium", "Embree high"]),
+            ("robust / Embree robust", "bottega robust", &["Embree robust"]),
+            ("robust / best obvhs", "bottega robust", &obvhs),
+        ];
+        for ((name, own, peers), ratios) in pairs.into_iter().zip(&mut ratios) {
+            if let Some(ratio) = ratio(&rows, own, peers).filter(|_| !peers.is_empty()) {
+                println!("  {name}: {ratio:.2?}");
+                ratios.push((name, ratio));
+            }
         }
-        let best = |kind: usize| rows[3..].iter().map(|row| row.mrays[kind]).fold(0.0, f64::max);
-        let ratio: [f64; 4] = std::array::from_fn(|kind| rows[0].mrays[kind] / best(kind));
-        println!("{}  robust / best peer: {ratio:.2?}\n", table(scene, &rows));
-        ratios.push(ratio);
+        if let (Some(embree), true) = (&embree, options.builds > 0) {
+            builds(scene, embree, options.builds);
+        }
+        println!();
     }
-    if alone {
-        return;
+    for ratios in ratios.iter().filter(|ratios| !ratios.is_empty()) {
+        let mean = |kind: usize| (ratios.iter().map(|r| r.1[kind].ln()).sum::<f64>() / ratios.len() as f64).exp();
+        let each = [0, 1, 2, 3].map(mean);
+        let all = (each.iter().map(|x| x.ln()).sum::<f64>() / 4.0).exp();
+        println!("geometric mean of {}: {each:.2?}, all {all:.3}", ratios[0].0);
     }
-    let mean = |kind: usize| ratios.iter().map(|r| r[kind].ln()).sum::<f64>() / ratios.len() as f64;
-    println!("geometric mean of robust / best peer: {:.2?}", [0, 1, 2, 3].map(|kind| mean(kind).exp()));
 }

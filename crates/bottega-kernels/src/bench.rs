@@ -4,9 +4,13 @@
 //! ratios of the same run mean anything. Anything that implements [`RayKernel`] can take part, so that a benchmark may
 //! bring other people's libraries, which this crate does not know.
 
+#[cfg(feature = "embree")]
+pub mod embree;
+mod leaks;
 mod scenes;
 
-pub use scenes::{BenchScene, interior, noisy_sphere};
+pub use leaks::{Leaks, leaks};
+pub use scenes::{BenchScene, hall, interior, noisy_sphere, stadium};
 
 use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math};
 use glam::{Affine3A, Vec3};
@@ -189,23 +193,49 @@ pub struct Row {
 /// Names of the columns of [`Row::mrays`].
 pub const KINDS: [&str; 4] = ["primary", "diffuse", "bounce 2", "shadow"];
 
-/// Times all kernels on all kinds of rays: medians of interleaved repetitions.
+/// Rays that one kernel traces before the next has its turn: a millisecond or so.
+const CHUNK: usize = 1 << 13;
+
+/// Time that this thread has had of a processor, where the system tells; else the time of day. Other work on the machine then
+/// disturbs by what it leaves in caches, not by its share of the processor.
+fn clock() -> f64 {
+    #[cfg(target_os = "linux")]
+    {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+    }
+    #[cfg(not(target_os = "linux"))]
+    {
+        static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+        START.get_or_init(Instant::now).elapsed().as_secs_f64()
+    }
+}
+
+/// Times all kernels on all kinds of rays. They take turns chunk by chunk, and of each chunk's repetitions the median counts, so
+/// that a burst of other work on the machine falls on all alike.
 pub fn measure(scene: &BenchScene, rays: &RaySets, kernels: &[&dyn RayKernel], repetitions: usize) -> Vec<Row> {
     let sets = [&rays.primary, &rays.diffuse, &rays.bounce, &rays.shadow];
-    let mut times = vec![[const { Vec::<f64>::new() }; 4]; kernels.len()];
+    let mut times = vec![[0.0; 4]; kernels.len()];
     let mut hits = vec![[0; 4]; kernels.len()];
-    for _ in 0..repetitions {
-        for (kind, set) in sets.iter().enumerate() {
-            for (kernel, (times, hits)) in kernels.iter().zip(times.iter_mut().zip(&mut hits)) {
-                let start = Instant::now();
-                hits[kind] = if kind == 3 { kernel.any(set) } else { kernel.closest(set).0 };
-                times[kind].push(start.elapsed().as_secs_f64());
+    for (kind, set) in sets.iter().enumerate() {
+        for chunk in set.chunks(CHUNK) {
+            let mut turns = vec![Vec::with_capacity(repetitions); kernels.len()];
+            let mut found = vec![0; kernels.len()];
+            for turn in 0..repetitions * kernels.len() {
+                let i = turn % kernels.len();
+                let start = clock();
+                found[i] = if kind == 3 { kernels[i].any(chunk) } else { kernels[i].closest(chunk).0 };
+                turns[i].push(clock() - start);
+            }
+            for (i, turns) in turns.iter_mut().enumerate() {
+                times[i][kind] += median(turns);
+                hits[i][kind] += found[i];
             }
         }
     }
     let row = |(i, kernel): (usize, &&dyn RayKernel)| Row {
         name: kernel.name(),
-        mrays: std::array::from_fn(|kind| sets[kind].len() as f64 / median(&mut times[i][kind]) / 1e6),
+        mrays: std::array::from_fn(|kind| sets[kind].len() as f64 / times[i][kind] / 1e6),
         hits: hits[i],
         build_time: kernel.build_time(),
         bytes_per_triangle: kernel.bytes() as f64 / scene.triangles.len().max(1) as f64,
@@ -240,19 +270,47 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
     out
 }
 
-/// The benchmark of this crate alone, robust and fast, on the two built-in scenes: what `bench rays` of the command
-/// line shows. `side` × `side` primary rays a scene.
-pub fn run(side: u32, repetitions: usize, threads: usize) -> Result<Vec<(BenchScene, Vec<Row>)>, BuildError> {
-    let scenes = [noisy_sphere(), interior()];
-    let result = scenes.into_iter().map(|scene| {
+/// What [`run`] found.
+pub struct Report {
+    /// Each scene with a row a kernel.
+    pub scenes: Vec<(BenchScene, Vec<Row>)>,
+    /// Why Embree is not among the kernels, if it is not, and what to do about it.
+    pub without_embree: Option<String>,
+}
+
+/// The benchmark on built-in scenes, robust and fast, beside Embree where it is found (feature `embree`): what `bench rays` of the
+/// command line shows. `side` × `side` primary rays a scene.
+pub fn run(scenes: Vec<BenchScene>, side: u32, repetitions: usize, threads: usize) -> Result<Report, BuildError> {
+    #[cfg(feature = "embree")]
+    let embree = embree::Embree::find();
+    #[cfg(not(feature = "embree"))]
+    let embree = Err::<(), _>("built without the feature `embree`".to_owned());
+    let mut report = Report { scenes: Vec::new(), without_embree: embree.as_ref().err().cloned() };
+    for scene in scenes {
         let build =
             |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
         let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
         let rays = RaySets::new(&robust.accel, &scene, side);
-        let rows = measure(&scene, &rays, &[&robust, &fast], repetitions);
-        Ok((scene, rows))
-    });
-    result.collect()
+        let mut kernels: Vec<Box<dyn RayKernel>> = vec![Box::new(robust), Box::new(fast)];
+        #[cfg(feature = "embree")]
+        if let Ok(embree) = &embree {
+            for setting in embree::Setting::ALL {
+                match embree.build(&scene, setting, threads) {
+                    Ok(peer) => kernels.push(Box::new(peer)),
+                    Err(error) => report.without_embree = Some(error),
+                }
+            }
+        }
+        let kernels: Vec<&dyn RayKernel> = kernels.iter().map(AsRef::as_ref).collect();
+        let rows = measure(&scene, &rays, &kernels, repetitions);
+        report.scenes.push((scene, rows));
+    }
+    Ok(report)
+}
+
+/// The scenes that come with the program: a rough ball, a furnished room, a pot in a stadium, a hall of a million triangles.
+pub fn built_in_scenes() -> Vec<BenchScene> {
+    vec![noisy_sphere(), interior(), stadium(), hall()]
 }
 
 #[cfg(test)]
@@ -261,8 +319,8 @@ mod tests {
 
     #[test]
     fn both_precisions_see_the_same_scenes() {
-        for (scene, rows) in run(24, 1, 1).unwrap() {
-            let [robust, fast] = &rows[..] else { panic!("two rows") };
+        for (scene, rows) in run(vec![noisy_sphere(), interior()], 24, 1, 1).unwrap().scenes {
+            let [robust, fast, ..] = &rows[..] else { panic!("two rows at least") };
             for kind in 0..4 {
                 let difference = robust.hits[kind].abs_diff(fast.hits[kind]);
                 assert!(difference <= 2 && (kind == 3 || robust.hits[kind] > 300), "{}", table(&scene, &rows));

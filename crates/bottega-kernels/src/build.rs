@@ -9,9 +9,11 @@ mod bins;
 mod collapse;
 mod emit;
 mod presplit;
+pub(crate) mod refit;
 mod reinsert;
 
 use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
+use crate::arena::Arena;
 use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, WIDTH};
 use crate::{Aabb, Hit};
@@ -110,8 +112,8 @@ impl<'a> World<'a> {
 }
 
 fn empty_tree() -> Tree {
-    let (nodes, blocks, spheres) = (Vec::new(), Vec::new(), Vec::new());
-    Tree { nodes, blocks, spheres, placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
+    let (nodes, blocks) = (Arena::new(), Arena::new());
+    Tree { nodes, blocks, spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
 }
 
 struct Builder<'a> {
@@ -278,7 +280,7 @@ impl Builder<'_> {
             node.set(slot, &part.1, part.0);
         }
         node.sort_octants(parts.len());
-        self.tree.nodes.push(node);
+        self.tree.nodes.grow(1)[0] = node;
         Child::node(self.tree.nodes.len() - 1)
     }
 }

@@ -16,6 +16,7 @@ pub mod bench;
 pub mod math;
 
 mod accel;
+mod arena;
 mod build;
 mod instance;
 mod ray;

@@ -174,6 +174,9 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray
         return Hit::NONE;
     };
     let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
+    if ray.t_max.is_nan() || ray.t_max <= t_min {
+        return Hit::NONE;
+    }
     let mut best = Best { t: ray.t_max, block: 0, lane: 0, space: WORLD, id: NOTHING, u: 0.0, v: 0.0 };
     let found = Walk::<S, ROBUST> { s, tree, setup: &setup, t_min, space: WORLD }
         .walk::<Q, true>(tree.root, t_min, query, &mut best);
@@ -185,6 +188,27 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray
     }
     let (instance, primitive) = best.key(tree);
     Hit { t: best.t, u: best.u, v: best.v, instance, primitive }
+}
+
+/// Where nodes and blocks begin, to ask for one before it is visited.
+struct Ahead([*const u8; 2]);
+
+impl Ahead {
+    #[inline(always)]
+    fn new(tree: &Tree) -> Self {
+        // A table in memory by intent: a choice between two registers would become a branch, which could not be predicted.
+        Self(std::hint::black_box([tree.nodes.as_ptr().cast(), tree.blocks.as_ptr().cast()]))
+    }
+
+    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
+    /// subtree that a closer hit makes needless).
+    #[inline(always)]
+    fn fetch<S: Lanes>(&self, s: S, child: Child) {
+        const NODE: usize = size_of::<Node>();
+        const MORE: usize = size_of::<TriangleBlock>() - NODE;
+        let (index, kind) = (child.index(), (child.0 >> 31) as usize);
+        s.prefetch::<5>(self.0[kind].wrapping_add(index * NODE + (index * MORE & kind.wrapping_neg())));
+    }
 }
 
 /// What stays the same while one tree is walked.
@@ -202,70 +226,85 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
         let s = self.s;
-        let wide = Wide::<S, ROBUST>::new(s, self.setup, floor);
+        let wide = Wide::<S, ROBUST>::new(s, self.setup, floor, self.t_min);
+        let octant = self.setup.octant & 7;
+        let ahead = Ahead::new(self.tree);
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
         let mut found = false;
+        let mut limit = s.splat(best.t);
         let (mut current, mut entry) = (root, floor);
         loop {
-            query.visit();
             if current.is_node() {
+                query.visit();
                 let node = &self.tree.nodes[current.index()];
-                let (near, hit) = wide.boxes(s, &node.planes, best.t);
-                if let Some(next) = self.choose(node, near, hit, &mut stack) {
+                // Wanted once the boxes are decided; by itself it would only now be asked for.
+                s.prefetch::<1>((&raw const node.children).cast());
+                let (near, miss) = wide.boxes(s, &node.planes, limit);
+                if let Some(next) = self.choose(node, near, miss, octant, &ahead, &mut stack) {
                     (current, entry) = next;
                     continue;
                 }
-            } else if self.leaf::<Q, TOP>(current, entry, &wide, query, best) {
-                found = true;
-                if Q::ANY {
-                    return true;
+            } else if current == Child::EMPTY {
+                break;
+            } else {
+                query.visit();
+                if self.leaf::<Q, TOP>(current, entry, &wide, query, best) {
+                    found = true;
+                    if Q::ANY {
+                        return true;
+                    }
+                    limit = s.splat(best.t);
                 }
             }
             loop {
-                let Some(next) = stack.pop() else {
-                    if found && !Q::FILTERED && best.space == self.space {
-                        (best.u, best.v) = triangle::barycentric::<ROBUST>(
-                            &self.tree.blocks[best.block as usize],
-                            best.lane as usize,
-                            self.setup,
-                        );
-                    }
-                    return found;
-                };
-                if next.1 <= best.t {
-                    (current, entry) = next;
+                (current, entry) = stack.pop();
+                if entry <= best.t {
                     break;
                 }
             }
         }
+        if found && !Q::FILTERED && best.space == self.space {
+            let block = &self.tree.blocks[best.block as usize];
+            (best.u, best.v) = triangle::barycentric::<ROBUST>(block, best.lane as usize, self.setup);
+        }
+        found
     }
 
     /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
     #[inline(always)]
-    fn choose(&self, node: &Node, near: S::F, hit: S::Mask, stack: &mut Stack<'_>) -> Option<(Child, f32)> {
+    fn choose(
+        &self,
+        node: &Node,
+        near: S::F,
+        miss: S::Mask,
+        octant: usize,
+        ahead: &Ahead,
+        stack: &mut Stack<'_>,
+    ) -> Option<(Child, f32)> {
         let s = self.s;
-        let bits = s.bits(hit);
-        if bits == 0 {
+        let hits = s.bits(miss) ^ 0xff;
+        if hits == 0 {
             return None;
         }
+        let first = hits.trailing_zeros() as usize & 7;
+        let others = hits & (hits - 1);
         let nears = s.store(near);
-        let first = bits.trailing_zeros() as usize & 7;
-        if bits & (bits - 1) == 0 {
+        if others == 0 {
             return Some((node.children[first], nears[first]));
         }
-        let nearest = s.push_ordered(stack, &node.children, near, hit, node.order[self.setup.octant & 7]) & 7;
-        self.prefetch(stack.top());
+        if others & (others - 1) == 0 {
+            let second = others.trailing_zeros() as usize & 7;
+            // No branch here: which of two is nearer cannot be predicted.
+            let turn = (first ^ second) & ((nears[second] < nears[first]) as usize).wrapping_neg();
+            let (next, later) = ((first ^ turn) & 7, (second ^ turn) & 7);
+            stack.push(node.children[later], nears[later]);
+            ahead.fetch(s, node.children[later]);
+            return Some((node.children[next], nears[next]));
+        }
+        let nearest = s.push_ordered(stack, &node.children, near, miss, node.order[octant]) & 7;
+        ahead.fetch(s, stack.top());
         Some((node.children[nearest], nears[nearest]))
-    }
-
-    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an
-    /// instance, or a subtree that a closer hit makes needless).
-    #[inline(always)]
-    fn prefetch(&self, child: Child) {
-        let nodes = self.tree.nodes.as_ptr().cast::<u8>().wrapping_add(child.index() * size_of::<Node>());
-        let blocks = self.tree.blocks.as_ptr().cast::<u8>().wrapping_add(child.index() * size_of::<TriangleBlock>());
-        self.s.prefetch(if child.is_node() { nodes } else { blocks });
     }
 
     /// Tests what is in a leaf. Returns whether `best` was improved.
@@ -280,8 +319,6 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     ) -> bool {
         if !TOP || leaf.is_triangles() {
             self.triangles(leaf.index(), entry, wide, query, best)
-        } else if leaf == Child::EMPTY {
-            false
         } else if leaf.is_sphere() {
             keep(best, self.s.apart(SphereJob { walk: self, index: leaf.index(), entry, query, best: *best }))
         } else {
@@ -300,9 +337,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     ) -> bool {
         let s = self.s;
         let Some(block) = self.tree.blocks.get(index) else { return false };
-        let Some((t, inside)) = wide.triangles(s, block) else { return false };
-        let valid = s.and(inside, s.and(s.lt(s.splat(self.t_min), t), s.le(t, s.splat(best.t))));
-        let mut bits = s.bits(valid);
+        let Some((t, mut bits)) = wide.triangles(s, block, best.t) else { return false };
         if bits == 0 {
             return false;
         }
@@ -314,7 +349,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize & 7;
             bits &= bits - 1;
-            let (t, id) = (ts[lane].max(entry), block.id[lane]);
+            let (t, id) = (if ts[lane] > entry { ts[lane] } else { entry }, block.id[lane]);
             let closer =
                 t < best.t || (t == best.t && key_is_lower(self.tree, (self.space, id), (best.space, best.id)));
             if !closer {

@@ -1,15 +1,17 @@
 //! The 8-wide tree as it lies in memory.
 
-use crate::Aabb;
+use crate::arena::Arena;
+use crate::{Aabb, Precision};
+use bytemuck::Zeroable;
 
 /// Children of a node, and triangles of a leaf block.
 pub(crate) const WIDTH: usize = 8;
 
 /// No path from the root is longer than this; the builder keeps to it (see `build::bins`), so stacks have a fixed size.
-pub(crate) const MAX_DEPTH: usize = 72;
+pub(crate) const MAX_DEPTH: usize = 71;
 
 /// A reference to what lies below a node: two bits of kind, thirty of index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -19,7 +21,7 @@ impl Child {
     const SPHERE: u32 = 1 << 30;
     const TRIANGLES: u32 = 2 << 30;
     const INSTANCE: u32 = 3 << 30;
-    /// An empty slot. Its box is inside out, but a ray so extreme that its slabs become NaN may still get here.
+    /// No child: an empty slot, whose box is inside out and never met, and the end of a walk.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
 
     pub(crate) fn node(index: usize) -> Self {
@@ -54,7 +56,7 @@ impl Child {
 
 /// Eight boxes, what is in them, and in which order to visit them: 256 bytes, four cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Node {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inside out: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
@@ -97,13 +99,29 @@ impl Node {
 
 /// Up to eight triangles, one a lane: 320 bytes, five cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct TriangleBlock {
     /// `[vertex][axis][lane]`. In the fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused lanes hold
     /// NaN, which nothing hits.
     pub(crate) p: [[[f32; WIDTH]; 3]; 3],
     /// Number of each triangle within its space, ascending by lane.
     pub(crate) id: [u32; WIDTH],
+}
+
+impl TriangleBlock {
+    /// Puts a triangle's corners into a lane.
+    pub(crate) fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], precision: Precision) {
+        for axis in 0..3 {
+            let [a, b, c] = corners.map(|p| p[axis]);
+            let values = match precision {
+                Precision::Robust => [a, b, c],
+                Precision::Fast => [a, b - a, c - a],
+            };
+            for (vertex, value) in values.into_iter().enumerate() {
+                self.p[vertex][axis][lane] = value;
+            }
+        }
+    }
 }
 
 /// A sphere as the traversal wants it.
@@ -127,8 +145,8 @@ pub(crate) struct Placed {
 /// All trees of a scene in common arenas.
 #[derive(Debug)]
 pub(crate) struct Tree {
-    pub(crate) nodes: Vec<Node>,
-    pub(crate) blocks: Vec<TriangleBlock>,
+    pub(crate) nodes: Arena<Node>,
+    pub(crate) blocks: Arena<TriangleBlock>,
     pub(crate) spheres: Vec<Sphere>,
     pub(crate) placed: Vec<Placed>,
     /// The top-level tree.
@@ -139,8 +157,8 @@ pub(crate) struct Tree {
 
 impl Tree {
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.nodes.capacity() * size_of::<Node>()
-            + self.blocks.capacity() * size_of::<TriangleBlock>()
+        self.nodes.bytes()
+            + self.blocks.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()
             + self.placed.capacity() * size_of::<Placed>()
             + self.flat.capacity() * size_of::<(u32, u32)>()

@@ -1,6 +1,6 @@
 //! The tree against brute force, and the properties that a renderer leans on.
 
-use bottega_kernels::bench::{Random, noisy_sphere};
+use bottega_kernels::bench::{Random, leaks, noisy_sphere};
 use bottega_kernels::*;
 use glam::{Affine3A, DVec3, EulerRot, Quat, Vec3};
 
@@ -346,4 +346,79 @@ fn an_absurdly_nested_scene_is_built_and_walked() {
     let accel =
         Accel::build(&[MeshGeometry { triangles: &all, ..mesh }], &instances, &[], &BuildOptions::default()).unwrap();
     assert_eq!(accel.intersect(&Ray::new(Vec3::new(1.0, 1.0, -1e4), Vec3::Z)).primitive, 0);
+}
+
+#[test]
+fn a_refitted_tree_gives_the_hits_of_a_new_one() {
+    let mut random = Random::new(21);
+    let mut soup = Soup::default();
+    for (mesh, uses) in [(0, 1), (1, 4), (2, 2)] {
+        soup.meshes.push(random_mesh(&mut random, 60, 0.3));
+        soup.instances.extend((0..uses).map(|_| random_place(&mut random, mesh)));
+    }
+    for _ in 0..12 {
+        let mut next = || random.between(-2.0, 2.0);
+        soup.spheres
+            .push(SphereGeometry { center: Vec3::new(next(), next(), next()), radius: 0.1 + 0.1 * next().abs() });
+    }
+    let mut moved = Soup { instances: soup.instances.clone(), ..Soup::default() };
+    for (positions, triangles) in &soup.meshes {
+        let swirl = |p: &Vec3| Quat::from_rotation_y(1.3 * p.y) * *p * (1.2 + 0.3 * p.x);
+        moved.meshes.push((positions.iter().map(swirl).collect(), triangles.clone()));
+    }
+    for instance in &mut moved.instances {
+        *instance = random_place(&mut random, instance.mesh);
+    }
+    moved.spheres.extend(soup.spheres.iter().map(|s| SphereGeometry { center: -s.center, radius: 2.0 * s.radius }));
+    fn geometry(soup: &Soup) -> Vec<MeshGeometry<'_>> {
+        soup.meshes.iter().map(|(positions, triangles)| MeshGeometry { positions, triangles }).collect()
+    }
+    for precision in PRECISIONS {
+        for flatten_triangles in [0, 4096] {
+            let options = BuildOptions { precision, flatten_triangles, ..BuildOptions::default() };
+            let (mut accel, new) = (soup.build(&options), moved.build(&options));
+            accel.refit(&geometry(&moved), &moved.instances, &moved.spheres).unwrap();
+            // As many as a build decides against brute force, and hit for hit what the new tree gives.
+            assert!(moved.compare(&accel, random_rays(8, 2000)) > 1000);
+            let mut hits = 0;
+            for ray in random_rays(9, 4000) {
+                let (a, b) = (accel.intersect(&ray), new.intersect(&ray));
+                assert_eq!((a.instance, a.primitive, accel.occluded(&ray)), (b.instance, b.primitive, b.is_some()));
+                assert!(a.is_none() || (a.t - b.t).abs() <= 1e-5 * (1.0 + b.t));
+                hits += u32::from(a.is_some());
+            }
+            assert!(hits > 1000);
+            let center = |b: Aabb| (b.center() - new.bounds().center()).length();
+            assert!(center(accel.bounds()) < 0.3, "{:?} {:?}", accel.bounds(), new.bounds());
+            // And back: the tree as it was.
+            accel.refit(&geometry(&soup), &soup.instances, &soup.spheres).unwrap();
+            assert!(soup.compare(&accel, random_rays(10, 1000)) > 400);
+            let error = accel.refit(&geometry(&soup)[..2], &soup.instances[..5], &soup.spheres).unwrap_err();
+            assert_eq!(error, BuildError::Changed);
+            let error = accel.refit(&geometry(&soup), &soup.instances, &soup.spheres[1..]).unwrap_err();
+            assert_eq!(error, BuildError::Changed);
+        }
+    }
+}
+
+#[test]
+fn a_refitted_mesh_does_not_leak() {
+    let scene = noisy_sphere();
+    let instances = [InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY }];
+    let mut accel = Accel::build(&[scene.geometry()], &instances, &[], &BuildOptions::default()).unwrap();
+    let positions: Vec<Vec3> = scene.positions.iter().map(|p| *p * Vec3::new(1.5, 0.4, 1.0) + p.y * 0.2).collect();
+    accel.refit(&[MeshGeometry { positions: &positions, triangles: &scene.triangles }], &instances, &[]).unwrap();
+    for indices in scene.triangles.iter().step_by(3) {
+        let [a, b, _] = indices.map(|i| positions[i as usize]);
+        for target in [a, (a + b) * 0.5] {
+            assert!(accel.occluded(&Ray::new(Vec3::ZERO, target)), "leak towards {target}");
+        }
+    }
+}
+
+#[test]
+fn ten_million_rays_stay_inside() {
+    for row in leaks(10_000_000).unwrap() {
+        assert!(row.rays >= 300_000 && row.leaks == 0, "{row:?}");
+    }
 }

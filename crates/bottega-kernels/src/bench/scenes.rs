@@ -23,13 +23,30 @@ pub struct BenchScene {
 }
 
 impl BenchScene {
-    /// A mesh from elsewhere, seen from outside, with a light above.
-    pub fn from_mesh(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
+    /// A mesh from elsewhere as it is: an interior, say.
+    pub fn from_mesh(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, eye: Vec3, target: Vec3) -> Self {
+        let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
+        let size = bounds.max - bounds.min;
+        let corner = bounds.center() + size * Vec3::new(-0.15, 0.45, -0.15);
+        let light = [corner, Vec3::X * 0.3 * size.x, Vec3::Z * 0.3 * size.z];
+        Self { name: name.to_owned(), positions, triangles, eye, target, light }
+    }
+
+    /// A mesh from elsewhere on the floor of a closed room, so that light goes on from wherever it gets.
+    pub fn in_room(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
         let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
         let (center, size) = (bounds.center(), (bounds.max - bounds.min).length());
-        let eye = center + Vec3::new(0.45, 0.35, 0.6) * size;
-        let light = [center + Vec3::new(-0.3, 0.8, -0.3) * size, Vec3::X * 0.6 * size, Vec3::Z * 0.6 * size];
-        Self { name: name.to_owned(), positions, triangles, eye, target: center, light }
+        let mut mesh = Mesh { positions, triangles };
+        let (low, high) = (center - Vec3::new(1.0, 0.0, 1.0) * size, center + Vec3::splat(size));
+        let low = Vec3::new(low.x, bounds.min.y, low.z);
+        let [x, y, z] = [Vec3::X * (high.x - low.x), Vec3::Y * (high.y - low.y), Vec3::Z * (high.z - low.z)];
+        for (corner, u, v) in [(low, z, x), (low, x, y), (low, y, z), (high, -x, -z), (high, -y, -x), (high, -z, -y)] {
+            mesh.quad(corner, u, v);
+        }
+        let Mesh { positions, triangles } = mesh;
+        let mut scene = Self::from_mesh(name, positions, triangles, center + Vec3::new(0.3, 0.2, 0.4) * size, center);
+        scene.light = [high - Vec3::new(1.2, 0.01, 1.2) * size, Vec3::X * 0.4 * size, Vec3::Z * 0.4 * size];
+        scene
     }
 
     /// As the builder wants it.
@@ -124,6 +141,20 @@ impl Mesh {
         }
     }
 
+    /// A grid of `n` × `m` squares, each corner at `at(i / n, j / m)`.
+    fn grid(&mut self, n: u32, m: u32, mut at: impl FnMut(f32, f32) -> Vec3) {
+        let first = self.positions.len() as u32;
+        for j in 0..=m {
+            self.positions.extend((0..=n).map(|i| at(i as f32 / n as f32, j as f32 / m as f32)));
+        }
+        for j in 0..m {
+            for i in 0..n {
+                let a = first + j * (n + 1) + i;
+                self.triangles.extend([[a, a + 1, a + n + 1], [a + 1, a + n + 2, a + n + 1]]);
+            }
+        }
+    }
+
     /// A tube from `a` to `b`, each side two triangles as long as the tube.
     fn tube(&mut self, a: Vec3, b: Vec3, radius: f32, sides: u32) {
         let (u, v) = (b - a).normalize().any_orthonormal_pair();
@@ -168,21 +199,109 @@ pub fn interior() -> BenchScene {
         let half = Vec3::new(0.02 + 0.05 * random.unit(), 0.1 + 0.5 * random.unit(), 0.02);
         mesh.cuboid(center, axes, half);
     }
-    let (n, first) = (150u32, mesh.positions.len() as u32);
-    for j in 0..=n {
-        for i in 0..=n {
-            let (x, z) = (2.0 + 6.0 * i as f32 / n as f32, 2.0 + 6.0 * j as f32 / n as f32);
-            mesh.positions.push(Vec3::new(x, 0.01 + 0.03 * random.unit(), z));
-        }
-    }
-    for j in 0..n {
-        for i in 0..n {
-            let a = first + j * (n + 1) + i;
-            mesh.triangles.extend([[a, a + 1, a + n + 1], [a + 1, a + n + 2, a + n + 1]]);
-        }
-    }
+    mesh.grid(150, 150, |u, v| Vec3::new(2.0 + 6.0 * u, 0.01 + 0.03 * random.unit(), 2.0 + 6.0 * v));
     let light = [Vec3::new(4.0, 3.95, 4.0), Vec3::X * 2.0, Vec3::Z * 2.0];
     let (eye, target) = (Vec3::new(1.0, 1.7, 1.0), Vec3::new(6.0, 1.2, 7.0));
     let Mesh { positions, triangles } = mesh;
     BenchScene { name: "interior".to_owned(), positions, triangles, eye, target, light }
+}
+
+/// The classic hard case for grids and careless trees: a pot of 27,648 small triangles on the field of a stadium of some 400,000
+/// large ones, a thousand times its size; the camera looks at the pot.
+pub fn stadium() -> BenchScene {
+    let mut random = Random::new(11);
+    let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
+    let around = |radius: f32, turn: f32, y: f32| {
+        let (s, c) = math::sin_cos(TAU * turn);
+        Vec3::new(1.4 * radius * c, y, radius * s)
+    };
+    mesh.grid(96, 96, |u, v| Vec3::new(320.0 * u - 160.0, 0.05 * random.unit() - 0.05, 240.0 * v - 120.0));
+    // Forty rows of seats around the field, each a back, a seat and a rail.
+    for row in 0..40 {
+        let (radius, y) = (125.0 + row as f32 * 1.4, 2.0 + row as f32 * 0.9);
+        mesh.grid(400, 1, |u, v| around(radius + 1.4 * v, u, y));
+        mesh.grid(400, 1, |u, v| around(radius, u, y - 0.9 * v));
+        for seat in 0..360 {
+            let turn = seat as f32 / 360.0;
+            let axes = Mat3::from_rotation_y(-TAU * turn);
+            let at = around(radius + 0.7, turn, y + 0.25);
+            mesh.cuboid(at, axes, Vec3::new(0.25, 0.05, 0.3));
+            mesh.cuboid(at + axes * Vec3::new(0.28, 0.3, 0.0), axes, Vec3::new(0.03, 0.3, 0.3));
+        }
+    }
+    // Masts that carry a roof of beams.
+    for mast in 0..40 {
+        let turn = mast as f32 / 40.0;
+        mesh.tube(around(182.0, turn, 0.0), around(182.0, turn, 52.0), 0.8, 24);
+        mesh.tube(around(182.0, turn, 52.0), around(120.0, turn, 46.0), 0.3, 16);
+    }
+    pot(&mut mesh, Vec3::new(12.0, 0.0, -7.0), 0.1);
+    let (eye, target) = (Vec3::new(12.25, 0.22, -6.7), Vec3::new(12.0, 0.08, -7.0));
+    let light = [Vec3::new(-20.0, 60.0, -20.0), Vec3::X * 40.0, Vec3::Z * 40.0];
+    let Mesh { positions, triangles } = mesh;
+    BenchScene { name: "pot in stadium".to_owned(), positions, triangles, eye, target, light }
+}
+
+/// A pot with lid, spout and handle, standing on `base`.
+fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
+    let profile = |v: f32| 0.55 + 0.45 * math::sin(PI * (0.15 + 0.7 * v)) - 0.35 * v * v;
+    mesh.grid(96, 64, |u, v| {
+        let (s, c) = math::sin_cos(TAU * u);
+        base + size * Vec3::new(profile(v) * c, 1.2 * v, profile(v) * s)
+    });
+    mesh.grid(96, 24, |u, v| {
+        let (s, c) = math::sin_cos(TAU * u);
+        let r = profile(1.0) * (1.0 - v);
+        base + size * Vec3::new(r * c, 1.2 + 0.25 * math::sin(0.5 * PI * v) + 0.1 * v * v, r * s)
+    });
+    // A bent tube: its spine by parameter, then a circle around.
+    let mut bend = |spine: &dyn Fn(f32) -> Vec3, radius: f32| {
+        mesh.grid(32, 84, |u, v| {
+            let along = (spine(v + 0.01) - spine(v - 0.01)).normalize();
+            let side = along.cross(Vec3::Z);
+            let (s, c) = math::sin_cos(TAU * u);
+            base + size * (spine(v) + radius * (side * c + Vec3::Z * s))
+        });
+    };
+    bend(&|v| Vec3::new(0.75 + 0.7 * v, 0.4 + 0.9 * v * v, 0.0), 0.1);
+    bend(
+        &|v| {
+            let (s, c) = math::sin_cos(PI * v);
+            Vec3::new(-0.7 - 0.55 * s, 0.65 + 0.4 * c, 0.0)
+        },
+        0.07,
+    );
+}
+
+/// A hall with hilly ground, fluted columns and a coffered ceiling, 1,000,000 triangles and some.
+pub fn hall() -> BenchScene {
+    let mut random = Random::new(5);
+    let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
+    let (w, h) = (40.0, 12.0);
+    let hill =
+        |x: f32, z: f32| 0.4 * math::sin(x * 0.5) * math::sin(z * 0.4 + 1.0) + 0.1 * math::sin(x * 2.3 + z * 1.7);
+    mesh.grid(460, 460, |u, v| {
+        let (x, z) = (w * u, w * v);
+        Vec3::new(x, hill(x, z) + 0.02 * random.unit(), z)
+    });
+    for column in 0..36 {
+        let (x, z) = (4.0 + (column % 6) as f32 * 6.4, 4.0 + (column / 6) as f32 * 6.4);
+        mesh.grid(96, 80, |u, v| {
+            let (s, c) = math::sin_cos(TAU * u);
+            let swell = 0.5 + 0.08 * math::sin(PI * v) + 0.03 * math::sin(24.0 * TAU * u);
+            Vec3::new(x + swell * c, -0.8 + (h + 0.8) * v, z + swell * s)
+        });
+    }
+    mesh.grid(100, 100, |u, v| {
+        let wave = math::sin(w * u * 2.0) * math::sin(w * v * 2.0);
+        Vec3::new(w * u, h - 0.3 * wave.abs(), w * (1.0 - v))
+    });
+    for (corner, side) in [(Vec3::ZERO, Vec3::X), (Vec3::ZERO, Vec3::Z), (Vec3::Z * w, Vec3::X), (Vec3::X * w, Vec3::Z)]
+    {
+        mesh.quad(corner - Vec3::Y, side * w, Vec3::Y * (h + 1.0));
+    }
+    let light = [Vec3::new(18.0, 11.0, 18.0), Vec3::X * 4.0, Vec3::Z * 4.0];
+    let (eye, target) = (Vec3::new(1.0, 3.0, 1.5), Vec3::new(20.0, 3.5, 24.0));
+    let Mesh { positions, triangles } = mesh;
+    BenchScene { name: "hall".to_owned(), positions, triangles, eye, target, light }
 }

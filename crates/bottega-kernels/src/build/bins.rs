@@ -116,23 +116,32 @@ fn half_area(lower: Vec4, upper: Vec4) -> f32 {
 /// Which bin a center falls into.
 #[derive(Clone, Copy)]
 struct Binning {
+    /// Where the first bin has its middle.
     base: Vec4,
     scale: Vec4,
     bins: usize,
 }
 
 impl Binning {
+    /// Added to a small number, leaves its integral part, rounded, in the lowest bits: cheaper than a conversion.
+    const ROUND: f32 = 12_582_912.0;
+
     fn new(extent: &Extent, count: usize) -> Self {
         let bins = (4 + count / 2).min(BINS);
         let size = extent.center_upper - extent.center_lower;
         let scale = |d: f32| if d > 0.0 { (bins as f32 * 0.9999 / d).min(f32::MAX) } else { 0.0 };
-        Self { base: extent.center_lower, scale: Vec4::new(scale(size.x), scale(size.y), scale(size.z), 0.0), bins }
+        let scale = Vec4::new(scale(size.x), scale(size.y), scale(size.z), 0.0);
+        // Beyond the scale of floats an axis is as good as flat.
+        let half = |scale: f32| if scale > f32::MIN_POSITIVE { 0.5 / scale } else { 0.0 };
+        let half = Vec4::new(half(scale.x), half(scale.y), half(scale.z), 0.0);
+        Self { base: extent.center_lower + half, scale, bins }
     }
 
     #[inline(always)]
     fn of(&self, center: Vec4) -> [usize; 3] {
-        let b = (center - self.base) * self.scale;
-        [b.x, b.y, b.z].map(|b| (b as i32 as usize).min(BINS - 1))
+        let b = (center - self.base) * self.scale + Vec4::splat(Self::ROUND);
+        let last = self.bins as i32 - 1;
+        [b.x, b.y, b.z].map(|b| (b.to_bits() as i32 - Self::ROUND.to_bits() as i32).min(last).max(0) as usize)
     }
 }
 
@@ -176,7 +185,13 @@ impl Builder {
     fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> usize {
         if depth < SAH_DEPTH {
             let binning = Binning::new(extent, items.len());
-            if let Some((axis, bin)) = best_split(items, &binning) {
+            // Most nodes are small, and clearing bins takes time.
+            let split = if binning.bins <= BINS / 2 {
+                best_split::<{ BINS / 2 }>(items, &binning)
+            } else {
+                best_split::<BINS>(items, &binning)
+            };
+            if let Some((axis, bin)) = split {
                 let middle = partition(items, |item| binning.of(item.center())[axis] < bin);
                 if middle != 0 && middle != items.len() {
                     return middle;
@@ -194,35 +209,36 @@ impl Builder {
 }
 
 /// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
-fn best_split(items: &[Item], binning: &Binning) -> Option<(usize, usize)> {
-    let mut bins = [[EMPTY_BIN; BINS]; 3];
+fn best_split<const BINS: usize>(items: &[Item], binning: &Binning) -> Option<(usize, usize)> {
+    let mut bins = [[EMPTY_BIN; 3]; BINS];
     for item in items {
         let at = binning.of(item.center());
         for axis in 0..3 {
-            let bin = &mut bins[axis][at[axis]];
+            let bin = &mut bins[at[axis] & (BINS - 1)][axis];
             bin.lower = bin.lower.min(item.lower);
             bin.upper = bin.upper.max(item.upper);
             bin.count += 1;
         }
     }
     let mut best = (f32::INFINITY, 0, 0);
-    for (axis, bins) in bins.iter().enumerate() {
+    for axis in 0..3 {
         if binning.scale[axis] == 0.0 {
             continue;
         }
+        let bins = |i: usize| &bins[i][axis];
         let mut right_cost = [0.0; BINS];
         let mut right = EMPTY_BIN;
         for i in (1..binning.bins).rev() {
-            right.lower = right.lower.min(bins[i].lower);
-            right.upper = right.upper.max(bins[i].upper);
-            right.count += bins[i].count;
+            right.lower = right.lower.min(bins(i).lower);
+            right.upper = right.upper.max(bins(i).upper);
+            right.count += bins(i).count;
             right_cost[i] = if right.count == 0 { f32::INFINITY } else { cost(&right) };
         }
         let mut left = EMPTY_BIN;
         for i in 1..binning.bins {
-            left.lower = left.lower.min(bins[i - 1].lower);
-            left.upper = left.upper.max(bins[i - 1].upper);
-            left.count += bins[i - 1].count;
+            left.lower = left.lower.min(bins(i - 1).lower);
+            left.upper = left.upper.max(bins(i - 1).upper);
+            left.count += bins(i - 1).count;
             if left.count != 0 {
                 let total = cost(&left) + right_cost[i];
                 if total < best.0 {

@@ -2,6 +2,7 @@
 
 use super::bins::Binary;
 use super::collapse::{Choice, children};
+use crate::arena::Arena;
 use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
 use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
@@ -58,7 +59,7 @@ pub(super) struct Emitted {
 pub(super) fn nodes(
     binary: &[Binary],
     choices: &[Choice],
-    arena: &mut Vec<Node>,
+    arena: &mut Arena<Node>,
     parallel: bool,
     leaf: impl Fn(usize, &Binary) -> Child + Sync,
 ) -> Result<Emitted, BuildError> {
@@ -68,9 +69,9 @@ pub(super) fn nodes(
     let plan = plan(binary, choices);
     let base = arena.len();
     check("tree nodes", base + plan.nodes.len())?;
-    arena.reserve_exact(plan.nodes.len());
-    arena.resize(base + plan.nodes.len(), Node::EMPTY);
+    let written = arena.grow(plan.nodes.len());
     let write = |(node, outline): (&mut Node, &Outline)| {
+        *node = Node::EMPTY;
         let mut out = [0; WIDTH];
         let count = children(binary, choices, outline.binary as usize, &mut out);
         let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
@@ -87,9 +88,9 @@ pub(super) fn nodes(
         node.sort_octants(count);
     };
     if parallel {
-        arena[base..].par_iter_mut().with_min_len(256).zip(&plan.nodes).for_each(write);
+        written.par_iter_mut().with_min_len(256).zip(&plan.nodes).for_each(write);
     } else {
-        arena[base..].iter_mut().zip(&plan.nodes).for_each(write);
+        written.iter_mut().zip(&plan.nodes).for_each(write);
     }
     let root = if plan.nodes.is_empty() { leaf(0, top) } else { Child::node(base) };
     let leaves = plan.leaves.iter().map(|&i| (binary[i as usize].first, binary[i as usize].count)).collect();
@@ -103,7 +104,7 @@ pub(super) fn nodes(
 pub(super) fn blocks(
     leaves: &[(u32, u32)],
     items: &[u32],
-    arena: &mut Vec<TriangleBlock>,
+    arena: &mut Arena<TriangleBlock>,
     precision: Precision,
     parallel: bool,
     vertices: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
@@ -124,24 +125,15 @@ pub(super) fn blocks(
         let mut block = TriangleBlock { p: [[[0.0; WIDTH]; 3]; 3], id: ids };
         for (lane, &id) in ids.iter().enumerate() {
             let corners = if lane < distinct { vertices(id) } else { [[f32::NAN; 3]; 3] };
-            for axis in 0..3 {
-                let [a, b, c] = corners.map(|p| p[axis]);
-                let values = match precision {
-                    Precision::Robust => [a, b, c],
-                    Precision::Fast => [a, b - a, c - a],
-                };
-                for (vertex, value) in values.into_iter().enumerate() {
-                    block.p[vertex][axis][lane] = value;
-                }
-            }
+            block.set(lane, &corners, precision);
         }
         block
     };
-    arena.reserve_exact(leaves.len());
+    let written = arena.grow(leaves.len());
     if parallel {
-        arena.par_extend(leaves.par_iter().with_min_len(256).map(make));
+        written.par_iter_mut().with_min_len(256).zip(leaves).for_each(|(block, leaf)| *block = make(leaf));
     } else {
-        arena.extend(leaves.iter().map(make));
+        written.iter_mut().zip(leaves).for_each(|(block, leaf)| *block = make(leaf));
     }
 }
 

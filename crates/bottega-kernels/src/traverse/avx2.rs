@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::Query;
-use super::lanes::{Job, Lanes};
+use super::lanes::{Job, Lanes, Row};
 use super::stack::Stack;
 use crate::tree::{Child, Tree, WIDTH};
 use crate::{Hit, Ray};
@@ -67,6 +67,11 @@ impl Lanes for Avx2 {
         unsafe { _mm256_loadu_ps(x.as_ptr()) }
     }
     #[inline(always)]
+    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: Row<ROWS>) -> __m256 {
+        // SAFETY: reads 32 bytes that lie within `rows`, as every `Row<ROWS>` promises.
+        unsafe { _mm256_loadu_ps(rows.as_ptr().cast::<u8>().add(row.offset()).cast()) }
+    }
+    #[inline(always)]
     fn store(self, x: __m256) -> [f32; WIDTH] {
         let mut out = [0.0; WIDTH];
         // SAFETY: writes the 32 bytes of `out`; unaligned stores are allowed.
@@ -106,10 +111,6 @@ impl Lanes for Avx2 {
         unsafe { _mm256_min_ps(a, b) }
     }
     #[inline(always)]
-    fn max(self, a: __m256, b: __m256) -> __m256 {
-        unsafe { _mm256_max_ps(a, b) }
-    }
-    #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> __m256 {
         unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
     }
@@ -122,14 +123,30 @@ impl Lanes for Avx2 {
         unsafe { _mm256_and_ps(a, b) }
     }
     #[inline(always)]
-    fn or(self, a: __m256, b: __m256) -> __m256 {
-        unsafe { _mm256_or_ps(a, b) }
+    fn max_bits(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b))) }
     }
     #[inline(always)]
-    fn prefetch(self, memory: *const u8) {
+    fn min_bits(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b))) }
+    }
+    #[inline(always)]
+    fn gt_bits(self, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b))) }
+    }
+    #[inline(always)]
+    fn sign(self, a: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(a, _mm256_set1_ps(-0.0)) }
+    }
+    #[inline(always)]
+    fn turn(self, a: __m256, sign: __m256) -> __m256 {
+        unsafe { _mm256_xor_ps(a, sign) }
+    }
+    #[inline(always)]
+    fn prefetch<const LINES: usize>(self, memory: *const u8) {
         // SAFETY: prefetching reads nothing; any address will do.
         unsafe {
-            for line in 0..5 {
+            for line in 0..LINES {
                 _mm_prefetch::<_MM_HINT_T0>(memory.wrapping_add(64 * line).cast());
             }
         }
@@ -144,7 +161,7 @@ impl Lanes for Avx2 {
         stack: &mut Stack<'_>,
         children: &[Child; WIDTH],
         near: __m256,
-        mask: __m256,
+        miss: __m256,
         order: u32,
     ) -> usize {
         let (near_out, child_out) = stack.room();
@@ -154,7 +171,7 @@ impl Lanes for Avx2 {
         unsafe {
             let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
             let slots = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
-            let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, slots)) as usize;
+            let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(miss, slots)) as usize ^ 0xff;
             let row = _mm_loadl_epi64(COMPRESS[hit & 255].as_ptr().cast());
             let slots = _mm256_permutevar8x32_epi32(slots, _mm256_cvtepu8_epi32(row));
             let child = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(children.as_ptr().cast()), slots);

@@ -12,6 +12,8 @@ pub(crate) trait Lanes: Copy {
     type Mask: Copy;
     fn splat(self, x: f32) -> Self::F;
     fn load(self, x: &[f32; WIDTH]) -> Self::F;
+    /// One of the rows of a node or block.
+    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: Row<ROWS>) -> Self::F;
     fn store(self, x: Self::F) -> [f32; WIDTH];
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -25,30 +27,56 @@ pub(crate) trait Lanes: Copy {
     fn neg_mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// a where a < b, else b.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// a where a > b, else b.
-    fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// a < b; false for NaN.
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
     /// a ≤ b; false for NaN.
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
+    /// The larger by the order of the bits as signed integers, which for numbers that are not negative is theirs; a
+    /// negative one loses to any other. Four cycles faster than the comparison of floats.
+    fn max_bits(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The smaller by the order of the bits as signed integers: one that is negative where an operand is.
+    fn min_bits(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a > b by the order of the bits as signed integers.
+    fn gt_bits(self, a: Self::F, b: Self::F) -> Self::Mask;
+    /// The sign bit of `a`, all others 0.
+    fn sign(self, a: Self::F) -> Self::F;
+    /// `a` with its sign turned where `sign`, of [`Lanes::sign`], is set.
+    fn turn(self, a: Self::F, sign: Self::F) -> Self::F;
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Asks for memory that will be needed soon; does nothing else.
-    fn prefetch(self, memory: *const u8);
+    /// Asks for memory that will be needed soon, so many cache lines of it; does nothing else.
+    fn prefetch<const LINES: usize>(self, memory: *const u8);
     /// One bit a lane, lane 0 lowest.
     fn bits(self, a: Self::Mask) -> u32;
-    /// Pushes those children whose bit is set in `mask` in the sequence of `order` (three bits a slot), but for the last,
-    /// whose slot is returned. At least one bit must be set.
+    /// Pushes those children for which `miss` is *not* set in the sequence of `order` (three bits a slot), but for the
+    /// last, whose slot is returned. There must be at least one.
     fn push_ordered(
         self,
         stack: &mut Stack<'_>,
         children: &[Child; WIDTH],
         near: Self::F,
-        mask: Self::Mask,
+        miss: Self::Mask,
         order: u32,
     ) -> usize;
     /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
     fn apart<J: Job>(self, job: J) -> J::Output;
+}
+
+/// The number of one of `ROWS` rows of eight floats: held as an offset in bytes, and never too large.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row<const ROWS: usize>(usize);
+
+impl<const ROWS: usize> Row<ROWS> {
+    /// Row `index`, or the last where there are not so many.
+    #[inline(always)]
+    pub(crate) fn new(index: usize) -> Self {
+        Self(index.min(ROWS - 1) * size_of::<[f32; WIDTH]>())
+    }
+
+    /// Bytes before the row; the row ends within `ROWS`.
+    #[inline(always)]
+    pub(crate) fn offset(self) -> usize {
+        self.0
+    }
 }
 
 /// Something to be run by [`Lanes::apart`]; see [`splat3`] on why it is no closure.

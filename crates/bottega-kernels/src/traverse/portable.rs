@@ -1,6 +1,6 @@
 //! The vector unit that every processor has: arrays. It is the oracle for the others.
 
-use super::lanes::{Job, Lanes};
+use super::lanes::{Job, Lanes, Row};
 use super::stack::Stack;
 use crate::tree::{Child, WIDTH};
 
@@ -20,6 +20,13 @@ fn compare(a: F, b: F, f: impl Fn(f32, f32) -> bool) -> u32 {
     (0..WIDTH).fold(0, |bits, i| bits | u32::from(f(a[i], b[i])) << i)
 }
 
+const SIGN: u32 = 1 << 31;
+
+#[inline(always)]
+fn integer(a: f32) -> i32 {
+    a.to_bits() as i32
+}
+
 impl Lanes for Portable {
     type F = F;
     type Mask = u32;
@@ -31,6 +38,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn load(self, x: &F) -> F {
         *x
+    }
+    #[inline(always)]
+    fn load_row<const ROWS: usize>(self, rows: &[F; ROWS], row: Row<ROWS>) -> F {
+        rows[row.offset() / size_of::<F>()]
     }
     #[inline(always)]
     fn store(self, x: F) -> F {
@@ -69,10 +80,6 @@ impl Lanes for Portable {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
-    fn max(self, a: F, b: F) -> F {
-        zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
     fn lt(self, a: F, b: F) -> u32 {
         compare(a, b, |a, b| a < b)
     }
@@ -85,18 +92,34 @@ impl Lanes for Portable {
         a & b
     }
     #[inline(always)]
-    fn or(self, a: u32, b: u32) -> u32 {
-        a | b
+    fn max_bits(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| if integer(a) > integer(b) { a } else { b })
     }
     #[inline(always)]
-    fn prefetch(self, _: *const u8) {}
+    fn min_bits(self, a: F, b: F) -> F {
+        zip(a, b, |a, b| if integer(a) < integer(b) { a } else { b })
+    }
+    #[inline(always)]
+    fn gt_bits(self, a: F, b: F) -> u32 {
+        compare(a, b, |a, b| integer(a) > integer(b))
+    }
+    #[inline(always)]
+    fn sign(self, a: F) -> F {
+        a.map(|a| f32::from_bits(a.to_bits() & SIGN))
+    }
+    #[inline(always)]
+    fn turn(self, a: F, sign: F) -> F {
+        zip(a, sign, |a, sign| f32::from_bits(a.to_bits() ^ sign.to_bits()))
+    }
+    #[inline(always)]
+    fn prefetch<const LINES: usize>(self, _: *const u8) {}
     #[inline(always)]
     fn bits(self, a: u32) -> u32 {
         a
     }
     #[inline(always)]
-    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: F, mask: u32, order: u32) -> usize {
-        let mut slots = (0..WIDTH).rev().map(|i| (order >> (3 * i) & 7) as usize).filter(|slot| mask >> slot & 1 == 1);
+    fn push_ordered(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], near: F, miss: u32, order: u32) -> usize {
+        let mut slots = (0..WIDTH).rev().map(|i| (order >> (3 * i) & 7) as usize).filter(|slot| miss >> slot & 1 == 0);
         let nearest = slots.next().unwrap_or_default();
         for slot in slots.rev() {
             stack.push(children[slot], near[slot]);

@@ -4,8 +4,8 @@
 use crate::tree::{Child, MAX_DEPTH, WIDTH};
 use std::mem::MaybeUninit;
 
-/// Each level leaves at most seven siblings behind, and a vector store writes eight entries from the top on.
-pub(crate) const CAPACITY: usize = (WIDTH - 1) * MAX_DEPTH + WIDTH;
+/// The mark of the end, at most seven siblings left behind by each level, and room for a vector store of eight.
+const CAPACITY: usize = 1 + (WIDTH - 1) * MAX_DEPTH + WIDTH;
 
 /// Room for the entries of a [`Stack`]. Apart from the stack itself, since compilers that see the length beside the
 /// uninitialized entries fill all with zeros.
@@ -26,17 +26,19 @@ impl Storage {
 pub(crate) struct Stack<'a> {
     near: &'a mut [MaybeUninit<f32>; CAPACITY],
     child: &'a mut [MaybeUninit<Child>; CAPACITY],
-    /// Entries below are initialized.
+    /// Entries below are initialized; never 0, as the last entry popped is the mark of the end.
     len: usize,
 }
 
 impl<'a> Stack<'a> {
-    /// An empty stack.
+    /// A stack with nothing but the mark of the end.
     #[inline(always)]
     pub(crate) fn new(storage: &'a mut MaybeUninit<Storage>) -> Self {
         // SAFETY: every part of `Storage` is itself a `MaybeUninit`, for which any bytes will do.
         let Storage { near, child } = unsafe { storage.assume_init_mut() };
-        Self { near, child, len: 0 }
+        near[0].write(f32::NEG_INFINITY);
+        child[0].write(Child::EMPTY);
+        Self { near, child, len: 1 }
     }
 
     #[inline(always)]
@@ -46,17 +48,19 @@ impl<'a> Stack<'a> {
         self.len += 1;
     }
 
+    /// The entry on top, [`Child::EMPTY`] from the end on.
     #[inline(always)]
-    pub(crate) fn pop(&mut self) -> Option<(Child, f32)> {
-        self.len = self.len.checked_sub(1)?;
-        // SAFETY: `len` grows only in `push`, which writes both entries, and in `grow`, whose caller vouches for them.
-        unsafe { Some((self.child[self.len].assume_init(), self.near[self.len].assume_init())) }
+    pub(crate) fn pop(&mut self) -> (Child, f32) {
+        self.len = self.len.saturating_sub(1);
+        // SAFETY: `len` grows only in `push`, which writes both entries, and in `grow`, whose caller vouches for them; the
+        // first entry was written at the beginning.
+        unsafe { (self.child[self.len].assume_init(), self.near[self.len].assume_init()) }
     }
 
-    /// The subtree on top, after a push.
+    /// The subtree on top.
     #[inline(always)]
     pub(crate) fn top(&self) -> Child {
-        // SAFETY: as in `pop`; an empty stack is asked for its first entry after all.
+        // SAFETY: as in `pop`.
         self.child.get(self.len.wrapping_sub(1)).map_or(Child::EMPTY, |child| unsafe { child.assume_init() })
     }
 

@@ -1,30 +1,36 @@
 //! Eight triangles against a ray.
 
-use super::lanes::{Lanes, cross, dot, splat3};
+use super::lanes::{Lanes, Row, cross, dot, splat3};
 use super::setup::Setup;
 use crate::tree::{TriangleBlock, WIDTH};
 
 /// A ray spread over lanes, as the tests below want it.
+///
+/// Both tests decide by numerators, with the sign of the determinant moved over to them; the division comes last, for the few
+/// blocks that pass. A first look at the parameter is a little generous, the second is exact.
 pub(crate) struct WideRay<S: Lanes> {
-    axes: [usize; 3],
+    axes: [Row<3>; 3],
     /// Robust: along `axes`. Fast: along x, y, z.
     origin: [S::F; 3],
     /// Robust: shear in x and y, inverse direction in z. Fast: direction.
     direction: [S::F; 3],
+    t_min: S::F,
 }
 
 impl<S: Lanes> WideRay<S> {
     #[inline(always)]
-    pub(crate) fn new<const ROBUST: bool>(s: S, setup: &Setup) -> Self {
-        let [x, y, z] = if ROBUST { setup.axes } else { [0, 1, 2] };
+    pub(crate) fn new<const ROBUST: bool>(s: S, setup: &Setup, t_min: f32) -> Self {
+        let axes = if ROBUST { setup.axes } else { [0, 1, 2] };
+        let [x, y, z] = axes;
         let origin = [setup.origin[x], setup.origin[y], setup.origin[z]];
         let direction = if ROBUST { setup.shear } else { setup.direction };
-        Self { axes: setup.axes, origin: splat3(s, origin), direction: splat3(s, direction) }
+        let axes = [Row::new(x), Row::new(y), Row::new(z)];
+        Self { axes, origin: splat3(s, origin), direction: splat3(s, direction), t_min: s.splat(t_min) }
     }
 
-    /// Parameter of each hit, and where there is one: see the head of the parent module. `None`: nowhere.
+    /// Parameter of each hit, and a bit where there is one: see the head of the parent module. `None`: nowhere.
     #[inline(always)]
-    pub(crate) fn watertight(&self, s: S, block: &TriangleBlock) -> Option<(S::F, S::Mask)> {
+    pub(crate) fn watertight(&self, s: S, block: &TriangleBlock, t_max: f32) -> Option<(S::F, u32)> {
         let (ax, ay, az) = self.sheared(s, &block.p[0]);
         let (bx, by, bz) = self.sheared(s, &block.p[1]);
         let (cx, cy, cz) = self.sheared(s, &block.p[2]);
@@ -32,48 +38,57 @@ impl<S: Lanes> WideRay<S> {
         let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
         let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
         let w = s.sub(s.mul(bx, ay), s.mul(by, ax));
-        let zero = s.splat(0.0);
-        let least = s.min(s.min(u, v), w);
-        let most = s.max(s.max(u, v), w);
-        let inside = s.or(s.le(zero, least), s.le(most, zero));
-        if s.bits(inside) == 0 {
-            return None;
-        }
+        // Where all three have one sign, so has the sum.
         let det = s.add(s.add(u, v), w);
-        // Where `det` is 0 all three are, or the signs were mixed; the parameter is then NaN, as it is where one of them is.
+        let sign = s.sign(det);
+        let least = s.min(s.min(s.turn(u, sign), s.turn(v, sign)), s.turn(w, sign));
+        let inside = s.le(s.splat(0.0), least);
         let distance = s.mul_add(u, az, s.mul_add(v, bz, s.mul(w, cz)));
-        Some((s.div(s.mul(distance, self.direction[2]), det), inside))
+        self.parameter(s, inside, s.turn(s.mul(distance, self.direction[2]), sign), s.turn(det, sign), t_max)
     }
 
     /// A vertex where the ray starts at the origin and runs along z.
     #[inline(always)]
     fn sheared(&self, s: S, p: &[[f32; WIDTH]; 3]) -> (S::F, S::F, S::F) {
         let [kx, ky, kz] = self.axes;
-        // The remainder changes nothing and spares the check of the index.
-        let z = s.sub(s.load(&p[kz % 3]), self.origin[2]);
-        let x = s.neg_mul_add(self.direction[0], z, s.sub(s.load(&p[kx % 3]), self.origin[0]));
-        let y = s.neg_mul_add(self.direction[1], z, s.sub(s.load(&p[ky % 3]), self.origin[1]));
+        let z = s.sub(s.load_row(p, kz), self.origin[2]);
+        let x = s.neg_mul_add(self.direction[0], z, s.sub(s.load_row(p, kx), self.origin[0]));
+        let y = s.neg_mul_add(self.direction[1], z, s.sub(s.load_row(p, ky), self.origin[1]));
         (x, y, z)
     }
 
     /// The same by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
     #[inline(always)]
-    pub(crate) fn moeller_trumbore(&self, s: S, block: &TriangleBlock) -> Option<(S::F, S::Mask)> {
+    pub(crate) fn moeller_trumbore(&self, s: S, block: &TriangleBlock, t_max: f32) -> Option<(S::F, u32)> {
         let (p0, e1, e2) = (load3(s, &block.p[0]), load3(s, &block.p[1]), load3(s, &block.p[2]));
         let from_p0 = [s.sub(self.origin[0], p0[0]), s.sub(self.origin[1], p0[1]), s.sub(self.origin[2], p0[2])];
         let h = cross(s, &self.direction, &e2);
-        let det = dot(s, &e1, &h);
-        let inverse = s.div(s.splat(1.0), det);
-        let u = s.mul(dot(s, &from_p0, &h), inverse);
         let q = cross(s, &from_p0, &e1);
-        let v = s.mul(dot(s, &self.direction, &q), inverse);
-        let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        // With a determinant of 0 the others are NaN or infinite, and the comparisons false.
-        let inside = s.and(s.and(s.le(zero, u), s.le(zero, v)), s.le(s.add(u, v), one));
-        if s.bits(inside) == 0 {
+        let det = dot(s, &e1, &h);
+        let sign = s.sign(det);
+        let u = s.turn(dot(s, &from_p0, &h), sign);
+        let v = s.turn(dot(s, &self.direction, &q), sign);
+        let det = s.turn(det, sign);
+        // NaN in one of them is NaN in the sum.
+        let inside = s.and(s.le(s.splat(0.0), s.min(u, v)), s.le(s.add(u, v), det));
+        self.parameter(s, inside, s.turn(dot(s, &e2, &q), sign), det, t_max)
+    }
+
+    /// The parameter is `distance / det`, and `det` is not negative. With a `det` of 0 there is none.
+    #[inline(always)]
+    fn parameter(&self, s: S, inside: S::Mask, distance: S::F, det: S::F, t_max: f32) -> Option<(S::F, u32)> {
+        const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
+        const LESS: f32 = 1.0 - 8.0 * f32::EPSILON;
+        // Not a number where infinity meets a `det` of 0: then, too, there is no hit.
+        let early = s.le(distance, s.mul(det, s.splat(t_max * MORE)));
+        let late = s.lt(s.mul(det, s.mul(self.t_min, s.splat(LESS))), distance);
+        let valid = s.and(inside, s.and(early, late));
+        if s.bits(valid) == 0 {
             return None;
         }
-        Some((s.mul(dot(s, &e2, &q), inverse), inside))
+        let t = s.div(distance, det);
+        let valid = s.and(valid, s.and(s.lt(self.t_min, t), s.le(t, s.splat(t_max))));
+        Some((t, s.bits(valid)))
     }
 }
 

@@ -42,8 +42,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
 }
 
 fn rays(scenes: &[PathBuf], repeat: u16, json: bool) -> Result<ExitCode, CliError> {
-    let rays = kernels::run(RAYS_SIDE, usize::from(repeat), processors())
+    let report = kernels::run(kernels::built_in_scenes(), RAYS_SIDE, usize::from(repeat), processors())
         .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
+    if let Some(reason) = &report.without_embree {
+        eprintln!("NOT BESIDE EMBREE: {reason}");
+    }
+    let rays = report.scenes;
     let paths = scenes.iter().map(|scene| paths(scene, repeat)).collect::<Result<Vec<_>, _>>()?;
     if json {
         let rays: Vec<Value> =

@@ -1,0 +1,112 @@
+//! A tree made to fit geometry that has moved: boxes and leaves are written anew, what is below what stays.
+
+use super::World;
+use crate::Aabb;
+use crate::accel::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+use crate::instance::{self, Affine};
+use crate::tree::{Child, Placed, Sphere, Tree, WIDTH};
+use glam::Vec3;
+
+/// Which mesh each instance has, and how many triangles that has: what must not change between build and refit.
+pub(crate) fn topology(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Box<[(u32, u32)]> {
+    instances.iter().map(|i| (i.mesh, meshes[i.mesh as usize].triangles.len() as u32)).collect()
+}
+
+/// Fits the tree; returns the box around everything. On an error nothing has changed.
+pub(crate) fn refit(
+    tree: &mut Tree,
+    known: &[(u32, u32)],
+    meshes: &[MeshGeometry<'_>],
+    instances: &[InstanceGeometry],
+    spheres: &[SphereGeometry],
+    precision: Precision,
+) -> Result<Aabb, BuildError> {
+    instance::validate(meshes, instances, spheres)?;
+    if spheres.len() != tree.spheres.len() || *topology(meshes, instances) != *known {
+        return Err(BuildError::Changed);
+    }
+    let world = World::new(meshes, instances, tree.flat.iter().map(|f| f.1 as usize))?;
+    let mut placed = tree.placed.clone();
+    for placed in &mut placed {
+        let instance = placed.instance as usize;
+        let inverse = Affine::new(&instances[instance].world_from_object).inverse();
+        placed.object_from_world = inverse.ok_or(BuildError::Changed)?.rows;
+    }
+    // Vertices that leave the range of numbers; boxes of shared meshes are looked at below, as they are made.
+    for &(_, instance) in &world.starts {
+        let map = Affine::new(&instances[instance as usize].world_from_object);
+        let positions = meshes[instances[instance as usize].mesh as usize].positions;
+        if !positions.iter().all(|p| map.point(p.to_array()).iter().all(|x| x.is_finite())) {
+            return Err(BuildError::TransformNotFinite { instance: instance as usize });
+        }
+    }
+    let mesh_bounds: Vec<Aabb> =
+        meshes.iter().map(|mesh| mesh.positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p))).collect();
+    let boxes: Vec<Aabb> = placed.iter().map(|p| placed_bounds(p, instances, &mesh_bounds)).collect();
+    if let Some(bad) = boxes.iter().position(|b| !(b.min.is_finite() && b.max.is_finite())) {
+        return Err(BuildError::TransformNotFinite { instance: placed[bad].instance as usize });
+    }
+    tree.placed = placed;
+    for (to, from) in tree.spheres.iter_mut().zip(spheres) {
+        *to = Sphere { center: from.center.to_array(), radius: from.radius };
+    }
+    let mut done = vec![false; meshes.len()];
+    for index in 0..tree.placed.len() {
+        let Placed { root, instance, .. } = tree.placed[index];
+        let mesh = instances[instance as usize].mesh as usize;
+        if !std::mem::replace(&mut done[mesh], true) {
+            let geometry = meshes[mesh];
+            let corners = |id: u32| geometry.triangles[id as usize].map(|i| geometry.positions[i as usize].to_array());
+            subtree(tree, root, precision, &[], &corners);
+        }
+    }
+    let root = tree.root;
+    Ok(subtree(tree, root, precision, &boxes, &|id| world.corners(id)))
+}
+
+/// The box of an instance. That of all the mesh's vertices is as large as that of its tree, or larger.
+fn placed_bounds(placed: &Placed, instances: &[InstanceGeometry], meshes: &[Aabb]) -> Aabb {
+    let instance = &instances[placed.instance as usize];
+    Affine::new(&instance.world_from_object).bounds(&meshes[instance.mesh as usize])
+}
+
+/// Writes everything below a child; returns the box around it. No deeper than the tree may be.
+fn subtree(
+    tree: &mut Tree,
+    child: Child,
+    precision: Precision,
+    placed: &[Aabb],
+    corners: &impl Fn(u32) -> [[f32; 3]; 3],
+) -> Aabb {
+    let index = child.index();
+    if child == Child::EMPTY {
+        Aabb::EMPTY
+    } else if child.is_node() {
+        let children = tree.nodes[index].children;
+        let count = children.iter().take_while(|&&child| child != Child::EMPTY).count();
+        let mut all = Aabb::EMPTY;
+        for (slot, &child) in children[..count].iter().enumerate() {
+            let bounds = subtree(tree, child, precision, placed, corners);
+            tree.nodes[index].set(slot, &bounds, child);
+            all = all.union(&bounds);
+        }
+        tree.nodes[index].sort_octants(count);
+        all
+    } else if child.is_triangles() {
+        let block = &mut tree.blocks[index];
+        let mut bounds = Aabb::EMPTY;
+        for lane in 0..WIDTH {
+            if block.id[lane] != u32::MAX {
+                let corners = corners(block.id[lane]);
+                block.set(lane, &corners, precision);
+                bounds = corners.iter().fold(bounds, |b, &p| b.with(Vec3::from(p)));
+            }
+        }
+        bounds
+    } else if child.is_sphere() {
+        let Sphere { center, radius } = tree.spheres[index];
+        Aabb::around(Vec3::from(center), radius)
+    } else {
+        placed[index]
+    }
+}
