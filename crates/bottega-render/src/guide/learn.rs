@@ -12,8 +12,14 @@ const VERTICES_PER_REGION: usize = 1200;
 const SAMPLES_MIN: usize = 64;
 /// Shares of the guide that a region may choose between.
 const SHARES: [f32; 6] = [0.0, 0.2, 0.35, 0.5, 0.65, 0.8];
-/// By what factor the mean square must fall for the guide to be worth its time.
-const GAIN_MIN: f32 = 1.05;
+/// By what factor mean square times work must fall for the guide to be worth its while.
+const GAIN_MIN: f64 = 1.1;
+/// Work of a path in vertices: up to a vertex of it, on average; from the next one on; of a ray that meets none; and what
+/// asking the guide adds.
+const WORK_BEFORE: f64 = 1.5;
+const WORK_AFTER: f64 = 2.0;
+const WORK_OF_MISS: f64 = 0.4;
+const WORK_OF_GUIDE: f64 = 0.2;
 
 /// A vertex of a path where it could have gone elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +57,8 @@ pub(super) struct Taken {
 struct Sample {
     taken: Taken,
     square: f32,
+    /// Whether it led to another vertex.
+    has_next: bool,
 }
 
 /// Learns from the vertices of paths, each path's in its order.
@@ -69,7 +77,7 @@ pub(super) fn learn(vertices: &[Vertex]) -> Guide {
         let found = vertex.emitted + vertex.weight * next;
         let taken = vertex.taken?;
         let square = found * found * taken.pdf;
-        square.is_finite().then_some(Sample { taken, square })
+        square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
     };
     let samples: Vec<Option<Sample>> = vertices.iter().enumerate().map(sample).collect();
     let mut trees = grown.into_iter().map(|(tree, _)| tree).zip(of_face).collect::<Vec<_>>();
@@ -179,20 +187,26 @@ fn region(learnt: &Learnt, samples: &[Sample]) -> Option<Region> {
     if samples.len() < SAMPLES_MIN {
         return None;
     }
-    // What one half has learnt is tried on the other.
-    let mut squares = [0.0_f64; SHARES.len()];
+    // What one half has learnt is tried on the other. A guide that keeps paths from leaving the scene makes them longer.
+    let (mut squares, mut work) = ([0.0_f64; SHARES.len()], [0.0_f64; SHARES.len()]);
     for which in 0..2 {
         let learnt = directions(&learnt.halves[which])?;
-        for Sample { taken, square } in half(samples, 1 - which) {
+        for Sample { taken, square, has_next } in half(samples, 1 - which) {
             let guided = learnt.weight(usize::from(taken.cell)) / taken.cube;
-            for (sum, share) in squares.iter_mut().zip(SHARES) {
+            let work_after = if *has_next { WORK_AFTER } else { WORK_OF_MISS };
+            for (choice, share) in SHARES.into_iter().enumerate() {
                 let pdf = taken.bsdf_pdf + share * (guided - taken.bsdf_pdf);
-                *sum += f64::from(square / pdf.max(1e-20));
+                squares[choice] += f64::from(square / pdf.max(1e-20));
+                work[choice] += f64::from(pdf / taken.pdf.max(1e-20)) * work_after;
             }
         }
     }
-    let (best, least) = squares.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
-    if squares[0] < least * f64::from(GAIN_MIN) || *least <= 0.0 {
+    let product = |choice: usize| {
+        let of_guide = if choice > 0 { WORK_OF_GUIDE } else { 0.0 };
+        squares[choice] * (WORK_BEFORE + of_guide + work[choice] / samples.len() as f64)
+    };
+    let best = (0..SHARES.len()).min_by(|&a, &b| product(a).total_cmp(&product(b)))?;
+    if product(0) < product(best) * GAIN_MIN || product(best) <= 0.0 {
         return None;
     }
     Some(Region { share: SHARES[best], directions: directions(&learnt.whole)? })
