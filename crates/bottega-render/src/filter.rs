@@ -1,64 +1,45 @@
 //! Pixel reconstruction filters, used by importance sampling: a sample is drawn with the filter's own density and
-//! counts fully for its pixel, and for no other. So pixels are independent of each other, whoever paints them.
+//! counts fully for its pixel, and for no other. So pixels are independent of each other, whoever paints them. Where a
+//! filter is negative, samples are drawn by its size and count with its sign.
 //!
 //! Source: Ernst, Stamminger, Greiner 2006, *Filter Importance Sampling*.
 
 use std::sync::LazyLock;
 
-/// A separable, non-negative pixel filter. The radius is half its width, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Filter {
-    /// The pixel itself.
-    Box,
-    /// A tent of that radius.
-    Tent {
-        /// Where it reaches 0.
-        radius: f32,
-    },
-    /// A Gaussian, cut off at `radius`.
-    Gaussian {
-        /// Where it is cut off.
-        radius: f32,
-        /// Standard deviation.
-        sigma: f32,
-    },
-    /// The Blackman-Harris window, close to a Gaussian but 0 at its edge.
-    BlackmanHarris {
-        /// Where it reaches 0.
-        radius: f32,
-    },
-}
+pub use bottega_scene::FilmFilter as Filter;
 
-impl Default for Filter {
-    /// Blackman-Harris of radius 1.5.
-    fn default() -> Self {
-        Self::BlackmanHarris { radius: 1.5 }
+fn radius(filter: Filter) -> f32 {
+    match filter {
+        Filter::Box { radius }
+        | Filter::Tent { radius }
+        | Filter::Gaussian { radius, .. }
+        | Filter::Mitchell { radius, .. }
+        | Filter::BlackmanHarris { radius } => radius,
     }
 }
 
-impl Filter {
-    fn radius(self) -> f32 {
-        match self {
-            Self::Box => 0.5,
-            Self::Tent { radius } | Self::Gaussian { radius, .. } | Self::BlackmanHarris { radius } => radius,
+/// The filter at distance `x` from the center, not normalized.
+fn value(filter: Filter, x: f64) -> f64 {
+    let radius = f64::from(radius(filter));
+    match filter {
+        Filter::Box { .. } => 1.0,
+        Filter::Tent { .. } => (1.0 - x.abs() / radius).max(0.0),
+        Filter::Gaussian { sigma, .. } => {
+            let bell = |x: f64| exp_negative(0.5 * (x / f64::from(sigma)) * (x / f64::from(sigma)));
+            (bell(x) - bell(radius)).max(0.0)
         }
-    }
-
-    /// The density at distance `x` from the center, not normalized.
-    fn density(self, x: f64) -> f64 {
-        let radius = f64::from(self.radius());
-        match self {
-            Self::Box => 1.0,
-            Self::Tent { .. } => (1.0 - x.abs() / radius).max(0.0),
-            Self::Gaussian { sigma, .. } => {
-                let s = x / f64::from(sigma);
-                exp_negative(0.5 * s * s)
+        Filter::Mitchell { b, c, .. } => {
+            let (b, c, x) = (f64::from(b), f64::from(c), 2.0 * x.abs() / radius);
+            if x < 1.0 {
+                ((12.0 - 9.0 * b - 6.0 * c) * x + (-18.0 + 12.0 * b + 6.0 * c)) * x * x + (6.0 - 2.0 * b)
+            } else {
+                (((-b - 6.0 * c) * x + (6.0 * b + 30.0 * c)) * x + (-12.0 * b - 48.0 * c)) * x + (8.0 * b + 24.0 * c)
             }
-            Self::BlackmanHarris { .. } => {
-                let c = cos(std::f64::consts::PI * x / radius);
-                // cos 2a and cos 3a by Chebyshev's polynomials.
-                0.35875 + 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) + 0.01168 * (4.0 * c * c * c - 3.0 * c)
-            }
+        }
+        Filter::BlackmanHarris { .. } => {
+            let c = cos(std::f64::consts::PI * x / radius);
+            // cos 2a and cos 3a by Chebyshev's polynomials.
+            0.35875 + 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) + 0.01168 * (4.0 * c * c * c - 3.0 * c)
         }
     }
 }
@@ -66,11 +47,18 @@ impl Filter {
 /// Number of intervals of a table of quantiles.
 const INTERVALS: usize = 512;
 
-/// The offset at probability i / INTERVALS, for a filter of radius 1. Between them the density counts as constant.
-type Quantiles = [f32; INTERVALS + 1];
+/// Of a filter of radius 1: the offset at probability i / INTERVALS of its size. Between them it counts as constant.
+#[derive(Clone, Debug)]
+struct Table {
+    quantiles: [f32; INTERVALS + 1],
+    /// Integral of its size over its own integral: 1 where it is nowhere negative.
+    excess: f32,
+    /// Where it turns negative; at or above 1: nowhere.
+    sign_change: f32,
+}
 
-static TENT: LazyLock<Quantiles> = LazyLock::new(|| quantiles(Filter::Tent { radius: 1.0 }));
-static BLACKMAN_HARRIS: LazyLock<Quantiles> = LazyLock::new(|| quantiles(Filter::BlackmanHarris { radius: 1.0 }));
+static TENT: LazyLock<Table> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
+static BLACKMAN_HARRIS: LazyLock<Table> = LazyLock::new(|| table(Filter::BlackmanHarris { radius: 1.0 }));
 
 /// Draws offsets from a pixel's center by the density of a filter.
 #[derive(Clone, Debug)]
@@ -82,54 +70,70 @@ pub struct FilterSampler {
 #[derive(Clone, Debug)]
 enum Shape {
     Uniform,
-    Shared(&'static Quantiles),
-    Own(Box<Quantiles>),
+    Shared(&'static Table),
+    Own(Box<Table>),
 }
 
 impl FilterSampler {
-    /// The sampler of a filter; cheap except for a Gaussian. Radii and sigmas that are not above 0 count as a box.
+    /// The sampler of a filter; cheap except for a Gaussian and Mitchell's. What has no width, or no sound shape, counts
+    /// as the pixel itself.
     pub fn new(filter: Filter) -> Self {
-        let radius = filter.radius();
+        let radius = radius(filter);
         let sound = radius > 0.0 && radius.is_finite();
         let shape = match filter {
+            Filter::Box { .. } if sound => Shape::Uniform,
             Filter::Tent { .. } if sound => Shape::Shared(&TENT),
             Filter::BlackmanHarris { .. } if sound => Shape::Shared(&BLACKMAN_HARRIS),
             Filter::Gaussian { sigma, .. } if sound && sigma > 0.0 => {
-                Shape::Own(Box::new(quantiles(Filter::Gaussian { radius: 1.0, sigma: sigma / radius })))
+                Shape::Own(Box::new(table(Filter::Gaussian { radius: 1.0, sigma: sigma / radius })))
+            }
+            Filter::Mitchell { b, c, .. } if sound && (0.0..=1.0).contains(&b) && (0.0..=1.0).contains(&c) => {
+                Shape::Own(Box::new(table(Filter::Mitchell { radius: 1.0, b, c })))
             }
             _ => return Self { radius: 0.5, shape: Shape::Uniform },
         };
         Self { radius, shape }
     }
 
-    /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1).
+    /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1), and the factor with which the
+    /// sample counts.
     #[inline]
-    pub fn sample(&self, u: [f32; 2]) -> [f32; 2] {
-        let quantiles = match &self.shape {
-            Shape::Uniform => return u.map(|u| u - 0.5),
-            Shape::Shared(quantiles) => quantiles,
-            Shape::Own(quantiles) => &**quantiles,
+    pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
+        let table = match &self.shape {
+            Shape::Uniform => return (u.map(|u| self.radius * (2.0 * u - 1.0)), 1.0),
+            Shape::Shared(table) => table,
+            Shape::Own(table) => &**table,
         };
-        u.map(|u| {
+        let mut factor = 1.0;
+        let offset = u.map(|u| {
             let scaled = u * INTERVALS as f32;
             let index = (scaled as usize).min(INTERVALS - 1);
-            let (low, high) = (quantiles[index], quantiles[index + 1]);
-            self.radius * (low + (scaled - index as f32) * (high - low))
-        })
+            let (low, high) = (table.quantiles[index], table.quantiles[index + 1]);
+            let x = low + (scaled - index as f32) * (high - low);
+            factor *= if x.abs() < table.sign_change { table.excess } else { -table.excess };
+            self.radius * x
+        });
+        (offset, factor)
     }
 }
 
-/// Inverts the integral of the density of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
-fn quantiles(filter: Filter) -> Quantiles {
+/// Inverts the integral of the size of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
+fn table(filter: Filter) -> Table {
     const STEPS: usize = 8 * INTERVALS;
     let at = |step: usize| 2.0 * step as f64 / STEPS as f64 - 1.0;
     let mut integral = vec![0.0; STEPS + 1];
+    let (mut signed, mut sign_change) = (0.0, f32::INFINITY);
     for step in 0..STEPS {
-        integral[step + 1] = integral[step] + 0.5 * (filter.density(at(step)) + filter.density(at(step + 1)));
+        let (low, high) = (value(filter, at(step)), value(filter, at(step + 1)));
+        integral[step + 1] = integral[step] + 0.5 * (low.abs() + high.abs());
+        signed += 0.5 * (low + high);
+        if low > 0.0 && high < 0.0 {
+            sign_change = at(step + 1) as f32;
+        }
     }
     let total = integral[STEPS];
     let mut step = 0;
-    std::array::from_fn(|i| {
+    let quantiles = std::array::from_fn(|i| {
         let target = total * i as f64 / INTERVALS as f64;
         while step + 1 < STEPS && integral[step + 1] < target {
             step += 1;
@@ -137,7 +141,8 @@ fn quantiles(filter: Filter) -> Quantiles {
         let gain = integral[step + 1] - integral[step];
         let part = if gain > 0.0 { ((target - integral[step]) / gain).clamp(0.0, 1.0) } else { 0.0 };
         (at(step) + part * (at(step + 1) - at(step))) as f32
-    })
+    });
+    Table { quantiles, excess: (total / signed) as f32, sign_change }
 }
 
 /// e^−x for x ≥ 0. By sums and products only, so that tables have the same bits on every platform.
@@ -167,46 +172,45 @@ mod tests {
     }
 
     #[test]
-    fn samples_follow_the_density_of_the_filter() {
+    fn samples_follow_the_filter() {
         let filters = [
-            Filter::Box,
+            Filter::Box { radius: 0.5 },
+            Filter::Box { radius: 1.25 },
             Filter::Tent { radius: 1.0 },
             Filter::Gaussian { radius: 1.5, sigma: 0.5 },
+            Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
             Filter::BlackmanHarris { radius: 1.5 },
         ];
         for filter in filters {
             let sampler = FilterSampler::new(filter);
-            let radius = filter.radius();
+            let radius = radius(filter);
             let count = 100_000;
+            // The other coordinate stays in the middle, where no filter is negative: its factor is taken out again.
+            let (_, middle) = sampler.sample([0.5, 0.5]);
             let mut bins = [0.0; 20];
             for i in 0..count {
-                let [x, y] = sampler.sample([(i as f32 + 0.5) / count as f32, 0.5]);
+                let ([x, y], factor) = sampler.sample([(i as f32 + 0.5) / count as f32, 0.5]);
                 assert!(x.abs() <= radius && y.abs() < 1e-3, "{filter:?}: {x} {y}");
-                bins[(((x / radius + 1.0) * 10.0) as usize).min(19)] += 1.0 / f64::from(count);
+                let bin = (((x / radius + 1.0) * 10.0) as usize).min(19);
+                bins[bin] += f64::from(factor / middle.sqrt()) / f64::from(count);
             }
             let fine = |bin: usize| {
-                (0..100)
-                    .map(|i| {
-                        filter.density(f64::from(radius) * ((bin as f64 + (f64::from(i) + 0.5) / 100.0) / 10.0 - 1.0))
-                    })
-                    .sum::<f64>()
+                let x = |i: i32| f64::from(radius) * ((bin as f64 + (f64::from(i) + 0.5) / 100.0) / 10.0 - 1.0);
+                (0..100).map(|i| value(filter, x(i))).sum::<f64>()
             };
             let total: f64 = (0..20).map(fine).sum();
             for (bin, &share) in bins.iter().enumerate() {
-                assert!(
-                    (share - fine(bin) / total).abs() < 1.5e-3,
-                    "{filter:?} bin {bin}: {share} {}",
-                    fine(bin) / total
-                );
+                let expected = fine(bin) / total;
+                assert!((share - expected).abs() < 1.5e-3, "{filter:?} bin {bin}: {share} {expected}");
             }
         }
     }
 
     #[test]
-    fn a_filter_without_width_counts_as_a_box() {
+    fn a_filter_without_width_counts_as_a_pixel() {
         let sampler = FilterSampler::new(Filter::Tent { radius: 0.0 });
-        assert!((sampler.sample([0.25, 0.75])[0] + 0.25).abs() < 1e-6);
+        assert!((sampler.sample([0.25, 0.75]).0[0] + 0.25).abs() < 1e-6);
         let sampler = FilterSampler::new(Filter::Gaussian { radius: f32::NAN, sigma: 0.5 });
-        assert!(sampler.sample([0.999, 0.0])[0].is_finite());
+        assert!(sampler.sample([0.999, 0.0]).0[0].is_finite());
     }
 }

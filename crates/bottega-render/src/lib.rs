@@ -11,8 +11,10 @@ pub mod sampler;
 pub mod survey;
 
 mod error;
+mod guide;
 mod interaction;
 mod lights;
+mod media;
 mod prepare;
 mod sampling;
 mod settings;

@@ -1,7 +1,7 @@
 //! A scene made ready for painting.
 
 use std::sync::{
-    Arc,
+    Arc, Mutex, OnceLock, PoisonError,
     atomic::{AtomicU64, Ordering},
 };
 
@@ -11,8 +11,9 @@ use bottega_scene::{AlphaMode, Material, MediumId, Scene, Spectrum, Surface};
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    RenderError,
+    RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
+    guide::Guide,
     lights::{Lights, NO_LIGHT},
 };
 
@@ -40,6 +41,10 @@ pub struct PreparedScene {
     materials: Vec<PreparedMaterial>,
     lights: Lights,
     has_opacity: bool,
+    has_boundaries: bool,
+    needs_volume: bool,
+    threads: usize,
+    guides: Mutex<Vec<(View, Arc<OnceLock<Arc<Guide>>>)>>,
     id: DataId,
 }
 
@@ -50,7 +55,7 @@ pub(crate) struct PreparedInstance {
     pub(crate) world_from_normal: Mat3,
     /// No vector gets longer than this times its length.
     pub(crate) scale: f32,
-    /// Light index of its first triangle; [`NO_LIGHT`] where it does not shine.
+    /// Place of its first triangle among those that shine; [`NO_LIGHT`] where it does not.
     pub(crate) first_light: u32,
 }
 
@@ -71,6 +76,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) transmits: bool,
     /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
     pub(crate) bsdfs: Option<[Bsdf; 2]>,
+    /// What fills the space before the front and behind it, where light may go through to it.
+    pub(crate) media: [Option<MediumId>; 2],
     /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
     pub(crate) absorption: [Spectrum; 2],
 }
@@ -83,13 +90,32 @@ impl PreparedScene {
         let materials: Vec<_> = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let mut instances: Vec<_> =
             scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
-        let bounds = accel.bounds();
-        let radius = if bounds.is_empty() { 1.0 } else { 0.5 * (bounds.max - bounds.min).length() };
-        let lights = Lights::new(&scene, radius, &materials, &mut instances, options.compensate_environment);
+        let lights = Lights::new(&scene, &materials, &mut instances, options.compensate_environment);
         let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
+        let parts_media = |material: usize| {
+            materials[material].is_null && materials[material].media[0] != materials[material].media[1]
+        };
+        let has_boundaries = used_materials(&scene).any(parts_media);
+        let has_volume =
+            |medium: &Option<MediumId>| medium.is_some_and(|medium| !scene.media[medium.0 as usize].is_clear());
+        let needs_volume = has_boundaries
+            || scene.cameras.iter().any(|camera| camera.medium.is_some())
+            || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self { scene, accel, instances, materials, lights, has_opacity, id })
+        Ok(Self {
+            scene,
+            accel,
+            instances,
+            materials,
+            lights,
+            has_opacity,
+            has_boundaries,
+            needs_volume,
+            threads: options.threads,
+            guides: Mutex::default(),
+            id,
+        })
     }
 
     /// The scene as it was imported.
@@ -112,9 +138,23 @@ impl PreparedScene {
         self.has_opacity
     }
 
+    /// Whether something is more than surfaces: a medium that scatters or emits, or one that does not begin and end where
+    /// light is refracted.
+    pub(crate) fn needs_volume(&self) -> bool {
+        self.needs_volume
+    }
+
+    /// Whether there are surfaces that do nothing but part media.
+    pub(crate) fn has_boundaries(&self) -> bool {
+        self.has_boundaries
+    }
+
     /// Bytes that preparation added to the scene.
     pub fn memory_bytes(&self) -> usize {
-        self.accel.memory_bytes()
+        let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+        let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
+        guides.sum::<usize>()
+            + self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)
@@ -122,6 +162,33 @@ impl PreparedScene {
 
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Threads that may be used for what is made once.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// What is known of where light comes from, for a view. The first who asks learns it by `learn`; who asks meanwhile
+    /// waits.
+    pub(crate) fn guide(&self, view: View, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        /// Views whose guides are kept.
+        const VIEWS_MAX: usize = 4;
+        let place = {
+            let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+            match guides.iter().find(|(known, _)| *known == view) {
+                Some((_, place)) => Arc::clone(place),
+                None => {
+                    if guides.len() == VIEWS_MAX {
+                        guides.remove(0);
+                    }
+                    let place = Arc::default();
+                    guides.push((view, Arc::clone(&place)));
+                    place
+                }
+            }
+        };
+        Arc::clone(place.get_or_init(|| Arc::new(learn())))
     }
 
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
@@ -173,6 +240,11 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     PreparedMaterial {
         bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
         transmits,
+        media: if transmits && !material.surface.is_thin() {
+            [material.exterior, material.interior]
+        } else {
+            [None; 2]
+        },
         is_textured,
         is_null,
         needs_tangents: material.needs_tangents(),

@@ -25,6 +25,19 @@ impl DimensionSet {
         Self(1 + 2 * vertex)
     }
 
+    /// Choice of the channel (1), distance (1), spare (2), on the path's segment `segment` through a medium.
+    pub fn distance(segment: u32) -> Self {
+        Self(Self::MEDIA + 2 * segment)
+    }
+
+    /// Choice of the light (1), distance (1), place on the light (2), on the path's segment `segment` through a medium.
+    pub fn along(segment: u32) -> Self {
+        Self(Self::MEDIA + 1 + 2 * segment)
+    }
+
+    /// Where the sets of segments through media begin: beyond those of vertices.
+    const MEDIA: u32 = 1 << 30;
+
     /// Choice of the lobe (1), direction (2), Russian roulette (1), at the path's vertex `vertex`.
     pub fn scattering(vertex: u32) -> Self {
         Self(2 + 2 * vertex)

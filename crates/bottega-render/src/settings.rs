@@ -40,6 +40,8 @@ pub struct PathSettings {
     pub roulette_depth: u32,
     /// Which strategies find direct light.
     pub direct_light: DirectLight,
+    /// Whether paths learn beforehand where light comes from. It changes the noise, not the mean.
+    pub guiding: bool,
 }
 
 impl Default for PathSettings {
@@ -51,6 +53,7 @@ impl Default for PathSettings {
             filter: Filter::default(),
             roulette_depth: 3,
             direct_light: DirectLight::Combined,
+            guiding: true,
         }
     }
 }

@@ -70,7 +70,9 @@ pub struct Survey {
 /// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene and the
 /// view alone.
 pub fn survey(scene: &Arc<PreparedScene>, view: View, client: &HraClient<RenderWork>) -> Result<Survey, RenderError> {
-    let settings = Arc::new(PathSettings { max_depth: PROBE_DEPTH, filter: Filter::Box, ..PathSettings::default() });
+    let settings =
+        PathSettings { max_depth: PROBE_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };
+    let settings = Arc::new(settings);
     let mut pixels = probe_all(scene, view, &settings, client)?;
     let levels = recursion_levels(scene, view, &settings, client)?;
     for (pixel, levels) in pixels.iter_mut().zip(levels) {
@@ -187,7 +189,7 @@ fn recursion_levels(
         .flat_map(|(x, y)| (0..CHAINS_PER_PIXEL).map(move |sample| (x, y, sample)))
         .map(|(x, y, sample)| {
             let sampler = PixelSampler::new(settings.seed, x, y, sample);
-            let ray = integrator.camera_ray(&sampler, x, y);
+            let (ray, _) = integrator.camera_ray(&sampler, x, y);
             let pixel = whole.index(x, y);
             Chain { pixel, sampler, origin: ray.origin, direction: ray.direction, cone: ray.cone, step: 0 }
         })

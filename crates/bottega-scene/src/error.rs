@@ -24,7 +24,7 @@ pub enum SceneError {
         found: &'static str,
     },
     /// Neither the name nor the first bytes are those of a format that we read.
-    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb)", path.display())]
+    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .obj, .ply, .serialized)", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -52,6 +52,30 @@ pub enum SceneError {
         place: String,
         /// What the parser says.
         problem: String,
+    },
+    /// A scene file that is text says something that cannot be.
+    #[error("`{}`, line {line}, column {column}: {problem}", path.display())]
+    Text {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What is wrong, and where it helps what to do.
+        problem: String,
+    },
+    /// The scene asks for what is not supported, and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
+    #[error(
+        "`{}` asks for what is not supported; remove it, or do without `--strict`:{}",
+        path.display(),
+        places.iter().map(|warning| format!("\n  {warning}")).collect::<String>()
+    )]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// Where, and what.
+        places: Vec<Warning>,
     },
     /// The file cannot be understood without an extension that we do not have.
     #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", path.display(), at(place))]
@@ -99,6 +123,18 @@ pub enum SceneError {
         /// Why, and what to do.
         reason: &'static str,
     },
+    /// The options ask for a part that the file does not have.
+    #[error("`{}` has no {what} `{wanted}`; what it has: {known}", path.display())]
+    NoSuch {
+        /// The file.
+        path: PathBuf,
+        /// Which kind of part.
+        what: &'static str,
+        /// What was asked for.
+        wanted: String,
+        /// Numbers and names of what there is.
+        known: String,
+    },
     /// A picture that cannot be done without, such as the environment.
     #[error("cannot decode the picture `{}`: {problem}", path.display())]
     Picture {
@@ -141,6 +177,8 @@ impl fmt::Display for Warning {
 pub(crate) struct Warnings {
     list: Vec<Warning>,
     left_out: usize,
+    /// Those of the list that tell of something which is not supported.
+    unsupported: Vec<Warning>,
 }
 
 impl Warnings {
@@ -154,8 +192,23 @@ impl Warnings {
         }
     }
 
+    /// Tells of something that the file asks for and that is left out or replaced: an error where the user is strict.
+    pub(crate) fn unsupported(&mut self, place: impl Into<String>, message: impl Into<String>) {
+        let warning = Warning { place: place.into(), message: message.into() };
+        if self.unsupported.len() < Self::LIMIT {
+            self.unsupported.push(warning.clone());
+        }
+        self.add(warning.place, warning.message);
+    }
+
+    /// What [`unsupported`](Self::unsupported) was told.
+    pub(crate) fn take_unsupported(&mut self) -> Vec<Warning> {
+        std::mem::take(&mut self.unsupported)
+    }
+
     pub(crate) fn append(&mut self, other: Self) {
         self.left_out += other.left_out;
+        self.unsupported.extend(other.unsupported);
         other.list.into_iter().for_each(|warning| self.add(warning.place, warning.message));
     }
 

@@ -25,3 +25,9 @@ pub(crate) fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>, S
     file.take(metadata.len()).read_to_end(&mut bytes).map_err(read)?;
     Ok(bytes)
 }
+
+/// BLAKE3 of a file, by several threads where it is long.
+pub(crate) fn hash(bytes: &[u8]) -> blake3::Hash {
+    const LONG: usize = 1 << 18;
+    if bytes.len() < LONG { blake3::hash(bytes) } else { blake3::Hasher::new().update_rayon(bytes).finalize() }
+}

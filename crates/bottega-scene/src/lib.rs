@@ -20,11 +20,17 @@ mod load;
 mod material;
 mod medium;
 mod mend;
+mod mesh_file;
+mod mitsuba;
 mod model;
+mod resource;
 mod shapes;
 mod sky;
+#[allow(dead_code, unused_imports, reason = "for formats whose scenes hold spectra")]
+mod spectrum;
 mod summary;
 mod surface;
+mod text;
 mod texture;
 mod validate;
 

@@ -80,7 +80,7 @@ pub enum EnvironmentMapping {
     #[default]
     LatitudeLongitude,
     /// Equal areas on an octahedron, as pbrt-v4 has it (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
-    /// SIMD): +z is the centre, −z the corners, +x to the right and +y up.
+    /// SIMD): +z is the centre, −z the corners, +x to the right and +y down. The nearest texel counts, as there.
     EqualArea,
 }
 

@@ -6,21 +6,36 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Mat3, Quat};
 
 use crate::error::Warnings;
-use crate::file::read_file;
-use crate::image::{Decoded, Encoding, Header, PictureFault};
-use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf};
+use crate::file::{hash, read_file};
+use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
+use crate::resource::Resources;
+use crate::{Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba};
 
 /// What is wanted of a scene beyond its file, and how much it may take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// A latitude-longitude picture (HDR, EXR, PNG or JPEG) that becomes the environment, whatever the file says.
+    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that becomes the environment, whatever the file says.
     pub environment: Option<PathBuf>,
     /// Turns that picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
     /// Multiplies that picture.
     pub environment_intensity: f32,
+    /// The time, in seconds, at which animations are shown. `None`: the scene stands as its file describes it, unless
+    /// an animation is named, which then stands at its beginning.
+    pub at: Option<f32>,
+    /// The one animation that is shown, by its name or else by its number. `None`: all; where several move the same
+    /// thing, the first one.
+    pub animation: Option<String>,
+    /// Which of the variants of materials that a file offers is shown, by its name or else by its number.
+    pub variant: Option<String>,
     /// Whether a scene without any light gets a neutral sky.
     pub add_sky: bool,
+    /// Whether the scene may refer to files outside of the folder of its own file.
+    pub allow_outside: bool,
+    /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
+    pub strict: bool,
+    /// Name and value of parameters of the scene, instead of the values that its file gives them (Mitsuba's `$name`).
+    pub defines: Vec<(String, String)>,
     /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
     pub max_image_pixels: u64,
     /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
@@ -33,9 +48,32 @@ impl Default for LoadOptions {
             environment: None,
             environment_rotation: 0.0,
             environment_intensity: 1.0,
+            at: None,
+            animation: None,
+            variant: None,
             add_sky: true,
+            allow_outside: false,
+            strict: false,
+            defines: Vec::new(),
             max_image_pixels: 1 << 28,
             max_memory_bytes: 16 << 30,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// One file makes several scenes, and their digests differ.
+    fn add_choices(&self, digest: &mut blake3::Hasher) {
+        if let Some(at) = self.at {
+            digest.update(b"at").update(&at.to_le_bytes());
+        }
+        for (what, choice) in [("animation", &self.animation), ("variant", &self.variant)] {
+            if let Some(choice) = choice {
+                digest.update(what.as_bytes()).update(&(choice.len() as u64).to_le_bytes()).update(choice.as_bytes());
+            }
+        }
+        for text in self.defines.iter().flat_map(|(name, value)| [name, value]) {
+            digest.update(b"define").update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
         }
     }
 }
@@ -69,7 +107,7 @@ pub struct RenderHints {
     pub filter: Option<FilmFilter>,
 }
 
-/// A pixel filter. Radii are in pixels, from the centre to the edge.
+/// A separable pixel filter. Radii are in pixels, from the centre to the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FilmFilter {
     /// Constant.
@@ -98,11 +136,23 @@ pub enum FilmFilter {
         /// Their C.
         c: f32,
     },
-    /// The four-term window of Blackman and Harris.
+    /// The four-term window of Blackman and Harris: close to a Gaussian.
     BlackmanHarris {
         /// Where it ends.
         radius: f32,
     },
+}
+
+impl FilmFilter {
+    /// The pixel itself.
+    pub const PIXEL: Self = Self::Box { radius: 0.5 };
+}
+
+impl Default for FilmFilter {
+    /// Blackman-Harris of radius 1.5.
+    fn default() -> Self {
+        Self::BlackmanHarris { radius: 1.5 }
+    }
 }
 
 /// What a scene file says of itself.
@@ -127,12 +177,25 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
     let mut digest = blake3::Hasher::new();
-    digest.update(blake3::hash(&file).as_bytes());
+    digest.update(hash(&file).as_bytes());
+    options.add_choices(&mut digest);
     let mut warnings = Warnings::default();
-    if !gltf::recognizes(path, &file) {
+    let import = if gltf::recognizes(path, &file) {
+        gltf::import
+    } else if mitsuba::recognizes(path, &file) {
+        mitsuba::import
+    } else if mesh_file::recognizes(path, &file) {
+        mesh_file::import
+    } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
+    };
+    let resources = Resources::new(path, options, &budget);
+    let (mut scene, metadata, hints) = import(path, &file, options, &resources, &mut warnings)?;
+    resources.finish(&mut digest);
+    let unsupported = warnings.take_unsupported();
+    if options.strict && !unsupported.is_empty() {
+        return Err(SceneError::Unsupported { path: path.into(), places: unsupported });
     }
-    let (mut scene, metadata, hints) = gltf::import(path, &file, options, &budget, &mut digest, &mut warnings)?;
     drop(file);
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");
@@ -173,15 +236,10 @@ fn add_environment(
     digest: &mut blake3::Hasher,
 ) -> Result<(), SceneError> {
     let bytes = read_file(path, budget)?;
-    digest.update(blake3::hash(&bytes).as_bytes());
+    digest.update(hash(&bytes).as_bytes());
     let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
     let header = Header::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
-        PictureFault::TooLarge { problem } => SceneError::Limit {
-            path: path.into(),
-            place: String::new(),
-            problem,
-            remedy: "scale the picture down, or allow more pixels for each picture",
-        },
+        PictureFault::TooLarge { problem } => too_large(path, problem),
         PictureFault::Unreadable { problem } => unreadable(problem),
     })?;
     budget.take(path, "", header.memory_bytes())?;
@@ -220,10 +278,26 @@ impl MemoryBudget {
         Self { limit, taken: AtomicUsize::new(0) }
     }
 
+    /// What all may take together, in bytes.
+    pub(crate) fn limit(&self) -> usize {
+        self.limit
+    }
+
     /// Books bytes for something at `place`, or says that they are too many.
     pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
         let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
         if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
+    }
+
+    /// Bytes that may still be taken.
+    pub(crate) fn left(&self) -> usize {
+        self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
+    }
+
+    /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
+    pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<Held<'_>, SceneError> {
+        self.take(path, "", bytes)?;
+        Ok(Held { budget: self, bytes })
     }
 
     /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
@@ -238,5 +312,18 @@ impl MemoryBudget {
             problem: format!("the scene takes more than the limit of {} MiB of memory", self.limit >> 20),
             remedy: "simplify it or scale its pictures down, or allow more memory",
         }
+    }
+}
+
+/// Bytes that are given back when this is dropped.
+#[derive(Debug)]
+pub(crate) struct Held<'a> {
+    budget: &'a MemoryBudget,
+    bytes: usize,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
     }
 }

@@ -1,6 +1,7 @@
 //! Mending normals and tangents that are no directions.
 
 use glam::{DVec3, Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::Mesh;
 
@@ -8,13 +9,16 @@ impl Mesh {
     /// Brings all normals to unit length. One that has no direction is replaced by the mean of the triangles around its
     /// vertex, weighted by area. Returns whether there was one.
     pub(crate) fn mend_normals(&mut self) -> bool {
-        let mut bad = Vec::new();
-        for (vertex, normal) in self.normals.iter_mut().enumerate() {
-            match unit(*normal) {
-                Some(direction) => *normal = direction,
-                None => bad.push(vertex),
-            }
-        }
+        let normals = self.normals.par_iter_mut().enumerate();
+        let bad: Vec<usize> = normals
+            .filter_map(|(vertex, normal)| match unit(*normal) {
+                Some(direction) => {
+                    *normal = direction;
+                    None
+                }
+                None => Some(vertex),
+            })
+            .collect();
         if bad.is_empty() {
             return false;
         }

@@ -71,7 +71,7 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// At least one after import: a framing camera is made where the file has none.
     pub cameras: Vec<Camera>,
-    /// BLAKE3 of all the bytes that were read, hexadecimal.
+    /// BLAKE3 of all the bytes that were read and of what was chosen among them, hexadecimal.
     pub digest: String,
 }
 
@@ -112,7 +112,9 @@ fn bytes_of<T>(list: &[T]) -> usize {
 impl Mesh {
     /// Least and greatest coordinates of the positions, object space. Infinite and inverted without positions.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        self.positions.iter().copied().fold(EMPTY, grow)
+        let pieces = self.positions.par_chunks(1 << 16).map(|piece| piece.iter().copied().fold(EMPTY, grow));
+        let pieces: Vec<(Vec3, Vec3)> = pieces.collect();
+        pieces.into_iter().fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
     }
 
     /// Bytes that its vertices and triangles take.

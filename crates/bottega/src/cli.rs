@@ -3,6 +3,7 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use bottega_image::{Aov, Rect};
+use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
 /// A physically based renderer whose work is shared out by agents.
@@ -41,13 +42,53 @@ pub(crate) enum Command {
     },
 }
 
+/// Which scene file, and how it is read.
+#[derive(Debug, Args)]
+pub(crate) struct FileArgs {
+    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene: PathBuf,
+    /// Refuse the scene when something in it is not supported, instead of painting a substitute.
+    #[arg(long, help_heading = "Scene file")]
+    pub(crate) strict: bool,
+    /// Let the scene read files outside of its own folder.
+    #[arg(long, help_heading = "Scene file")]
+    pub(crate) allow_outside: bool,
+    /// Set a parameter of a Mitsuba scene (its `<default>`s, used as `$NAME`).
+    #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = parse_define, help_heading = "Scene file")]
+    pub(crate) defines: Vec<(String, String)>,
+    /// Show the animations of a glTF scene at this time; default: the scene as its file describes it.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_negative_numbers = true, help_heading = "Scene file")]
+    pub(crate) at: Option<f32>,
+    /// The animation to show, by name or by number from 0; default: all, the first one where several move the same.
+    #[arg(long, value_name = "NAME", help_heading = "Scene file")]
+    pub(crate) animation: Option<String>,
+    /// Which of a glTF file's variants of materials to show, by name or by number from 0.
+    #[arg(long, value_name = "NAME", help_heading = "Scene file")]
+    pub(crate) variant: Option<String>,
+}
+
+impl FileArgs {
+    /// How the file is read.
+    pub(crate) fn options(&self) -> LoadOptions {
+        LoadOptions {
+            strict: self.strict,
+            allow_outside: self.allow_outside,
+            defines: self.defines.clone(),
+            at: self.at,
+            animation: self.animation.clone(),
+            variant: self.variant.clone(),
+            ..LoadOptions::default()
+        }
+    }
+}
+
 /// Which scene, which camera, how large: what `render` and `analyze` share.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// The scene: a .glb or .gltf file.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) scene: PathBuf,
-    /// Size of the picture in pixels; default: as high as 720, as wide as the camera says.
+    #[command(flatten)]
+    pub(crate) file: FileArgs,
+    /// Size of the picture in pixels; default: what the scene file asks for, or 720 high and as wide as the camera says.
     #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = "Picture")]
     pub(crate) size: Option<Size>,
     /// The camera, by name or by number from 0; default: the file's first.
@@ -91,12 +132,12 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) output: PathBuf,
 
-    /// Samples a pixel.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 22), help_heading = "Quality")]
-    pub(crate) spp: u32,
-    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=4096), help_heading = "Quality")]
-    pub(crate) max_depth: u32,
+    /// Samples a pixel; default: what the scene file asks for, or 64.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=SAMPLES_MAX as i64), help_heading = "Quality")]
+    pub(crate) spp: Option<u32>,
+    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on; default: what the scene file asks for, or 16.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=DEPTH_MAX as i64), help_heading = "Quality")]
+    pub(crate) max_depth: Option<u32>,
     /// Light samples at each bounce.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Quality")]
     pub(crate) light_samples: u32,
@@ -109,14 +150,14 @@ pub(crate) struct RenderArgs {
     /// How light is followed.
     #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
     pub(crate) integrator: IntegratorArg,
-    /// How samples are spread over a pixel.
-    #[arg(long, value_enum, default_value_t = FilterArg::BlackmanHarris, help_heading = "Quality")]
-    pub(crate) filter: FilterArg,
+    /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
+    #[arg(long, value_enum, help_heading = "Quality")]
+    pub(crate) filter: Option<FilterArg>,
     /// Another seed gives other noise; the same seed the same picture, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Quality")]
     pub(crate) seed: u64,
 
-    /// Paint only this part of the picture; each pixel is the same as in the whole.
+    /// Paint only this part of the picture; each pixel is the same as in the whole. Default: what the scene file asks for.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture")]
     pub(crate) crop: Option<Rect>,
     /// More values a pixel, as layers of the EXR file: albedo,normal,depth,samples,cost.
@@ -191,9 +232,8 @@ pub(crate) struct DiffArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// The scene: a .glb or .gltf file.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) file: FileArgs,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
@@ -219,6 +259,44 @@ pub(crate) enum BenchCommand {
         #[arg(long)]
         json: bool,
     },
+    /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
+    Peers(PeersArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PeersArgs {
+    /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
+    /// that they name, and reference/ref_SCENE.exr.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) folder: PathBuf,
+    /// A scene by name; may be given more than once. Default: all.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) scene: Vec<String>,
+    /// Samples a pixel.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    pub(crate) spp: u32,
+    /// Repetitions, interleaved; medians of the times and means of the errors are printed.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    pub(crate) repeat: u16,
+    /// Numbers of threads to paint with. Default: one, and as many as there are processors.
+    #[arg(long, value_delimiter = ',', value_parser = parse_threads)]
+    pub(crate) threads: Vec<usize>,
+    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    pub(crate) python: String,
+    /// How long one picture of another renderer may take, in seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    pub(crate) timeout: u64,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.trim().parse() {
+        Ok(threads @ 1..=1024) => Ok(threads),
+        _ => Err("a number from 1 to 1024 is needed".to_owned()),
+    }
 }
 
 #[derive(Debug, Args)]
@@ -266,6 +344,8 @@ pub(crate) enum FilterArg {
     Gaussian,
     /// Softer still at the edges.
     Tent,
+    /// Sharper, with a little ringing.
+    Mitchell,
     /// Just the pixel itself: for comparisons.
     Box,
 }
@@ -295,6 +375,19 @@ pub(crate) struct Size {
     pub(crate) height: u32,
 }
 
+impl Size {
+    /// A size that can be painted.
+    pub(crate) fn new(width: u32, height: u32) -> Result<Self, String> {
+        if ![width, height].iter().all(|side| (1..=SIDE_MAX).contains(side)) {
+            return Err(format!("each side must be from 1 to {SIDE_MAX}"));
+        }
+        if u64::from(width) * u64::from(height) > PIXELS_MAX {
+            return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
+        }
+        Ok(Self { width, height })
+    }
+}
+
 /// Where light from all around comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum EnvironmentArg {
@@ -302,6 +395,12 @@ pub(crate) enum EnvironmentArg {
     Constant([f32; 3]),
     Sky,
 }
+
+/// Most samples of a pixel.
+pub(crate) const SAMPLES_MAX: u32 = 1 << 22;
+
+/// Most bounces.
+pub(crate) const DEPTH_MAX: u32 = 4096;
 
 /// Neither side may be longer than this.
 const SIDE_MAX: u32 = 1 << 16;
@@ -311,16 +410,8 @@ const PIXELS_MAX: u64 = 1 << 28;
 
 fn parse_size(text: &str) -> Result<Size, String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
-    let side = |text: &str| match text.trim().parse::<u32>() {
-        Ok(side @ 1..=SIDE_MAX) => Ok(side),
-        Ok(_) => Err(format!("each side must be from 1 to {SIDE_MAX}")),
-        Err(_) => Err(format!("`{text}` is not a number of pixels")),
-    };
-    let size = Size { width: side(width)?, height: side(height)? };
-    if u64::from(size.width) * u64::from(size.height) > PIXELS_MAX {
-        return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
-    }
-    Ok(size)
+    let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
+    Size::new(side(width)?, side(height)?)
 }
 
 fn parse_rect(text: &str) -> Result<Rect, String> {
@@ -356,11 +447,22 @@ fn parse_aov(text: &str) -> Result<Aov, String> {
         .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
 }
 
+fn parse_define(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
+        _ => Err("a name, `=` and a value are needed, such as spp=64".to_owned()),
+    }
+}
+
 fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor >= 0.0 => Ok(factor),
         _ => Err("a number from 0 up is needed".to_owned()),
     }
+}
+
+fn parse_time(text: &str) -> Result<f32, String> {
+    text.parse::<f32>().ok().filter(|time| time.is_finite()).ok_or_else(|| "a number of seconds is needed".to_owned())
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {

@@ -2,13 +2,13 @@
 
 use std::process::ExitCode;
 
-use bottega_scene::{LoadOptions, SceneSummary};
+use bottega_scene::SceneSummary;
 use serde_json::{Value, json};
 
 use crate::{cli::InfoArgs, error::CliError};
 
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, CliError> {
-    let loaded = bottega_scene::load(&args.scene, &LoadOptions::default())?;
+    let loaded = bottega_scene::load(&args.file.scene, &args.file.options())?;
     let summary = loaded.summary();
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     if args.json {

@@ -8,7 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{cli::RenderArgs, error::CliError, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {
@@ -72,11 +72,11 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("size={}x{}", settings.width, settings.height),
         format!("crop={}", settings.crop),
         format!("spp={}", settings.samples),
-        format!("max-depth={}", args.max_depth),
+        format!("max-depth={}", settings.tunables.max_depth),
         format!("light-samples={}", args.light_samples),
         format!("seed={}", args.seed),
         format!("integrator={:?}", args.integrator),
-        format!("filter={:?}", args.filter),
+        format!("filter={:?}", filter(args, subject)),
         format!("optimize={}", settings.optimization),
         format!("env={:?}", args.scene.env),
         format!("env-rotate={}", args.scene.env_rotate),

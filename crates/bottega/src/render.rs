@@ -10,19 +10,27 @@ use std::{
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
 use bottega_farm::{Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch};
 use bottega_image::{
-    AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, ToneMap,
+    AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
     check_writable, write_exr, write_png,
 };
 use bottega_render::{Filter, PathSettings};
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
-    cli::{EncodingArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, RenderArgs, ToneArg},
+    cli::{
+        DEPTH_MAX, EncodingArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg,
+    },
     error::CliError,
     keeping::{Keeping, name_of},
     reporter::{Reporter, Voice, duration},
     scene::{Subject, agents, shown, threads},
 };
+
+/// Samples of a pixel where nobody says.
+const DEFAULT_SAMPLES: u32 = 64;
+
+/// Bounces where nobody says.
+const DEFAULT_DEPTH: u32 = 16;
 
 /// Exit code of a work that the user stopped.
 const INTERRUPTED: u8 = 130;
@@ -95,7 +103,7 @@ pub(crate) fn experts(paths: &[PathBuf]) -> Result<Vec<Expert>, CliError> {
 
 fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, CliError> {
     let frame = subject.frame();
-    let crop = args.crop.unwrap_or(frame);
+    let crop = args.crop.or_else(|| hinted_crop(subject)).unwrap_or(frame);
     if !frame.encloses(&crop) {
         return Err(CliError::usage(
             format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
@@ -103,7 +111,8 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
         ));
     }
     let threads = threads(&args.scene);
-    let tunables = Tunables { max_depth: args.max_depth, light_samples: args.light_samples };
+    let tunables = Tunables { max_depth: max_depth(args, subject), light_samples: args.light_samples };
+    let samples = args.spp.or(subject.hints.samples).map_or(DEFAULT_SAMPLES, |samples| samples.clamp(1, SAMPLES_MAX));
     let layout = Layout::new(args.aov.iter().copied().collect::<AovSet>());
     Ok(JobSettings {
         crop,
@@ -113,7 +122,7 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
         experts,
         processors: threads,
         importance: importance(args.scene.importance),
-        ..JobSettings::new(frame.width(), frame.height(), args.spp, tunables, layout)
+        ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
 }
 
@@ -121,9 +130,9 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
     let IntegratorArg::Path = args.integrator;
     let settings = PathSettings {
         seed: args.seed,
-        max_depth: args.max_depth,
+        max_depth: max_depth(args, subject),
         light_samples: args.light_samples,
-        filter: filter(args.filter),
+        filter: filter(args, subject),
         ..PathSettings::default()
     };
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };
@@ -153,13 +162,27 @@ fn optimization(optimize: OptimizeArg) -> Optimization {
     }
 }
 
-fn filter(filter: FilterArg) -> Filter {
-    match filter {
-        FilterArg::BlackmanHarris => Filter::default(),
-        FilterArg::Gaussian => Filter::Gaussian { radius: 1.5, sigma: 0.5 },
-        FilterArg::Tent => Filter::Tent { radius: 1.0 },
-        FilterArg::Box => Filter::Box,
+pub(crate) fn filter(args: &RenderArgs, subject: &Subject) -> Filter {
+    match args.filter {
+        None => subject.hints.filter.unwrap_or_default(),
+        Some(FilterArg::BlackmanHarris) => Filter::default(),
+        Some(FilterArg::Gaussian) => Filter::Gaussian { radius: 1.5, sigma: 0.5 },
+        Some(FilterArg::Tent) => Filter::Tent { radius: 1.0 },
+        Some(FilterArg::Mitchell) => Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
+        Some(FilterArg::Box) => Filter::PIXEL,
     }
+}
+
+fn max_depth(args: &RenderArgs, subject: &Subject) -> u32 {
+    args.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
+}
+
+/// The part of the picture that the file asks for, as far as it lies within.
+fn hinted_crop(subject: &Subject) -> Option<Rect> {
+    let [x, y, width, height] = subject.hints.crop?;
+    let frame = subject.frame();
+    let (x1, y1) = (x.saturating_add(width).min(frame.x1), y.saturating_add(height).min(frame.y1));
+    (x < x1 && y < y1).then(|| Rect::new(x, y, x1, y1))
 }
 
 /// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.
@@ -188,7 +211,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
     let crop = settings.crop;
     reporter.say(&format!(
         "{}: {} triangles; {}x{} pixels, {} samples each, {} agents on {} processors",
-        shown(&args.scene.scene),
+        shown(&args.scene.file.scene),
         subject.scene().triangle_count(),
         crop.width(),
         crop.height(),
@@ -198,7 +221,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
     ));
     reporter.tell(Event::Started {
         version: 1,
-        scene: shown(&args.scene.scene),
+        scene: shown(&args.scene.file.scene),
         output: shown(&args.output),
         width: settings.width,
         height: settings.height,
@@ -213,15 +236,15 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
 /// What a picture says of how it was made.
 fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
     let mut metadata = Metadata::new();
-    metadata.set("scene", shown(&args.scene.scene));
+    metadata.set("scene", shown(&args.scene.file.scene));
     metadata.set("scene_digest", &*subject.scene().digest);
     metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
     metadata.set("samples_per_pixel", settings.samples.to_string());
-    metadata.set("max_depth", args.max_depth.to_string());
+    metadata.set("max_depth", settings.tunables.max_depth.to_string());
     metadata.set("light_samples", args.light_samples.to_string());
     metadata.set("seed", args.seed.to_string());
     metadata.set("integrator", "path");
-    metadata.set("filter", format!("{:?}", args.filter));
+    metadata.set("filter", format!("{:?}", filter(args, subject)));
     metadata.set("optimize", settings.optimization.to_string());
     metadata.set("level", args.scene.level.to_string());
     metadata.set("agents", settings.agents.to_string());

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, View};
-use bottega_scene::{Environment, LoadOptions, Projection, Scene, Spectrum, Warning};
+use bottega_scene::{Environment, Projection, RenderHints, Scene, Spectrum, Warning};
 use glam::Mat3;
 
 use crate::{
@@ -21,19 +21,22 @@ pub(crate) struct Subject {
     pub(crate) prepared: Arc<PreparedScene>,
     pub(crate) view: View,
     pub(crate) warnings: Vec<Warning>,
+    /// What the file asks for. Its part of the picture is left out where the user says how large the picture is.
+    pub(crate) hints: RenderHints,
 }
 
 impl Subject {
     pub(crate) fn load(args: &SceneArgs) -> Result<Self, CliError> {
-        let (mut scene, warnings) = load(args)?;
+        let (mut scene, warnings, mut hints) = load(args)?;
         let camera = camera_index(&scene, args.camera.as_deref())?;
         let lens = &mut scene.cameras[camera];
         lens.lens_radius = args.lens_radius.unwrap_or(lens.lens_radius);
         lens.focus_distance = args.focus_distance.unwrap_or(lens.focus_distance);
-        let size = args.size.unwrap_or_else(|| default_size(&scene, camera));
+        let size = args.size.or_else(|| hinted_size(&hints)).unwrap_or_else(|| default_size(&scene, camera));
+        hints.crop = hints.crop.filter(|_| args.size.is_none());
         let options = PrepareOptions { threads: threads(args), ..PrepareOptions::default() };
         let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &options)?);
-        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings })
+        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings, hints })
     }
 
     pub(crate) fn scene(&self) -> &Scene {
@@ -61,9 +64,9 @@ pub(crate) fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
+fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError> {
     let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
-    let mut options = LoadOptions::default();
+    let mut options = args.file.options();
     match &args.env {
         Some(EnvironmentArg::Picture(path)) => {
             options.environment = Some(path.clone());
@@ -73,7 +76,7 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
         Some(EnvironmentArg::Constant(_) | EnvironmentArg::Sky) => options.add_sky = false,
         None => {}
     }
-    let loaded = bottega_scene::load(&args.scene, &options)?;
+    let loaded = bottega_scene::load(&args.file.scene, &options)?;
     let mut scene = loaded.scene;
     if args.env == Some(EnvironmentArg::Sky) {
         scene.add_sky();
@@ -91,7 +94,7 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>), CliError> {
         }
         Some(EnvironmentArg::Picture(_)) => {}
     }
-    Ok((scene, loaded.warnings))
+    Ok((scene, loaded.warnings, loaded.hints))
 }
 
 fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, CliError> {
@@ -103,6 +106,11 @@ fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, CliError> {
             scene.cameras.iter().enumerate().map(|(index, camera)| format!("{index} {:?}", camera.name)).collect();
         CliError::usage(format!("there is no camera `{asked}`"), format!("the scene has: {}", names.join(", ")))
     })
+}
+
+/// The size that the file asks for, if it is one that can be painted.
+fn hinted_size(hints: &RenderHints) -> Option<Size> {
+    hints.resolution.and_then(|[width, height]| Size::new(width, height).ok())
 }
 
 fn default_size(scene: &Scene, camera: usize) -> Size {

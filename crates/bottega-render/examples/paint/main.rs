@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default())?);
 
     let seed = rest.get(3).map_or(Ok(0), |seed| seed.parse())?;
-    let settings = PathSettings { seed, max_depth, filter: Filter::Box, ..PathSettings::default() };
+    let settings = PathSettings { seed, max_depth, filter: Filter::PIXEL, ..PathSettings::default() };
     let rect = Rect::of_size(view.width, view.height);
     let spp: u32 = spp.parse()?;
     let (film, seconds, dropped_count) = paint(&prepared, view, &settings, spp)?;

@@ -3,19 +3,23 @@
 //! Sources: Kajiya 1986, *The Rendering Equation*; Veach 1997, *Robust Monte Carlo Methods for Light Transport
 //! Simulation*, chapters 8 to 10.
 
+use std::sync::Arc;
+
 use bottega_image::SampleValues;
 use bottega_kernels::{Hit, Ray, math};
-use bottega_scene::{Spectrum, Surface};
+use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
+use super::volume;
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
-    bsdf::{Bsdf, BsdfAt, SurfacePoint, scattering},
+    bsdf::{Bsdf, BsdfAt, BsdfSample, LobeFlags, SurfacePoint, scattering, warp::ONE_MINUS_EPSILON},
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
+    guide::{Guide, Region, Trail, train},
     interaction::{Interaction, emitted, is_there, sphere_uv},
     lights::{LightSample, Receiver},
-    sampler::{DimensionSet, PixelSampler},
+    sampler::{DimensionSet, PixelSampler, Quad},
     settings::DirectLight,
 };
 
@@ -29,6 +33,11 @@ const VERTEX_STEPS: f32 = 8.0;
 const SHADOW_STEPS: f32 = 8.0;
 /// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
 const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Bounces of the paths that the guide learns from.
+const LEARNING_DEPTH: u32 = 24;
+/// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
+/// samples.
+const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Growth of the beam after a scattering that spreads over one steradian.
 const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -54,8 +63,10 @@ pub struct PathIntegrator<'a> {
     prepared: &'a PreparedScene,
     settings: &'a PathSettings,
     camera: CameraRays,
+    camera_medium: Option<MediumId>,
     filter: FilterSampler,
     wanted: Wanted,
+    guide: Option<Arc<Guide>>,
 }
 
 impl<'a> PathIntegrator<'a> {
@@ -67,12 +78,39 @@ impl<'a> PathIntegrator<'a> {
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
-        Ok(Self {
+        let mut integrator = Self {
             prepared,
             settings,
             camera: CameraRays::new(camera, view.width, view.height),
+            camera_medium: camera.medium,
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
+            guide: None,
+        };
+        if settings.guiding {
+            integrator.guide = Some(prepared.guide(view, || integrator.learn(view)));
+        }
+        Ok(integrator)
+    }
+
+    /// Traces paths all over the picture for a guide.
+    fn learn(&self, view: View) -> Guide {
+        let settings = PathSettings { max_depth: LEARNING_DEPTH, ..PathSettings::default() };
+        let integrator = PathIntegrator {
+            settings: &settings,
+            camera: self.camera.clone(),
+            filter: self.filter.clone(),
+            guide: None,
+            ..*self
+        };
+        let size = Vec2::new(view.width as f32, view.height as f32);
+        train(u64::from(view.width) * u64::from(view.height), self.prepared.threads(), |guide, index, trail| {
+            // One sequence of samples for the whole picture.
+            let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
+            let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
+            let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
+            let record = integrator.follow(sampler, &ray, guide, Some(trail));
+            record.values.radiance.into()
         })
     }
 
@@ -86,24 +124,60 @@ impl<'a> PathIntegrator<'a> {
         self.trace(x, y, sample_index).values
     }
 
-    /// Where a sample's path begins.
-    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
+    pub(super) fn prepared(&self) -> &'a PreparedScene {
+        self.prepared
+    }
+
+    pub(super) fn settings(&self) -> &'a PathSettings {
+        self.settings
+    }
+
+    pub(super) fn wants_albedo(&self) -> bool {
+        self.wanted.albedo
+    }
+
+    /// What the camera stands in.
+    pub(super) fn camera_medium(&self) -> Option<MediumId> {
+        self.camera_medium
+    }
+
+    /// Where a sample's path begins, and the factor with which the sample counts.
+    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
-        let [dx, dy] = self.filter.sample([filter_u, filter_v]);
-        self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v])
+        let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
+        (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
     #[inline]
     pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
-        let ray = self.camera_ray(&sampler, x, y);
+        let (ray, factor) = self.camera_ray(&sampler, x, y);
+        let mut record = if self.prepared.needs_volume() {
+            volume::trace(self, sampler, &ray)
+        } else {
+            self.follow(sampler, &ray, self.guide.as_deref(), None)
+        };
+        record.values.radiance = record.values.radiance.map(|value| value * factor);
+        record
+    }
+
+    #[inline]
+    fn follow(
+        &self,
+        sampler: PixelSampler,
+        ray: &CameraRay,
+        guide: Option<&Guide>,
+        trail: Option<&mut Trail>,
+    ) -> PathRecord {
         let mut path = Path {
             integrator: self,
             sampler,
+            guide,
+            trail,
             throughput: Spectrum::ONE,
             radiance: Spectrum::ZERO,
             absorption: Spectrum::ZERO,
-            eta_scale: 1.0,
+            roulette_scale: 1.0,
             depth: 0,
             origin: ray.origin,
             direction: ray.direction,
@@ -130,12 +204,16 @@ struct Previous {
 struct Path<'a> {
     integrator: &'a PathIntegrator<'a>,
     sampler: PixelSampler,
+    guide: Option<&'a Guide>,
+    /// Where it is to be written down, to learn from it.
+    trail: Option<&'a mut Trail>,
     throughput: Spectrum,
     radiance: Spectrum,
     /// Of the solid that the path is in.
     absorption: Spectrum,
-    /// What the throughput owes to radiance that was squeezed into a denser solid, not to losses.
-    eta_scale: f32,
+    /// By how much the throughput is smaller than what the surfaces left of the light: because radiance was squeezed into
+    /// a denser solid, or because the path was guided to where more light comes from than elsewhere.
+    roulette_scale: f32,
     depth: u32,
     origin: Vec3,
     direction: Vec3,
@@ -190,10 +268,17 @@ impl Path<'_> {
             return false;
         }
         let bsdf = bsdf.at(wo);
+        let mut region = None;
         if !is_delta_only {
-            self.add_direct_light(&point, &bsdf);
+            if !known.transmits {
+                region = self.guide.and_then(|guide| guide.at(point.p, point.frame[2]));
+            }
+            if let Some(trail) = &mut self.trail {
+                trail.come(point.p, point.frame[2], self.throughput, self.radiance);
+            }
+            self.add_direct_light(&point, &bsdf, region);
         }
-        self.scatter(&point, &bsdf)
+        self.scatter(&point, &bsdf, region)
     }
 
     #[inline]
@@ -265,10 +350,7 @@ impl Path<'_> {
         if radiance == Spectrum::ZERO {
             return;
         }
-        let weight = self.found_by_bsdf(|from| match hit.sphere() {
-            Some(sphere) => prepared.lights().sphere_pdf(scene, sphere, from, point.p),
-            None => prepared.lights().triangle_pdf(prepared, hit.instance, hit.primitive, from, point.p, point.ng),
-        });
+        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, &hit, from, point.p));
         self.radiance += self.throughput * radiance * weight;
     }
 
@@ -289,7 +371,7 @@ impl Path<'_> {
 
     /// Next-event estimation.
     #[inline]
-    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>) {
+    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) {
         let settings = self.integrator.settings;
         let prepared = self.integrator.prepared;
         if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
@@ -300,7 +382,7 @@ impl Path<'_> {
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
             let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
-            let contribution = self.light_contribution(point, bsdf, &light, count as f32);
+            let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
             if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
                 self.radiance += self.throughput * contribution;
             }
@@ -309,7 +391,14 @@ impl Path<'_> {
 
     /// What one of `count` light samples adds if nothing is between.
     #[inline]
-    fn light_contribution(&self, point: &Interaction, bsdf: &BsdfAt<'_>, light: &LightSample, count: f32) -> Spectrum {
+    fn light_contribution(
+        &self,
+        point: &Interaction,
+        bsdf: &BsdfAt<'_>,
+        region: Option<&Region>,
+        light: &LightSample,
+        count: f32,
+    ) -> Spectrum {
         let wi = point.to_local(light.wi);
         // A shading normal must not let light through the real surface.
         if (wi.z > 0.0) != point.is_reflection(light.wi) {
@@ -321,19 +410,30 @@ impl Path<'_> {
         }
         let expected = count * light.pdf;
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let weight = if is_shared { power_heuristic(expected, bsdf_pdf) } else { 1.0 };
+        let found = || region.map_or(bsdf_pdf, |region| mixed(region.share(), region.pdf(light.wi), bsdf_pdf));
+        let weight = if is_shared { power_heuristic(expected, found()) } else { 1.0 };
         value * light.radiance * (wi.z.abs() * weight / expected)
     }
 
     /// Chooses where the path goes on. False when it ends here.
     #[inline]
-    fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>) -> bool {
+    fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) -> bool {
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
-        let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
+        let drawn = match region {
+            Some(region) => guided_sample(point, bsdf, region, u),
+            None => bsdf.sample(u[0], [u[1], u[2]]).map(|sample| (sample, sample.pdf)),
+        };
+        let Some((sample, bsdf_pdf)) = drawn else { return false };
         let wi = point.to_world(sample.wi);
         let is_reflection = point.is_reflection(wi);
         if (sample.wi.z > 0.0) != is_reflection {
             return false;
+        }
+        let is_delta = sample.is_delta();
+        if let Some(trail) = &mut self.trail
+            && !is_delta
+        {
+            trail.go(wi, bsdf_pdf, sample.pdf, self.radiance);
         }
         self.throughput *= sample.weight();
         if !is_reflection {
@@ -342,11 +442,13 @@ impl Path<'_> {
             if !material.surface.is_thin() {
                 self.absorption = known.absorption[usize::from(point.front)];
             }
-            self.eta_scale *= sample.eta * sample.eta;
+            self.roulette_scale *= sample.eta * sample.eta;
         }
-        let is_delta = sample.is_delta();
         if !is_delta {
             self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+            if region.is_some() {
+                self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
+            }
         }
         self.previous =
             Previous { receiver: receiver(self.integrator.prepared, point), pdf: (!is_delta).then_some(sample.pdf) };
@@ -360,7 +462,7 @@ impl Path<'_> {
     /// itself, error times vertices is up to an eighth larger (`bench/runs/2026-11-21-paths.txt`).
     #[inline]
     fn survives(&mut self, u: f32) -> bool {
-        let carried = self.throughput.max_element() * self.eta_scale;
+        let carried = self.throughput.max_element() * self.roulette_scale;
         if carried <= 0.0 || carried.is_nan() {
             return false;
         }
@@ -438,6 +540,30 @@ fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
     let target = point.p_outside + light.wi * light.distance;
     Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
+}
+
+/// Draws a direction by the guide or the BSDF, with the density of both together, and tells that of the BSDF as well.
+#[inline]
+fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Quad) -> Option<(BsdfSample, f32)> {
+    let share = region.share();
+    if u[0] < share {
+        let (wi, guide_pdf) = region.sample([u[1], u[2]]);
+        let wi = point.to_local(wi);
+        let (value, bsdf_pdf) = bsdf.eval_pdf(wi);
+        let pdf = mixed(share, guide_pdf, bsdf_pdf);
+        let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
+        return (value != Spectrum::ZERO).then_some((BsdfSample { wi, value, pdf, lobe, eta: 1.0 }, bsdf_pdf));
+    }
+    let rest = ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON);
+    let sample = bsdf.sample(rest, [u[1], u[2]])?;
+    let guide_pdf = if sample.is_delta() { 0.0 } else { region.pdf(point.to_world(sample.wi)) };
+    Some((BsdfSample { pdf: mixed(share, guide_pdf, sample.pdf), ..sample }, sample.pdf))
+}
+
+/// Density of a choice between the guide and the BSDF.
+#[inline]
+fn mixed(share: f32, guide_pdf: f32, bsdf_pdf: f32) -> f32 {
+    share * guide_pdf + (1.0 - share) * bsdf_pdf
 }
 
 /// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).

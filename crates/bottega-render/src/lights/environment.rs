@@ -1,28 +1,40 @@
 //! Light from infinitely far away, all around.
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 
 use bottega_kernels::math;
-use bottega_scene::{Environment, Scene, Spectrum, TextureMap, Wrap};
-use glam::{Affine2, Mat3, Vec2, Vec3};
+use bottega_scene::{Environment, EnvironmentMapping, Scene, Spectrum, TextureMap, Wrap};
+use glam::{Mat3, Vec2, Vec3};
 
+use super::distribution::{Bilinear, Cells};
 use crate::{luminance, sampling::uniform_sphere};
 
 /// Largest size of the sampling table, in cells.
-const TABLE_SIZE_MAX: (usize, usize) = (1024, 512);
+const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
 
 /// The environment with a table to draw directions from.
 #[derive(Clone, Debug)]
 pub(crate) struct EnvironmentLight {
     picture: Option<TextureMap>,
+    mapping: EnvironmentMapping,
     factor: Spectrum,
     world_from_environment: Mat3,
-    /// `None` where there is no picture, or where its compensated density is 0 everywhere: then directions are
-    /// uniform, or not sampled at all.
-    table: Option<Distribution2d>,
-    /// Luminance integrated over the sphere.
+    table: Table,
+    /// Luminance integrated over the sphere: that part of it which the table stands for.
     integral: f32,
-    compensated: bool,
+}
+
+/// How directions are drawn.
+#[derive(Clone, Debug)]
+enum Table {
+    /// Not at all: all is left to BSDF sampling.
+    None,
+    /// Uniformly over the sphere.
+    Uniform,
+    /// By latitude and longitude.
+    Bilinear(Bilinear),
+    /// By equal areas.
+    Cells(Cells),
 }
 
 impl EnvironmentLight {
@@ -32,74 +44,93 @@ impl EnvironmentLight {
     ///   mean (Karlík et al. 2019, *MIS Compensation*, §5.1). Right only where both strategies are combined.
     pub(crate) fn new(scene: &Scene, environment: &Environment, compensate: bool) -> Self {
         let picture = environment.image.map(|image| TextureMap {
-            image,
-            uv_set: 0,
-            picture_from_uv: Affine2::IDENTITY,
-            wrap_u: Wrap::Repeat,
             wrap_v: Wrap::Clamp,
-            smooth: true,
+            // pbrt takes the nearest texel.
+            smooth: environment.mapping != EnvironmentMapping::EqualArea,
+            ..TextureMap::new(image)
         });
         let mut light = Self {
             picture,
+            mapping: environment.mapping,
             factor: environment.factor,
             world_from_environment: environment.world_from_environment,
-            table: None,
+            table: if compensate { Table::None } else { Table::Uniform },
             integral: 4.0 * PI * luminance(environment.factor),
-            compensated: compensate,
         };
         if let Some(map) = &light.picture {
             let (width, height) = scene.images[map.image.0 as usize].size();
-            let (columns, rows) =
-                ((width as usize).clamp(1, TABLE_SIZE_MAX.0), (height as usize).clamp(1, TABLE_SIZE_MAX.1));
-            let cells = light.luminance_times_sine(scene, columns, rows);
-            let mean = cells.iter().sum::<f32>() / cells.len() as f32;
-            // ∫ L sin θ dθ dφ over 2π × π.
-            light.integral = mean * 2.0 * PI * PI;
-            light.table = Distribution2d::new(&light.compensate(cells, columns, rows), columns, rows);
+            let columns = (width as usize).clamp(1, TABLE_SIZE_MAX.0);
+            let rows = (height as usize).clamp(1, TABLE_SIZE_MAX.1);
+            let (table, integral) = light.tabulate(scene, columns, rows, compensate);
+            light.table = table;
+            light.integral = integral;
         }
         light
     }
 
-    fn luminance_times_sine(&self, scene: &Scene, columns: usize, rows: usize) -> Vec<f32> {
+    /// The table over a picture, and the integral of the luminance that it stands for.
+    fn tabulate(&self, scene: &Scene, columns: usize, rows: usize, compensate: bool) -> (Table, f32) {
+        // The solid angle of a cell over that of all of them, times the number of rows.
+        let weight = |row: usize| match self.mapping {
+            EnvironmentMapping::LatitudeLongitude => 0.5 * PI * math::sin(PI * (row as f32 + 0.5) / rows as f32),
+            EnvironmentMapping::EqualArea => 1.0,
+        };
+        let mut cells = self.luminances(scene, columns, rows);
+        let integral_of = |cells: &[f32]| {
+            let by_row = cells.chunks_exact(columns).enumerate();
+            let sum: f64 = by_row
+                .map(|(row, cells)| f64::from(weight(row)) * cells.iter().map(|&l| f64::from(l)).sum::<f64>())
+                .sum();
+            (4.0 * std::f64::consts::PI * sum / cells.len() as f64) as f32
+        };
+        if compensate {
+            let mean = integral_of(&cells) / (4.0 * PI);
+            cells.iter_mut().for_each(|cell| *cell = (*cell - mean).max(0.0));
+        }
+        let integral = integral_of(&cells);
+        for (row, cells) in cells.chunks_exact_mut(columns).enumerate() {
+            cells.iter_mut().for_each(|cell| *cell *= weight(row));
+        }
+        let table = match self.mapping {
+            EnvironmentMapping::LatitudeLongitude => Bilinear::new(cells, columns, rows).map(Table::Bilinear),
+            EnvironmentMapping::EqualArea => Cells::new(&cells, columns, rows).map(Table::Cells),
+        };
+        (table.unwrap_or(Table::None), integral)
+    }
+
+    /// The luminance in each cell: of its texel, or of all its texels where the table is coarser than the picture.
+    fn luminances(&self, scene: &Scene, columns: usize, rows: usize) -> Vec<f32> {
+        let Some(map) = &self.picture else { return Vec::new() };
+        let image = &scene.images[map.image.0 as usize];
+        let size = (columns as u32, rows as u32);
         // A lookup a little wider than the cell, so that no light at its border is missed.
-        let footprint = 1.5 / columns as f32;
+        let footprint = 1.5 / columns.min(rows) as f32;
         let mut cells = Vec::with_capacity(columns * rows);
-        for row in 0..rows {
-            let v = (row as f32 + 0.5) / rows as f32;
-            let sine = math::sin(PI * v);
-            for column in 0..columns {
-                let uv = Vec2::new((column as f32 + 0.5) / columns as f32, v);
-                cells.push(luminance(self.lookup(scene, uv, footprint)).max(0.0) * sine);
+        for row in 0..size.1 {
+            for column in 0..size.0 {
+                let color = if size == image.size() {
+                    image.texel(column, row).truncate() * self.factor
+                } else {
+                    let place = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
+                    self.lookup(scene, place / Vec2::new(columns as f32, rows as f32), footprint)
+                };
+                cells.push(luminance(color).max(0.0));
             }
         }
         cells
     }
 
-    fn compensate(&self, mut cells: Vec<f32>, columns: usize, rows: usize) -> Vec<f32> {
-        if self.compensated {
-            let mean_luminance = self.integral / (4.0 * PI);
-            for row in 0..rows {
-                let floor = mean_luminance * math::sin(PI * (row as f32 + 0.5) / rows as f32);
-                for cell in &mut cells[row * columns..(row + 1) * columns] {
-                    *cell = (*cell - floor).max(0.0);
-                }
-            }
-        }
-        cells
-    }
-
-    /// Luminance integrated over the sphere of directions.
-    pub(crate) fn integral(&self) -> f32 {
-        self.integral
+    /// An estimate of the illuminance that sampled directions bring to a surface: the mean over all its orientations.
+    pub(crate) fn illuminance(&self) -> f32 {
+        if matches!(self.table, Table::None) { 0.0 } else { 0.25 * self.integral }
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.table.as_ref().map_or(0, |table| size_of_val(&*table.conditional) + size_of_val(&*table.marginal))
-    }
-
-    /// Whether [`Self::sample`] ever gives a direction.
-    pub(crate) fn is_sampled(&self) -> bool {
-        self.table.is_some() || !self.compensated
+        match &self.table {
+            Table::None | Table::Uniform => 0,
+            Table::Bilinear(table) => table.memory_bytes(),
+            Table::Cells(table) => table.memory_bytes(),
+        }
     }
 
     /// The radiance that comes from a direction of unit length.
@@ -107,8 +138,15 @@ impl EnvironmentLight {
         if self.picture.is_none() {
             return self.factor;
         }
-        let local = self.world_from_environment.transpose() * direction;
-        self.lookup(scene, uv_of(local), 0.0)
+        self.lookup(scene, self.uv_of(self.world_from_environment.transpose() * direction), 0.0)
+    }
+
+    /// Where a direction of environment space is on the picture.
+    fn uv_of(&self, local: Vec3) -> Vec2 {
+        match self.mapping {
+            EnvironmentMapping::LatitudeLongitude => uv_of(local),
+            EnvironmentMapping::EqualArea => square_of(local),
+        }
     }
 
     fn lookup(&self, scene: &Scene, uv: Vec2, footprint: f32) -> Spectrum {
@@ -120,35 +158,40 @@ impl EnvironmentLight {
 
     /// Draws a direction: it, its radiance, and its density per solid angle.
     pub(crate) fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
-        let Some(table) = &self.table else {
-            if self.compensated {
-                return None;
+        let (local, uv, pdf) = match &self.table {
+            Table::None => return None,
+            Table::Uniform => {
+                let direction = uniform_sphere(u);
+                return Some((direction, self.radiance(scene, direction), 1.0 / (4.0 * PI)));
             }
-            let direction = uniform_sphere(u);
-            return Some((direction, self.radiance(scene, direction), 1.0 / (4.0 * PI)));
+            Table::Bilinear(table) => {
+                let (uv, density) = table.sample(u);
+                let (sin_theta, cos_theta) = math::sin_cos(PI * uv[1]);
+                let (sin_phi, cos_phi) = math::sin_cos(2.0 * PI * (uv[0] - 0.5));
+                let local = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
+                (local, Vec2::from(uv), density / (2.0 * PI * PI * sin_theta))
+            }
+            Table::Cells(table) => {
+                let (uv, density) = table.sample(u);
+                (direction_of_square(uv.into()), Vec2::from(uv), density / (4.0 * PI))
+            }
         };
-        let (uv, density) = table.sample(u);
-        let (sin_theta, cos_theta) = math::sin_cos(PI * uv.y);
-        let (sin_phi, cos_phi) = math::sin_cos(2.0 * PI * (uv.x - 0.5));
-        if sin_theta <= 0.0 {
-            return None;
-        }
-        let local = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
-        let pdf = density / (2.0 * PI * PI * sin_theta);
-        Some((self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
+        let is_sound = pdf > 0.0 && pdf.is_finite();
+        is_sound.then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
     }
 
     /// The density per solid angle with which [`Self::sample`] draws a direction.
     pub(crate) fn pdf(&self, direction: Vec3) -> f32 {
-        let Some(table) = &self.table else {
-            return if self.compensated { 0.0 } else { 1.0 / (4.0 * PI) };
-        };
         let local = self.world_from_environment.transpose() * direction;
-        let sin_theta = (local.x * local.x + local.z * local.z).sqrt();
-        if sin_theta <= 0.0 {
-            return 0.0;
+        match &self.table {
+            Table::None => 0.0,
+            Table::Uniform => 1.0 / (4.0 * PI),
+            Table::Bilinear(table) => {
+                let sin_theta = (local.x * local.x + local.z * local.z).sqrt();
+                if sin_theta > 0.0 { table.density(uv_of(local).into()) / (2.0 * PI * PI * sin_theta) } else { 0.0 }
+            }
+            Table::Cells(table) => table.density(square_of(local).into()) / (4.0 * PI),
         }
-        table.density(uv_of(local)) / (2.0 * PI * PI * sin_theta)
     }
 }
 
@@ -158,74 +201,30 @@ fn uv_of(direction: Vec3) -> Vec2 {
     Vec2::new(u, math::acos(direction.y) / PI)
 }
 
-/// A density on the unit square that is constant within each cell of a grid.
-#[derive(Clone, Debug)]
-struct Distribution2d {
-    columns: usize,
-    rows: usize,
-    /// Cumulative sums along each row, `[rows × (columns + 1)]`, from 0 to 1.
-    conditional: Vec<f32>,
-    /// Cumulative sums of the rows, `[rows + 1]`, from 0 to 1.
-    marginal: Vec<f32>,
+/// The place of a direction on a picture of equal areas (Clarberg 2008): +z is the centre, the lower hemisphere folded
+/// into the corners.
+fn square_of(direction: Vec3) -> Vec2 {
+    let flat = direction.truncate().abs();
+    let radius = (1.0 - direction.z.abs()).max(0.0).sqrt();
+    let angle = if flat == Vec2::ZERO { 0.0 } else { math::atan2(flat.y, flat.x) * FRAC_2_PI };
+    let upper = Vec2::new(radius - angle * radius, angle * radius);
+    let place = if direction.z < 0.0 { 1.0 - Vec2::new(upper.y, upper.x) } else { upper };
+    let place = Vec2::new(place.x.copysign(direction.x), place.y.copysign(direction.y));
+    (place * 0.5 + 0.5).clamp(Vec2::ZERO, Vec2::splat(ONE_BELOW))
 }
 
-impl Distribution2d {
-    /// `None` when all cells are 0.
-    fn new(cells: &[f32], columns: usize, rows: usize) -> Option<Self> {
-        let mut conditional = Vec::with_capacity(rows * (columns + 1));
-        let mut row_sums = Vec::with_capacity(rows);
-        for row in cells.chunks_exact(columns) {
-            row_sums.push(push_cumulative(&mut conditional, row));
-        }
-        let mut marginal = Vec::with_capacity(rows + 1);
-        let row_sums: Vec<f32> = row_sums.into_iter().map(|sum| sum as f32).collect();
-        let total = push_cumulative(&mut marginal, &row_sums);
-        (total > 0.0 && total.is_finite()).then_some(Self { columns, rows, conditional, marginal })
-    }
-
-    fn row(&self, row: usize) -> &[f32] {
-        &self.conditional[row * (self.columns + 1)..(row + 1) * (self.columns + 1)]
-    }
-
-    fn sample(&self, u: [f32; 2]) -> (Vec2, f32) {
-        let (row, y, row_density) = invert(&self.marginal, u[1]);
-        let (_, x, column_density) = invert(self.row(row), u[0]);
-        (Vec2::new(x, y), row_density * column_density)
-    }
-
-    fn density(&self, uv: Vec2) -> f32 {
-        let row = ((uv.y * self.rows as f32) as usize).min(self.rows - 1);
-        let column = ((uv.x * self.columns as f32) as usize).min(self.columns - 1);
-        let share = |sums: &[f32], i: usize| sums[i + 1] - sums[i];
-        share(&self.marginal, row) * self.rows as f32 * share(self.row(row), column) * self.columns as f32
-    }
-}
-
-/// Appends the cumulative sums of `values`, from 0 to 1, and returns the sum. Values that are all 0 count as equal.
-fn push_cumulative(sums: &mut Vec<f32>, values: &[f32]) -> f64 {
-    let total: f64 = values.iter().map(|&v| f64::from(v)).sum();
-    let mut sum = 0.0;
-    sums.push(0.0);
-    for (i, &value) in values.iter().enumerate() {
-        sum += f64::from(value);
-        let share = if total > 0.0 { sum / total } else { (i + 1) as f64 / values.len() as f64 };
-        sums.push(share as f32);
-    }
-    if let Some(last) = sums.last_mut() {
-        *last = 1.0;
-    }
-    total
-}
-
-/// The cell of `u` in cumulative sums, the place in [0, 1), and the density there.
-fn invert(sums: &[f32], u: f32) -> (usize, f32, f32) {
-    let cells = sums.len() - 1;
-    // The last cell that starts at or below u: its share is above 0, for the next one starts above u.
-    let cell = sums.partition_point(|&sum| sum <= u).clamp(1, cells) - 1;
-    let share = sums[cell + 1] - sums[cell];
-    let part = if share > 0.0 { (u - sums[cell]) / share } else { 0.5 };
-    let place = ((cell as f32 + part) / cells as f32).min(ONE_BELOW);
-    (cell, place, share * cells as f32)
+/// The direction of a place on a picture of equal areas.
+fn direction_of_square(place: Vec2) -> Vec3 {
+    let place = place * 2.0 - 1.0;
+    let flat = place.abs();
+    // Above 0 in the upper hemisphere, and as far from the edge of its diamond.
+    let from_edge = 1.0 - (flat.x + flat.y);
+    let radius = 1.0 - from_edge.abs();
+    let angle = if radius > 0.0 { ((flat.y - flat.x) / radius + 1.0) * FRAC_PI_4 } else { 0.0 };
+    let z = (1.0 - radius * radius).copysign(from_edge);
+    let (sin, cos) = math::sin_cos(angle);
+    let sine = radius * (2.0 - radius * radius).max(0.0).sqrt();
+    Vec3::new((cos * sine).copysign(place.x), (sin * sine).copysign(place.y), z)
 }
 
 /// The largest number below 1.
@@ -234,7 +233,7 @@ const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bottega_scene::{EnvironmentMapping, Image, ImageId};
+    use bottega_scene::{Image, ImageId};
 
     fn scene_with(environment_size: (u32, u32), texel: impl Fn(u32, u32) -> [f32; 3]) -> Scene {
         let (width, height) = environment_size;
@@ -274,7 +273,7 @@ mod tests {
         let by_uniform =
             grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
         assert!((by_light / by_uniform - 1.0).abs().max_element() < 0.02, "{by_light} {by_uniform}");
-        assert!((light.integral() / luminance(by_uniform) - 1.0).abs() < 0.02);
+        assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.02);
     }
 
     #[test]
@@ -297,6 +296,81 @@ mod tests {
         assert!((integral - 1.0).abs() < 0.02, "{integral}");
     }
 
+    /// Half of the sphere in a turned and mirrored environment of equal areas.
+    fn equal_area() -> (Scene, Environment) {
+        let scene = scene_with((32, 32), |x, y| if x < 20 { [0.5 + (y % 3) as f32, x as f32, 2.0] } else { [0.0; 3] });
+        let mirror = Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0));
+        let place = environment().world_from_environment * mirror;
+        let environment =
+            Environment { mapping: EnvironmentMapping::EqualArea, world_from_environment: place, ..environment() };
+        (scene, environment)
+    }
+
+    #[test]
+    fn an_environment_of_equal_areas_is_sampled_as_it_is_seen() {
+        let (scene, environment) = equal_area();
+        let light = EnvironmentLight::new(&scene, &environment, false);
+        let mut by_light = Spectrum::ZERO;
+        for u in grid(600) {
+            let (direction, radiance, pdf) = light.sample(&scene, u).unwrap();
+            assert!(direction.is_normalized() && radiance != Spectrum::ZERO);
+            by_light += radiance / pdf / 360_000.0;
+        }
+        let by_uniform =
+            grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
+        assert!((by_light / by_uniform - 1.0).abs().max_element() < 0.01, "{by_light} {by_uniform}");
+        assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.01);
+        let density: f32 = grid(256).map(|u| light.pdf(uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
+        assert!((density - 1.0).abs() < 0.01, "{density}");
+    }
+
+    #[test]
+    fn places_of_equal_areas_and_directions_belong_together() {
+        for u in grid(64) {
+            let direction = uniform_sphere(u);
+            let place = square_of(direction);
+            let back = direction_of_square(place);
+            assert!((back - direction).length() < 2e-3, "{direction} {place} {back}");
+        }
+        assert!((square_of(Vec3::Z) - Vec2::splat(0.5)).length() < 1e-6);
+        assert!((square_of(Vec3::X) - Vec2::new(1.0, 0.5)).length() < 1e-6);
+        assert!((square_of(Vec3::Y) - Vec2::new(0.5, 1.0)).length() < 1e-6);
+        // Equal areas: directions above a latitude take that share of the square.
+        let above = grid(200).filter(|&u| direction_of_square(u.into()).z > 0.5).count();
+        assert!((above as f32 / 40_000.0 - 0.25).abs() < 2e-3, "{above}");
+    }
+
+    #[test]
+    fn directions_are_drawn_by_the_density_of_a_picture_with_a_tiny_sun() {
+        // One texel a hundred thousand times as bright as the others, in the dark.
+        let scene = scene_with((64, 32), |x, y| if (x, y) == (40, 9) { [1e5; 3] } else { [0.0; 3] });
+        for compensate in [false, true] {
+            let light = EnvironmentLight::new(&scene, &environment(), compensate);
+            let mut values = Vec::new();
+            for u in grid(64) {
+                let (_, radiance, pdf) = light.sample(&scene, u).unwrap();
+                values.push(luminance(radiance) / pdf);
+            }
+            let mean = values.iter().sum::<f32>() / values.len() as f32;
+            let largest = values.iter().fold(0.0_f32, |a, &b| a.max(b));
+            // The picture is interpolated, and so is the density: no sample is a firefly.
+            assert!(largest < 1.2 * mean, "{largest} {mean}");
+            assert!((mean / light.integral - 1.0).abs() < 0.01, "{mean} {}", light.integral);
+        }
+    }
+
+    #[test]
+    fn every_direction_that_shines_can_be_drawn() {
+        let scene = scene_with((16, 8), |x, y| if (x * 5 + y * 3) % 7 == 0 { [1.0; 3] } else { [0.0; 3] });
+        let light = EnvironmentLight::new(&scene, &environment(), false);
+        for u in grid(200) {
+            let direction = uniform_sphere(u);
+            let radiance = luminance(light.radiance(&scene, direction));
+            // Near the poles a table of eight rows knows their lengths to a factor of three.
+            assert!(radiance <= 1e-5 || radiance / light.pdf(direction) < 3.0 * light.integral, "{direction}");
+        }
+    }
+
     #[test]
     fn directions_and_texture_coordinates_follow_the_model() {
         assert!((uv_of(Vec3::NEG_Z) - Vec2::new(0.5, 0.5)).length() < 1e-6);
@@ -307,8 +381,8 @@ mod tests {
     #[test]
     fn a_uniform_environment_is_left_to_bsdf_sampling_when_compensated() {
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, true);
-        assert!(!light.is_sampled() && light.sample(&Scene::default(), [0.5; 2]).is_none());
+        assert!(light.illuminance() == 0.0 && light.sample(&Scene::default(), [0.5; 2]).is_none());
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, false);
-        assert!(light.is_sampled() && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
+        assert!(light.illuminance() > 0.0 && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
     }
 }

@@ -1,30 +1,43 @@
 //! Everything that shines, and the choice of one light for a point.
 //!
-//! Light indices: the environment first (where it is sampled), then lights without extent, then spheres that shine, then the triangles
-//! of instances that shine. A light is chosen by power. What light sampling never chooses has probability 0 in both
+//! Lights that are somewhere hang in a tree, which is asked what arrives at the point; those infinitely far away, the
+//! environment and parallel light, stand beside it. What light sampling never chooses has probability 0 in both
 //! directions, and so is left to BSDF sampling with full weight.
 
-mod alias;
+mod bounds;
+mod distribution;
 mod environment;
 mod punctual;
+mod rectangle;
 mod sphere;
-mod spherical;
+mod surface;
+mod tree;
 mod triangle;
 
-use std::f32::consts::PI;
+#[cfg(test)]
+mod tests;
 
-use bottega_scene::{Scene, Sides, Spectrum};
+use bottega_kernels::Hit;
+use bottega_scene::{LightKind, Scene, Spectrum};
 use glam::Vec3;
 
 use crate::{
+    bsdf::warp::ONE_MINUS_EPSILON,
     luminance,
     prepare::{PreparedInstance, PreparedMaterial, PreparedScene},
     sampler::Quad,
 };
-use alias::AliasTable;
+use bounds::LightBounds;
 use environment::EnvironmentLight;
+use surface::{Grid, Panel, Shape, SurfaceLight};
+use tree::LightTree;
+pub(crate) use tree::{Arc, Segment};
 
-/// Stands for "no light" in a light index.
+/// Least probability with which light from infinitely far away is asked for, and least probability with which it is not,
+/// where there is light of both kinds: what is estimated of them knows nothing of shadows.
+const SHARE_MIN: f32 = 0.1;
+
+/// Stands for "no light" in the number of a light.
 pub(crate) const NO_LIGHT: u32 = u32::MAX;
 
 /// Light that reaches a point from one direction.
@@ -40,6 +53,10 @@ pub(crate) struct LightSample {
     pub(crate) pdf: f32,
     /// Whether only light sampling can find it.
     pub(crate) is_delta: bool,
+    /// Which light of the tree it was; [`NO_LIGHT`] for one infinitely far away.
+    pub(crate) light: u32,
+    /// The factor of `pdf` that is the probability of this light.
+    pub(crate) pmf: f32,
 }
 
 /// A point that asks for light.
@@ -56,81 +73,160 @@ pub(crate) struct Receiver {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     environment: Option<EnvironmentLight>,
-    /// Index of the first light without extent: 1 where the environment is a light, else 0.
-    first_punctual: u32,
-    first_sphere: u32,
-    /// The shining spheres, as indices into the scene's.
-    spheres: Vec<u32>,
-    first_triangle: u32,
-    /// The shining instances, as (light index of the first triangle, instance), ascending.
-    instances: Vec<(u32, u32)>,
-    /// By light index.
-    choice: AliasTable,
-    light_count: usize,
+    /// What the environment does to a surface, where it is sampled; else 0.
+    environment_illuminance: f32,
+    /// Parallel light.
+    parallel: Vec<Parallel>,
+    tree: LightTree,
+    /// By number in the tree.
+    lights: Vec<Light>,
+    /// The shining spheres, as indices into the scene's, ascending, with their numbers in the tree.
+    spheres: Vec<(u32, u32)>,
+    /// The shining triangles, instance by instance.
+    triangles: Vec<TriangleLight>,
+    /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
+    parts: Vec<u32>,
+}
+
+/// A light of the tree.
+#[derive(Clone, Copy, Debug)]
+enum Light {
+    /// Index into the scene's.
+    Punctual(u32),
+    /// Index into the scene's.
+    Sphere(u32),
+    Surface(SurfaceLight),
+}
+
+/// Parallel light.
+#[derive(Clone, Copy, Debug)]
+struct Parallel {
+    /// Index into the scene's lights.
+    light: u32,
+    /// Unit length.
+    to_light: Vec3,
+    /// On a surface that faces it.
+    illuminance: f32,
+}
+
+/// Which light a triangle is.
+#[derive(Clone, Copy, Debug)]
+struct TriangleLight {
+    /// Where the parts of its panel begin in [`Lights::parts`].
+    first_part: u32,
+    shape: Shape,
+    is_second: bool,
+    grid: Grid,
+}
+
+/// What [`Lights`] is made from, light by light.
+#[derive(Default)]
+struct Collected {
+    lights: Vec<Light>,
+    bounds: Vec<LightBounds>,
+}
+
+impl Collected {
+    /// The number of the light among those collected; [`NO_LIGHT`] where it is dark.
+    fn push(&mut self, light: Light, bounds: LightBounds) -> u32 {
+        if !(bounds.intensity > 0.0 && bounds.intensity.is_finite()) {
+            return NO_LIGHT;
+        }
+        self.lights.push(light);
+        self.bounds.push(bounds);
+        self.lights.len() as u32 - 1
+    }
 }
 
 impl Lights {
     /// Collects the lights and writes into `instances` where theirs begin.
-    ///
-    /// - `radius`: of a sphere around all surfaces.
     pub(crate) fn new(
         scene: &Scene,
-        radius: f32,
         materials: &[PreparedMaterial],
         instances: &mut [PreparedInstance],
         compensate_environment: bool,
     ) -> Self {
-        let disk = PI * radius * radius;
-        let mut powers = Vec::new();
-
         let environment = scene
             .environment
             .as_ref()
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
-        if let Some(light) = environment.as_ref().filter(|light| light.is_sampled()) {
-            powers.push(disk * light.integral());
-        }
-        let first_punctual = powers.len() as u32;
-        powers.extend((0..scene.lights.len() as u32).map(|light| punctual::power(scene, light, disk)));
-
-        let first_sphere = powers.len() as u32;
-        let shines = |material: u32| materials[material as usize].shines;
-        let spheres: Vec<u32> =
-            (0..scene.spheres.len() as u32).filter(|&sphere| shines(scene.spheres[sphere as usize].material)).collect();
-        powers.extend(spheres.iter().map(|&index| sphere::power(scene, index)));
-
-        let first_triangle = powers.len() as u32;
-        let mut shining = Vec::new();
-        for (index, prepared) in instances.iter_mut().enumerate() {
-            let mesh = &scene.meshes[scene.instances[index].mesh as usize];
-            if shines(mesh.material) {
-                prepared.first_light = powers.len() as u32;
-                shining.push((prepared.first_light, index as u32));
-                powers.extend(
-                    (0..mesh.triangles.len() as u32).map(|triangle| triangle::power(scene, index as u32, triangle)),
-                );
+        let mut lights = Self {
+            environment_illuminance: environment.as_ref().map_or(0.0, EnvironmentLight::illuminance),
+            environment,
+            ..Self::default()
+        };
+        let mut collected = Collected::default();
+        for (light, index) in scene.lights.iter().zip(0..) {
+            if let LightKind::Directional { direction, irradiance } = light.kind {
+                lights.parallel.push(Parallel {
+                    light: index,
+                    to_light: -direction,
+                    illuminance: luminance(irradiance),
+                });
+            } else if let Some(bounds) = punctual::bounds(scene, index) {
+                collected.push(Light::Punctual(index), bounds);
             }
         }
-        Self {
-            environment,
-            first_punctual,
-            first_sphere,
-            spheres,
-            first_triangle,
-            instances: shining,
-            choice: AliasTable::new(&powers),
-            light_count: powers.len(),
+        let shines = |material: u32| materials[material as usize].shines;
+        for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| shines(sphere.material)) {
+            let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
+            lights.spheres.push((index, number));
         }
+        for (index, prepared) in instances.iter_mut().enumerate() {
+            if shines(scene.meshes[scene.instances[index].mesh as usize].material) {
+                prepared.first_light = lights.triangles.len() as u32;
+                lights.add_instance(scene, index as u32, &mut collected);
+            }
+        }
+        lights.hang(collected);
+        lights
+    }
+
+    fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut Collected) {
+        let panels = Panel::of_instance(scene, instance);
+        for panel in &panels {
+            let grid = panel.grid(scene, panels.len());
+            let first_part = self.parts.len() as u32;
+            self.triangles.extend((0..panel.triangle_count()).map(|i| TriangleLight {
+                first_part,
+                shape: panel.shape,
+                is_second: i > 0,
+                grid,
+            }));
+            let parts = panel.lights(scene, grid).into_iter();
+            self.parts.extend(parts.map(|(light, bounds)| collected.push(Light::Surface(light), bounds)));
+        }
+    }
+
+    /// Builds the tree, and numbers all lights as it does.
+    fn hang(&mut self, collected: Collected) {
+        let (tree, order) = LightTree::new(&collected.bounds);
+        let mut number = vec![NO_LIGHT; order.len()];
+        for (new, &old) in (0..).zip(&order) {
+            number[old as usize] = new;
+        }
+        let renumber = |light: &mut u32| *light = number.get(*light as usize).copied().unwrap_or(NO_LIGHT);
+        self.spheres.iter_mut().for_each(|(_, light)| renumber(light));
+        self.parts.iter_mut().for_each(renumber);
+        self.lights = order.iter().map(|&old| collected.lights[old as usize]).collect();
+        self.tree = tree;
     }
 
     /// Whether light sampling finds nothing anywhere.
     pub(crate) fn is_empty(&self) -> bool {
-        self.choice.is_empty()
+        self.lights.is_empty() && !self.has_far()
+    }
+
+    /// Whether light comes from infinitely far away.
+    fn has_far(&self) -> bool {
+        self.environment_illuminance > 0.0 || !self.parallel.is_empty()
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.light_count * AliasTable::ENTRY_BYTES
-            + size_of_val(&*self.instances)
+        self.tree.memory_bytes()
+            + size_of_val(&*self.lights)
+            + size_of_val(&*self.triangles)
+            + size_of_val(&*self.parts)
             + size_of_val(&*self.spheres)
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
@@ -138,30 +234,100 @@ impl Lights {
     /// Draws one light and a place on it. `None`: these numbers give no light.
     #[inline]
     pub(crate) fn sample(&self, prepared: &PreparedScene, receiver: &Receiver, u: Quad) -> Option<LightSample> {
-        let p = receiver.p;
-        let (index, pmf) = self.choice.sample(u[0])?;
-        let index = index as u32;
-        let place = [u[1], u[2]];
-        let sample = if index >= self.first_triangle {
-            let (instance, triangle) = self.triangle(index);
-            triangle::sample(prepared, instance, triangle, p, place)?
-        } else if index >= self.first_sphere {
-            sphere::sample(prepared.scene(), self.spheres[(index - self.first_sphere) as usize], p, place)?
-        } else if index >= self.first_punctual {
-            punctual::sample(prepared.scene(), index - self.first_punctual, p)?
-        } else {
-            let (wi, radiance, pdf) = self.environment.as_ref()?.sample(prepared.scene(), place)?;
-            LightSample { wi, distance: f32::INFINITY, radiance, pdf, is_delta: false }
-        };
-        Some(LightSample { pdf: sample.pdf * pmf, ..sample })
+        let share = self.far_share(receiver);
+        if u[0] < share {
+            return self.sample_far(prepared.scene(), receiver, u[0] / share, share, [u[1], u[2]]);
+        }
+        let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
+        let (light, pmf) = self.tree.sample(receiver, choice)?;
+        let pmf = pmf * (1.0 - share);
+        let sample = self.sample_place(prepared, light, receiver.p, [u[1], u[2]])?;
+        Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// The instance and triangle of a light index at or above `first_triangle`.
+    /// Draws a place on one light, whose number is taken as given: `pdf` is the density of the place alone.
     #[inline]
-    fn triangle(&self, index: u32) -> (u32, u32) {
-        let after = self.instances.partition_point(|&(first, _)| first <= index);
-        let (first, instance) = self.instances[after - 1];
-        (instance, index - first)
+    pub(crate) fn sample_place(
+        &self,
+        prepared: &PreparedScene,
+        light: u32,
+        from: Vec3,
+        u: [f32; 2],
+    ) -> Option<LightSample> {
+        let sample = match &self.lights[light as usize] {
+            Light::Surface(surface) => surface.sample(prepared, from, u)?,
+            Light::Sphere(index) => sphere::sample(prepared.scene(), *index, from, u)?,
+            Light::Punctual(index) => punctual::sample(prepared.scene(), *index, from)?,
+        };
+        Some(LightSample { light, ..sample })
+    }
+
+    /// Density per solid angle with which [`Self::sample_place`] draws the place `p` on a light with extent.
+    pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> f32 {
+        match &self.lights[light as usize] {
+            Light::Surface(surface) => surface.pdf(from, p),
+            Light::Sphere(index) => sphere::pdf(scene, *index, from, p),
+            Light::Punctual(_) => 0.0,
+        }
+    }
+
+    /// The probability of asking for light from infinitely far away.
+    #[inline]
+    fn far_share(&self, receiver: &Receiver) -> f32 {
+        if !self.has_far() {
+            return 0.0;
+        }
+        if self.lights.is_empty() {
+            return 1.0;
+        }
+        let far =
+            self.environment_illuminance + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>();
+        let near = self.tree.total(receiver);
+        if far <= 0.0 {
+            0.0
+        } else if near <= 0.0 {
+            1.0
+        } else {
+            (far / (far + near)).clamp(SHARE_MIN, 1.0 - SHARE_MIN)
+        }
+    }
+
+    fn sample_far(
+        &self,
+        scene: &Scene,
+        receiver: &Receiver,
+        u: f32,
+        share: f32,
+        place: [f32; 2],
+    ) -> Option<LightSample> {
+        let total = self.far_total(receiver);
+        let mut rest = u * total;
+        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta| LightSample {
+            wi,
+            distance: f32::INFINITY,
+            radiance,
+            pdf: pdf * pmf,
+            is_delta,
+            light: NO_LIGHT,
+            pmf,
+        };
+        for light in &self.parallel {
+            let importance = light.importance(receiver);
+            if rest < importance {
+                let LightKind::Directional { irradiance, .. } = scene.lights[light.light as usize].kind else {
+                    return None;
+                };
+                return Some(far(light.to_light, irradiance, 1.0, share * importance / total, true));
+            }
+            rest -= importance;
+        }
+        let (wi, radiance, pdf) = self.environment.as_ref()?.sample(scene, place)?;
+        let pmf = share * self.environment_illuminance / total;
+        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false))
+    }
+
+    fn far_total(&self, receiver: &Receiver) -> f32 {
+        self.environment_illuminance + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
     }
 
     /// Radiance of the environment in a direction of unit length.
@@ -170,45 +336,81 @@ impl Lights {
     }
 
     /// Density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf(&self, _receiver: &Receiver, direction: Vec3) -> f32 {
+    pub(crate) fn environment_pdf(&self, receiver: &Receiver, direction: Vec3) -> f32 {
         match &self.environment {
-            Some(light) if self.first_punctual == 1 => light.pdf(direction) * self.choice.pmf(0),
+            Some(light) if self.environment_illuminance > 0.0 => {
+                let pmf = self.far_share(receiver) * self.environment_illuminance / self.far_total(receiver);
+                light.pdf(direction) * pmf
+            }
             _ => 0.0,
         }
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws a place on a triangle.
-    ///
-    /// - `p`, `ng`: the place, and the unit normal there.
-    pub(crate) fn triangle_pdf(
-        &self,
-        prepared: &PreparedScene,
-        instance: u32,
-        triangle: u32,
-        receiver: &Receiver,
-        p: Vec3,
-        ng: Vec3,
-    ) -> f32 {
-        let first = prepared.instance(instance).first_light;
-        if first == NO_LIGHT {
-            return 0.0;
-        }
-        let pmf = self.choice.pmf((first + triangle) as usize);
-        if pmf > 0.0 { pmf * triangle::pdf(prepared, instance, triangle, receiver.p, p, ng) } else { 0.0 }
+    /// The number of the light that was hit; `None` where light sampling never finds it.
+    pub(crate) fn light_of(&self, prepared: &PreparedScene, hit: &Hit) -> Option<u32> {
+        let number = match hit.sphere() {
+            Some(sphere) => {
+                let place = self.spheres.binary_search_by_key(&sphere, |&(index, _)| index).ok()?;
+                self.spheres[place].1
+            }
+            None => {
+                let first = prepared.instance(hit.instance).first_light;
+                if first == NO_LIGHT {
+                    return None;
+                }
+                let light = &self.triangles[(first + hit.primitive) as usize];
+                let part = light.grid.part_at(light.shape, light.is_second, (hit.u, hit.v));
+                self.parts[(light.first_part + part) as usize]
+            }
+        };
+        (number != NO_LIGHT).then_some(number)
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws a place on a sphere.
-    pub(crate) fn sphere_pdf(&self, scene: &Scene, sphere: u32, receiver: &Receiver, p: Vec3) -> f32 {
-        match self.spheres.binary_search(&sphere) {
-            Ok(place) => {
-                self.choice.pmf(self.first_sphere as usize + place) * sphere::pdf(scene, sphere, receiver.p, p)
+    /// The probability with which [`Self::sample`] draws a light of the tree.
+    #[inline]
+    pub(crate) fn pmf(&self, receiver: &Receiver, light: u32) -> f32 {
+        let near = 1.0 - self.far_share(receiver);
+        if near > 0.0 { near * self.tree.pmf(receiver, light) } else { 0.0 }
+    }
+
+    /// Density per solid angle with which [`Self::sample`] draws the place `p` that was hit on a surface that shines.
+    pub(crate) fn hit_pdf(&self, prepared: &PreparedScene, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
+        let Some(light) = self.light_of(prepared, hit) else { return 0.0 };
+        let pmf = self.pmf(receiver, light);
+        if pmf > 0.0 { pmf * self.place_pdf(prepared.scene(), light, receiver.p, p) } else { 0.0 }
+    }
+
+    /// Draws a light of the tree for a segment along which a medium scatters, and tells its probability.
+    pub(crate) fn sample_along(&self, segment: &Segment, u: f32) -> Option<(u32, f32)> {
+        self.tree.sample(segment, u)
+    }
+
+    /// The probability with which [`Self::sample_along`] draws a light.
+    pub(crate) fn pmf_along(&self, segment: &Segment, light: u32) -> f32 {
+        self.tree.pmf(segment, light)
+    }
+
+    /// The segment as the middle of a light sees it.
+    pub(crate) fn arc(&self, scene: &Scene, segment: &Segment, light: u32) -> Arc {
+        let (middle, radius_squared) = match &self.lights[light as usize] {
+            Light::Surface(surface) => surface.ball(),
+            Light::Sphere(index) => {
+                let sphere = &scene.spheres[*index as usize];
+                (sphere.center, sphere.radius * sphere.radius)
             }
-            Err(_) => 0.0,
-        }
+            Light::Punctual(index) => (punctual::position(scene, *index), 0.0),
+        };
+        Arc::new(segment, middle, radius_squared)
     }
 }
 
-/// Luminous exitance of a surface that shines with this radiance, on one side or both.
-fn exitance(radiance: Spectrum, sides: Sides) -> f32 {
-    sides.count() as f32 * PI * luminance(radiance).max(0.0)
+impl Parallel {
+    #[inline]
+    fn importance(&self, receiver: &Receiver) -> f32 {
+        if receiver.n == Vec3::ZERO {
+            self.illuminance
+        } else {
+            self.illuminance * receiver.n.dot(self.to_light).max(0.0)
+        }
+    }
 }

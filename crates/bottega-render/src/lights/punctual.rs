@@ -1,45 +1,61 @@
 //! Lights without extent.
 
-use std::f32::consts::PI;
-
 use bottega_kernels::math;
 use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
 use glam::{Vec2, Vec3};
 
-use super::LightSample;
+use super::{
+    LightSample, NO_LIGHT,
+    bounds::{Cone, LightBounds},
+};
 use crate::luminance;
 
-/// Luminous power, for the choice of a light; `disk` is the area of the scene's cross-section.
-pub(super) fn power(scene: &Scene, index: u32, disk: f32) -> f32 {
+/// What bounds its light, for the choice of a light; `None` for one that is nowhere.
+pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
+    /// Least angle over which a light fades, in radians.
+    const FADE_MIN: f32 = 0.01;
+    let cone = |position, axis, angle: f32, fade: f32, intensity| LightBounds {
+        cone: Cone { axis, angle },
+        emission_angle: fade.max(FADE_MIN),
+        ..LightBounds::point(position, intensity)
+    };
     match scene.lights[index as usize].kind {
-        LightKind::Point { intensity, .. } => 4.0 * PI * luminance(intensity),
-        LightKind::Spot { intensity, cos_inner, cos_outer, .. } => {
-            2.0 * PI * (1.0 - 0.5 * (cos_inner + cos_outer)) * luminance(intensity)
+        LightKind::Point { position, intensity } => Some(LightBounds::point(position, luminance(intensity))),
+        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, .. } => {
+            let [inner, outer] = [cos_inner, cos_outer].map(math::acos);
+            Some(cone(position, direction, inner, outer - inner, luminance(intensity)))
         }
-        LightKind::Directional { irradiance, .. } => disk * luminance(irradiance),
-        LightKind::Projector { image, intensity, vertical_fov, aspect, .. } => {
-            // An evenly lit screen at distance 1.
-            let height = 2.0 * math::tan(0.5 * vertical_fov);
+        LightKind::Directional { .. } => None,
+        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
             let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
-            height * height * aspect * luminance(mean.truncate() * intensity)
+            let axis = (world_from_light.matrix3 * glam::Vec3A::NEG_Z).normalize().into();
+            let corner = math::tan(0.5 * vertical_fov) * (1.0 + aspect * aspect).sqrt();
+            let angle = math::atan(corner);
+            // Towards the corners it is as strong as the picture is there, times 1/cos³.
+            let peak = (1.0 + corner * corner).powi(3).sqrt();
+            let intensity = luminance(mean.truncate() * intensity) * 0.5 * (1.0 + peak);
+            Some(cone(world_from_light.translation.into(), axis, angle, 0.0, intensity))
         }
     }
 }
 
-/// The light at `p`. `None` where it shines not.
+/// Where it is. Parallel light is nowhere: the origin.
+pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
+    match scene.lights[index as usize].kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => position,
+        LightKind::Directional { .. } => Vec3::ZERO,
+        LightKind::Projector { world_from_light, .. } => world_from_light.translation.into(),
+    }
+}
+
+/// The light at `p`. `None` where it shines not, and for parallel light.
 pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),
         LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
             from_point(position, p, |wi| intensity * fall_off(falloff, -wi.dot(direction), cos_inner, cos_outer))
         }
-        LightKind::Directional { direction, irradiance } => Some(LightSample {
-            wi: -direction,
-            distance: f32::INFINITY,
-            radiance: irradiance,
-            pdf: 1.0,
-            is_delta: true,
-        }),
+        LightKind::Directional { .. } => None,
         LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
             from_point(world_from_light.translation.into(), p, |wi| {
                 let local = world_from_light.matrix3.transpose() * -wi;
@@ -87,7 +103,15 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
     }
     let wi = to_light / distance;
     let radiance = intensity(wi) / (distance * distance);
-    (radiance != Spectrum::ZERO).then_some(LightSample { wi, distance, radiance, pdf: 1.0, is_delta: true })
+    (radiance != Spectrum::ZERO).then_some(LightSample {
+        wi,
+        distance,
+        radiance,
+        pdf: 1.0,
+        is_delta: true,
+        light: NO_LIGHT,
+        pmf: 1.0,
+    })
 }
 
 #[cfg(test)]

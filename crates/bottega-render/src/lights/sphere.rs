@@ -2,20 +2,20 @@
 
 use std::f32::consts::PI;
 
-use bottega_kernels::math;
+use bottega_kernels::{Aabb, math};
 use bottega_scene::{Scene, Spectrum, Sphere};
 use glam::Vec3;
 
-use super::{LightSample, exitance};
+use super::{LightSample, NO_LIGHT, bounds::LightBounds};
 use crate::{
     interaction::sphere_uv,
+    luminance,
     sampling::{orthonormal_basis, uniform_sphere},
 };
 
-/// Luminous power, for the choice of a light.
-pub(super) fn power(scene: &Scene, index: u32) -> f32 {
+/// What bounds its light, for the choice of a light.
+pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
     const STEPS: u32 = 8;
-    let sphere = &scene.spheres[index as usize];
     let material = &scene.materials[sphere.material as usize];
     let mean = if material.emission.texture.is_some() {
         let normals = (0..STEPS * STEPS).map(|i| {
@@ -27,7 +27,11 @@ pub(super) fn power(scene: &Scene, index: u32) -> f32 {
     } else {
         material.emission.factor
     };
-    4.0 * PI * sphere.radius * sphere.radius * exitance(mean, material.emission_sides)
+    let disk = PI * sphere.radius * sphere.radius;
+    LightBounds {
+        bounds: Aabb::around(sphere.center, sphere.radius),
+        ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
+    }
 }
 
 /// The part of the sphere of directions that a sphere covers, seen from outside.
@@ -83,7 +87,7 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
         return None;
     }
     let radiance = material.emission.eval(scene, [sphere_uv(sphere, n); 2], 0.0);
-    Some(LightSample { wi, distance, radiance, pdf, is_delta: false })
+    Some(LightSample { wi, distance, radiance, pdf, is_delta: false, light: NO_LIGHT, pmf: 1.0 })
 }
 
 /// A direction uniform over the cone, and how far the sphere is in it.

@@ -1,122 +1,150 @@
-//! Triangles that shine.
+//! Triangles seen from a point, as parts of the sphere of directions.
 
-use bottega_scene::{Scene, Spectrum};
+use std::f32::consts::PI;
+
+use bottega_kernels::math;
 use glam::Vec3;
 
-use super::{LightSample, exitance, spherical::SphericalTriangle};
-use crate::{
-    interaction::{emitted, opacity_at},
-    prepare::PreparedScene,
-    sampling::uniform_triangle,
-};
-
-/// A triangle that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling
-/// is as good, cheaper and more precise.
-const SOLID_ANGLE_MIN: f32 = 0.25;
-
-/// The corners in world space.
-#[inline]
-fn corners(scene: &Scene, instance: u32, triangle: u32) -> [Vec3; 3] {
-    let instance = &scene.instances[instance as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    mesh.triangles[triangle as usize]
-        .map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]))
+/// The projection of a triangle to the unit sphere around a point.
+///
+/// Source: Arvo 1995, *Stratified Sampling of Spherical Triangles*.
+pub(super) struct SphericalTriangle {
+    /// Corners as directions, unit length.
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
+    /// Cosine and sine of the angle at `a`.
+    cos_alpha: f32,
+    sin_alpha: f32,
+    /// Solid angle in sr.
+    area: f32,
 }
 
-/// Luminous power, for the choice of a light.
-pub(super) fn power(scene: &Scene, instance: u32, triangle: u32) -> f32 {
-    let [a, b, c] = corners(scene, instance, triangle);
-    let area = 0.5 * (b - a).cross(c - a).length();
-    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
-    let material = &scene.materials[mesh.material as usize];
-    let mean = if material.emission.texture.is_some() {
-        // The centers of the four triangles that halving the edges makes.
-        let third = 1.0 / 3.0;
-        let sixth = 1.0 / 6.0;
-        let places = [(third, third), (sixth, sixth), (4.0 * sixth, sixth), (sixth, 4.0 * sixth)];
-        let footprint = mesh_uv_size(scene, instance, triangle) * 0.5;
-        places.iter().map(|&b| emitted(scene, instance, triangle, b, footprint)).sum::<Spectrum>() / 4.0
-    } else {
-        material.emission.factor
-    };
-    area * exitance(mean, material.emission_sides)
+impl SphericalTriangle {
+    /// `None` where the triangle is seen edge-on, or so small or so large that single precision fails.
+    pub(super) fn new(corners: &[Vec3; 3], from: Vec3) -> Option<Self> {
+        let [a, b, c] = corners.map(|corner| (corner - from).normalize_or_zero());
+        // Normals of the planes through the point and each edge.
+        let ab = a.cross(b).try_normalize()?;
+        let ca = c.cross(a).try_normalize()?;
+        // Solid angle (Van Oosterom and Strackee 1983, eq. 8): precise where the sum of angles is not.
+        let volume = a.dot(b.cross(c)).abs();
+        let denominator = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
+        let area = 2.0 * math::atan2(volume, denominator);
+        if !(1e-3..6.2).contains(&area) {
+            return None;
+        }
+        let cos_alpha = (-ab.dot(ca)).clamp(-1.0, 1.0);
+        let sin_alpha = (1.0 - cos_alpha * cos_alpha).sqrt();
+        (sin_alpha > 1e-4).then_some(Self { a, b, c, cos_alpha, sin_alpha, area })
+    }
+
+    /// Density per solid angle of [`Self::sample`].
+    pub(super) fn pdf(&self) -> f32 {
+        1.0 / self.area
+    }
+
+    /// Barycentric coordinates (of the second and third corner) of a place whose direction is uniform over the
+    /// projection.
+    pub(super) fn sample(&self, corners: &[Vec3; 3], from: Vec3, u: [f32; 2]) -> Option<(f32, f32)> {
+        let direction = self.direction(u);
+        // Where the direction meets the plane of the triangle (Möller and Trumbore 1997).
+        let [p0, p1, p2] = *corners;
+        let (e1, e2) = (p1 - p0, p2 - p0);
+        let s1 = direction.cross(e2);
+        let divisor = s1.dot(e1);
+        if divisor == 0.0 {
+            return None;
+        }
+        let s = from - p0;
+        let b1 = (s.dot(s1) / divisor).clamp(0.0, 1.0);
+        let b2 = (direction.dot(s.cross(e1)) / divisor).clamp(0.0, 1.0);
+        let sum = (b1 + b2).max(1.0);
+        let (b1, b2) = (b1 / sum, b2 / sum);
+        (b1.is_finite() && b2.is_finite()).then_some((b1, b2))
+    }
+
+    /// A direction uniform over the projection.
+    fn direction(&self, u: [f32; 2]) -> Vec3 {
+        // The area of the part that the great circle through b and the new corner cuts off.
+        let part = u[0] * self.area + PI;
+        let (sin_part, cos_part) = math::sin_cos(part);
+        // Angle sum of that part: sin and cos of (its area − α), area + π taken as above.
+        let sin_phi = sin_part * self.cos_alpha - cos_part * self.sin_alpha;
+        let cos_phi = cos_part * self.cos_alpha + sin_part * self.sin_alpha;
+        let cos_c = self.a.dot(self.b);
+        let k1 = cos_phi + self.cos_alpha;
+        let k2 = sin_phi - self.sin_alpha * cos_c;
+        let cos_side =
+            (k2 + (k2 * cos_phi - k1 * sin_phi) * self.cos_alpha) / ((k2 * sin_phi + k1 * cos_phi) * self.sin_alpha);
+        let cos_side = if cos_side.is_nan() { 1.0 } else { cos_side.clamp(-1.0, 1.0) };
+        let sin_side = (1.0 - cos_side * cos_side).sqrt();
+        let corner = cos_side * self.a + sin_side * orthogonal_part(self.c, self.a);
+        // Uniform by area along the arc from b to the new corner.
+        let cos_theta = 1.0 - u[1] * (1.0 - corner.dot(self.b));
+        let sin_theta = (1.0 - cos_theta * cos_theta).max(0.0).sqrt();
+        (cos_theta * self.b + sin_theta * orthogonal_part(corner, self.b)).normalize_or_zero()
+    }
 }
 
-/// The size of a triangle in texture coordinates.
-fn mesh_uv_size(scene: &Scene, instance: u32, triangle: u32) -> f32 {
-    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
-    let [a, b, c] =
-        mesh.triangles[triangle as usize].map(|vertex| mesh.uvs[0].get(vertex as usize).copied().unwrap_or_default());
-    (b - a).perp_dot(c - a).abs().sqrt()
+/// The direction of what remains of `v` when its part along the unit vector `axis` is taken away.
+fn orthogonal_part(v: Vec3, axis: Vec3) -> Vec3 {
+    (v - v.dot(axis) * axis).normalize_or_zero()
 }
 
-/// How a triangle is sampled from a point: a pure function of both, so that `sample` and `pdf` agree.
-enum Strategy {
-    SolidAngle(SphericalTriangle),
-    /// By area: twice the area.
-    Area(f32),
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Strategy {
-    #[inline]
-    fn of(corners: &[Vec3; 3], from: Vec3) -> Self {
+    fn grid(side: u32) -> impl Iterator<Item = [f32; 2]> {
+        (0..side * side)
+            .map(move |i| [((i % side) as f32 + 0.5) / side as f32, ((i / side) as f32 + 0.5) / side as f32])
+    }
+
+    /// The mean over the triangle by area of g(direction) · cos / distance², times its area: ∫ g over the solid angle.
+    fn by_area(corners: &[Vec3; 3], g: impl Fn(Vec3) -> f64) -> f64 {
         let [a, b, c] = *corners;
-        let double_area = (b - a).cross(c - a).length();
-        // An upper bound of the solid angle, good enough from afar.
-        let middle = (a + b + c) * (1.0 / 3.0) - from;
-        if 0.5 * double_area > SOLID_ANGLE_MIN * middle.length_squared()
-            && let Some(spherical) = SphericalTriangle::new(corners, from)
-        {
-            return Self::SolidAngle(spherical);
-        }
-        Self::Area(double_area)
+        let normal = (b - a).cross(c - a);
+        grid(400)
+            .map(|u| {
+                let (x, y) = crate::sampling::uniform_triangle(u);
+                let p = a + (b - a) * x + (c - a) * y;
+                g(p.normalize()) * 0.5 * f64::from(normal.dot(p).abs()) / f64::from(p.length().powi(3))
+            })
+            .sum::<f64>()
+            / 160_000.0
     }
-}
 
-/// Draws a place on the triangle for the point `from`.
-#[inline]
-pub(super) fn sample(
-    prepared: &PreparedScene,
-    instance: u32,
-    triangle: u32,
-    from: Vec3,
-    u: [f32; 2],
-) -> Option<LightSample> {
-    let scene = &**prepared.scene();
-    let corners = corners(scene, instance, triangle);
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(c - a);
-    let material = &scene.materials[scene.meshes[scene.instances[instance as usize].mesh as usize].material as usize];
-    let (barycentric, solid_angle_pdf) = match Strategy::of(&corners, from) {
-        Strategy::SolidAngle(spherical) => (spherical.sample(&corners, from, u)?, Some(spherical.pdf())),
-        Strategy::Area(_) => (uniform_triangle(u), None),
-    };
-    let p = a + (b - a) * barycentric.0 + (c - a) * barycentric.1;
-    let to_light = p - from;
-    let distance_squared = to_light.length_squared();
-    let distance = distance_squared.sqrt();
-    // Twice the projected area times the distance, above 0 where the front is seen.
-    let facing = -normal.dot(to_light);
-    if !(distance > 0.0 && facing != 0.0 && material.emission_sides.has(facing > 0.0)) {
-        return None;
-    }
-    let pdf = solid_angle_pdf.unwrap_or_else(|| 2.0 * distance_squared * distance / facing.abs());
-    let mut radiance = emitted(scene, instance, triangle, barycentric, 0.0);
-    if material.has_opacity() {
-        radiance *= opacity_at(scene, instance, triangle, barycentric);
-    }
-    pdf.is_finite().then_some(LightSample { wi: to_light / distance, distance, radiance, pdf, is_delta: false })
-}
-
-/// Density per solid angle with which [`sample`] draws the place `p` from `from`.
-pub(super) fn pdf(prepared: &PreparedScene, instance: u32, triangle: u32, from: Vec3, p: Vec3, ng: Vec3) -> f32 {
-    match Strategy::of(&corners(prepared.scene(), instance, triangle), from) {
-        Strategy::SolidAngle(spherical) => spherical.pdf(),
-        Strategy::Area(double_area) => {
-            let to_light = p - from;
-            let distance_squared = to_light.length_squared();
-            let projected = double_area * ng.dot(to_light).abs();
-            if projected > 0.0 { 2.0 * distance_squared * distance_squared.sqrt() / projected } else { 0.0 }
+    #[test]
+    fn directions_are_uniform_over_the_solid_angle() {
+        let triangles = [
+            [Vec3::X, Vec3::Y, Vec3::Z],
+            [Vec3::new(-1.0, 0.5, -1.0), Vec3::new(1.0, 0.4, -1.0), Vec3::new(0.2, 0.6, 2.0)],
+            [Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.5, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.5)],
+            [Vec3::new(-4.0, 1.0, -3.0), Vec3::new(4.0, 1.0, -3.0), Vec3::new(0.0, 1.0, 5.0)],
+        ];
+        for corners in triangles {
+            let spherical = SphericalTriangle::new(&corners, Vec3::ZERO).unwrap();
+            let area = by_area(&corners, |_| 1.0);
+            assert!((f64::from(spherical.area) / area - 1.0).abs() < 2e-3, "{} {area}", spherical.area);
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)] {
+                let g = |d: Vec3| f64::from(d.dot(axis)).powi(3) + 0.5 * f64::from(d.dot(axis));
+                let mean = grid(200)
+                    .map(|u| {
+                        let (x, y) = spherical.sample(&corners, Vec3::ZERO, u).unwrap();
+                        g((corners[0] + (corners[1] - corners[0]) * x + (corners[2] - corners[0]) * y).normalize())
+                    })
+                    .sum::<f64>()
+                    / 40_000.0;
+                let exact = by_area(&corners, g) / area;
+                assert!((mean - exact).abs() < 3e-3, "{corners:?} {axis}: {mean} {exact}");
+            }
         }
+    }
+
+    #[test]
+    fn a_triangle_seen_edge_on_is_refused() {
+        assert!(SphericalTriangle::new(&[Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0)], Vec3::ZERO).is_none());
+        assert!(SphericalTriangle::new(&[Vec3::X; 3], Vec3::ZERO).is_none());
     }
 }

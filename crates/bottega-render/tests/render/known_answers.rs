@@ -210,7 +210,7 @@ fn a_solid_absorbs_by_the_length_of_the_way() {
     let medium = scene.push_medium(Medium::absorbing(Vec3::new(2.0f32.ln() / 2.0, 4.0f32.ln() / 2.0, 0.0)));
     let tinted = Material { interior: Some(medium), ..tinted.into() };
     add_sphere(&mut scene, Vec3::ZERO, 1.0, tinted);
-    let settings = PathSettings { filter: Filter::Box, ..PathSettings::default() };
+    let settings = PathSettings { filter: Filter::PIXEL, ..PathSettings::default() };
     let found = color(&paint(&prepare(scene), (1, 1), 64, settings), 0, 0);
     assert!((found - Vec3::new(0.5, 0.25, 1.0)).abs().max_element() < 5e-3, "{found}");
 }
@@ -231,7 +231,7 @@ fn other_values_tell_of_the_first_surface() {
     let layout = Layout::new(aovs);
     let view = View { camera: 0, width: 1, height: 1 };
     let tile = Tile::new(Rect::of_size(1, 1), layout);
-    let settings = Arc::new(PathSettings { filter: Filter::Box, ..PathSettings::default() });
+    let settings = Arc::new(PathSettings { filter: Filter::PIXEL, ..PathSettings::default() });
     let work = BlockWork { scene: prepare(scene), view, settings, tile, samples: 0..256 };
     let tile = work.perform().unwrap().tile;
     let mean = |aov, channel: usize| tile.pixel(0, 0)[layout.offset(aov).unwrap() + channel] / 256.0;

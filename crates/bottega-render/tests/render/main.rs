@@ -3,6 +3,7 @@
 mod determinism;
 mod furnace;
 mod known_answers;
+mod media;
 mod scenes;
 mod strategies;
 mod surveys;

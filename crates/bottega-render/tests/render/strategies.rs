@@ -45,11 +45,11 @@ fn assert_same_mean(what: &str, a: &Tile, b: &Tile) {
 
 fn paint_by(scene: &Arc<PreparedScene>, direct_light: DirectLight, light_samples: u32, seed: u64) -> Tile {
     let settings =
-        PathSettings { seed, max_depth: 4, light_samples, filter: Filter::Box, direct_light, ..Default::default() };
+        PathSettings { seed, max_depth: 4, light_samples, filter: Filter::PIXEL, direct_light, ..Default::default() };
     paint(scene, (SIDE, SIDE), SPP, settings)
 }
 
-fn assert_strategies_agree(what: &str, scene: Scene) {
+pub(crate) fn assert_strategies_agree(what: &str, scene: Scene) {
     let scene = prepare(scene);
     let combined = paint_by(&scene, DirectLight::Combined, 1, 1);
     for (direct_light, light_samples) in

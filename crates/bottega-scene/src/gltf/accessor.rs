@@ -45,6 +45,15 @@ struct Elements<'a> {
     stride: usize,
 }
 
+/// The bytes that a document's buffer views show.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bytes<'a> {
+    /// One slice for each buffer; empty where it has no bytes of its own.
+    pub(super) buffers: &'a [&'a [u8]],
+    /// One for each buffer view that is compressed.
+    pub(super) decompressed: &'a [Option<Vec<u8>>],
+}
+
 /// A checked view of `count` elements of `width` components each.
 #[derive(Clone, Debug)]
 pub(super) struct Accessor<'a> {
@@ -70,13 +79,20 @@ const COUNT_MAX: u64 = u32::MAX as u64;
 impl<'a> Accessor<'a> {
     /// Follows an index into the document's accessors and checks all ranges. An error says what is out of range.
     ///
-    /// - `buffers`: one slice for each buffer of the document.
-    pub(super) fn new(document: &Document, buffers: &'a [&'a [u8]], index: usize) -> Result<Self, String> {
+    /// - `data`: the bytes of the document's buffers.
+    pub(super) fn new(document: &Document, data: Bytes<'a>, index: usize) -> Result<Self, String> {
         let description = find("accessor", &document.accessors, index)?;
-        Self::of(document, buffers, description).map_err(|problem| format!("accessor {index}: {problem}"))
+        Self::of(document, data, description).map_err(|problem| format!("accessor {index}: {problem}"))
     }
 
-    fn of(document: &Document, buffers: &'a [&'a [u8]], description: &document::Accessor) -> Result<Self, String> {
+    /// Elements that lie one after the other in `bytes`, which holds a whole number of them.
+    pub(super) fn packed(bytes: &'a [u8], width: usize, component: Component, normalized: bool) -> Self {
+        let stride = width * component.bytes();
+        let elements = Elements { bytes: Some(bytes), stride };
+        Self { elements, count: bytes.len() / stride.max(1), width, component, normalized, sparse: None }
+    }
+
+    fn of(document: &Document, data: Bytes<'a>, description: &document::Accessor) -> Result<Self, String> {
         let component = Component::new(description.component_type)?;
         let width = match description.kind.as_str() {
             "SCALAR" => 1,
@@ -95,7 +111,7 @@ impl<'a> Accessor<'a> {
         let elements = match description.buffer_view {
             None => Elements { bytes: None, stride: size },
             Some(view) => {
-                let (bytes, stride) = view_bytes(document, buffers, view)?;
+                let (bytes, stride) = view_bytes(document, data, view)?;
                 let stride = stride.unwrap_or(size);
                 if stride < size {
                     return Err(format!("a stride of {stride} bytes is less than the {size} bytes of an element"));
@@ -105,7 +121,7 @@ impl<'a> Accessor<'a> {
             }
         };
         let sparse = description.sparse.as_ref();
-        let sparse = sparse.map(|sparse| read_sparse(document, buffers, sparse, count, size)).transpose()?;
+        let sparse = sparse.map(|sparse| read_sparse(document, data, sparse, count, size)).transpose()?;
         let normalized = description.normalized;
         Ok(Self { elements, count, width, component, normalized, sparse })
     }
@@ -157,6 +173,24 @@ impl<'a> Accessor<'a> {
         values
     }
 
+    /// Bytes of the list of replaced elements.
+    pub(super) fn sparse_bytes(&self) -> usize {
+        self.sparse.as_ref().map_or(0, |sparse| size_of_val(sparse.indices.as_slice()))
+    }
+
+    /// One element as [`read`](Self::read) reads it. Panics unless `index < count` and elements have `N` components.
+    pub(super) fn at<const N: usize>(&self, index: usize) -> [f32; N] {
+        assert!(index < self.count && self.width == N, "element {index} of {}", self.count);
+        let replaced = self.sparse.as_ref().and_then(|sparse| {
+            let position = sparse.indices.binary_search(&(index as u32)).ok()?;
+            Some(&sparse.values[position * N * self.component.bytes()..])
+        });
+        let stored = self.elements.bytes.map(|bytes| &bytes[index * self.elements.stride..]);
+        replaced.or(stored).map_or([0.0; N], |bytes| {
+            std::array::from_fn(|component| float(bytes, component, self.component, self.normalized))
+        })
+    }
+
     /// The `index`-th scalar as an unsigned integer; what is negative or no integer becomes `u32::MAX`.
     /// Panics unless `index < count`.
     pub(super) fn index_at(&self, index: usize) -> u32 {
@@ -173,14 +207,17 @@ impl<'a> Accessor<'a> {
 /// The bytes of a buffer view, and its stride where it has one.
 pub(super) fn view_bytes<'a>(
     document: &Document,
-    buffers: &[&'a [u8]],
+    data: Bytes<'a>,
     index: usize,
 ) -> Result<(&'a [u8], Option<usize>), String> {
     let view = find("buffer view", &document.buffer_views, index)?;
-    let buffer = find("buffer", buffers, view.buffer)?;
-    if view.extensions.meshopt.is_some() && buffer.is_empty() && view.byte_length > 0 {
-        return Err(format!("buffer view {index} is compressed by EXT_meshopt_compression, which is not supported"));
+    let stride = view.byte_stride.filter(|&stride| stride > 0);
+    // Beyond the buffer's length a stride says no more than that there is one element.
+    let stride = stride.map(|stride| usize::try_from(stride).unwrap_or(usize::MAX));
+    if let Some(Some(bytes)) = data.decompressed.get(index) {
+        return Ok((bytes, stride));
     }
+    let buffer = find("buffer", data.buffers, view.buffer)?;
     let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len() as u64);
     let Some(end) = end else {
         return Err(format!(
@@ -190,15 +227,12 @@ pub(super) fn view_bytes<'a>(
             buffer.len()
         ));
     };
-    let stride = view.byte_stride.filter(|&stride| stride > 0);
-    // Beyond the buffer's length a stride says no more than that there is one element.
-    let stride = stride.map(|stride| usize::try_from(stride).unwrap_or(usize::MAX));
     Ok((&buffer[view.byte_offset as usize..end as usize], stride))
 }
 
 fn read_sparse<'a>(
     document: &Document,
-    buffers: &'a [&'a [u8]],
+    data: Bytes<'a>,
     sparse: &document::Sparse,
     count: usize,
     size: usize,
@@ -211,9 +245,9 @@ fn read_sparse<'a>(
         return Err(format!("{} sparse values for {count} elements", sparse.count));
     }
     let sparse_count = sparse.count as usize;
-    let (bytes, _) = view_bytes(document, buffers, sparse.indices.buffer_view)?;
+    let (bytes, _) = view_bytes(document, data, sparse.indices.buffer_view)?;
     let bytes = range(bytes, sparse.indices.byte_offset, sparse_count, component.bytes(), component.bytes())?;
-    let (values, _) = view_bytes(document, buffers, sparse.values.buffer_view)?;
+    let (values, _) = view_bytes(document, data, sparse.values.buffer_view)?;
     let values = range(values, sparse.values.byte_offset, sparse_count, size, size)?;
     let indices: Vec<u32> =
         (0..sparse_count).map(|index| unsigned(&bytes[index * component.bytes()..], component)).collect();
@@ -284,8 +318,8 @@ mod tests {
 
     fn floats(accessor: &str, view: &str, buffer: &[u8]) -> Result<Vec<[f32; 2]>, String> {
         let document = document(accessor, view);
-        let buffers: &[&[u8]] = &[buffer];
-        Accessor::new(&document, buffers, 0).map(|accessor| accessor.read(None, |v| v))
+        let data = Bytes { buffers: &[buffer], decompressed: &[] };
+        Accessor::new(&document, data, 0).map(|accessor| accessor.read(None, |v| v))
     }
 
     const VIEW: &str = r#"{"buffer":0,"byteOffset":1,"byteLength":7,"byteStride":3}"#;
@@ -331,8 +365,8 @@ mod tests {
         assert_eq!(floats(accessor, view, &[1, 7, 8]), Ok(vec![[0.0; 2], [7.0, 8.0], [0.0; 2]]));
         assert!(floats(accessor, view, &[3, 7, 8]).is_err());
         let document = document(accessor, view);
-        let buffers: &[&[u8]] = &[&[1, 7, 8]];
-        let accessor = Accessor::new(&document, buffers, 0).unwrap();
+        let data = Bytes { buffers: &[&[1, 7, 8]], decompressed: &[] };
+        let accessor = Accessor::new(&document, data, 0).unwrap();
         assert_eq!(accessor.read(Some(&[2, 1]), |v: [f32; 2]| v), vec![[0.0; 2], [7.0, 8.0]]);
     }
 }

@@ -45,7 +45,7 @@ object!(Document {
     samplers: Vec<Sampler>,
     cameras: Vec<Camera>,
     skins: Vec<Skin>,
-    animations: Vec<IgnoredAny>,
+    animations: Vec<Animation>,
     extensions_used: Vec<String>,
     extensions_required: Vec<String>,
     extensions: DocumentExtensions,
@@ -54,7 +54,15 @@ object!(Document {
 object!(DocumentExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     lights: Option<Lights>,
+    #[serde(rename = "KHR_materials_variants")]
+    variants: Option<Variants>,
 });
+
+object!(Variants {
+    variants: Vec<Variant>,
+});
+
+object!(Variant { name: String });
 
 strict_object!(Asset {
     version: String,
@@ -117,8 +125,22 @@ object!(Primitive {
 
 object!(PrimitiveExtensions {
     #[serde(rename = "KHR_draco_mesh_compression")]
-    draco: Option<IgnoredAny>,
+    draco: Option<Box<Draco>>,
+    #[serde(rename = "KHR_materials_variants")]
+    variants: Option<Box<VariantMappings>>,
 });
+
+strict_object!(Draco {
+    buffer_view: usize,
+    /// Numbers of attributes within the compressed data.
+    attributes: Box<Attributes>,
+});
+
+object!(VariantMappings {
+    mappings: Vec<VariantMapping>,
+});
+
+strict_object!(VariantMapping { material: usize, variants: Vec<usize> });
 
 object!(Attributes {
     #[serde(rename = "POSITION")]
@@ -187,18 +209,57 @@ strict_object!(BufferView {
     byte_length: u64,
     byte_stride: Option<u64>,
     #[serde(default)]
-    extensions: CompressionExtensions,
+    extensions: BufferViewExtensions,
+});
+
+object!(BufferViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    ext_meshopt: Option<Box<Meshopt>>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr_meshopt: Option<Box<Meshopt>>,
+});
+
+impl BufferViewExtensions {
+    /// How the view is compressed, and the name of the extension that says so.
+    pub(super) fn meshopt(&self) -> Option<(&'static str, &Meshopt)> {
+        let khr = self.khr_meshopt.as_deref().map(|meshopt| ("KHR_meshopt_compression", meshopt));
+        khr.or(self.ext_meshopt.as_deref().map(|meshopt| ("EXT_meshopt_compression", meshopt)))
+    }
+}
+
+strict_object!(Meshopt {
+    buffer: usize,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: u64,
+    count: u64,
+    mode: String,
+    filter: Option<String>,
 });
 
 strict_object!(Buffer {
     uri: Option<String>,
     byte_length: u64,
+    #[serde(default)]
+    extensions: BufferExtensions,
 });
 
-object!(CompressionExtensions {
+object!(BufferExtensions {
     #[serde(rename = "EXT_meshopt_compression")]
-    meshopt: Option<IgnoredAny>,
+    ext_meshopt: Option<MeshoptFallback>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr_meshopt: Option<MeshoptFallback>,
 });
+
+impl BufferExtensions {
+    /// Whether the buffer is only for those who cannot decompress its views.
+    pub(super) fn is_fallback(&self) -> bool {
+        [&self.ext_meshopt, &self.khr_meshopt].into_iter().flatten().any(|meshopt| meshopt.fallback)
+    }
+}
+
+object!(MeshoptFallback { fallback: bool });
 
 object!(Material {
     name: String,
@@ -257,6 +318,14 @@ object!(MaterialExtensions {
     specular: Option<Box<Specular>>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_anisotropy")]
+    anisotropy: Option<Box<Anisotropy>>,
+    #[serde(rename = "KHR_materials_iridescence")]
+    iridescence: Option<Box<Iridescence>>,
+    #[serde(rename = "KHR_materials_dispersion")]
+    dispersion: Option<Dispersion>,
+    #[serde(rename = "KHR_materials_diffuse_transmission")]
+    diffuse_transmission: Option<Box<DiffuseTransmission>>,
     #[serde(rename = "KHR_materials_unlit")]
     unlit: Option<IgnoredAny>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
@@ -304,6 +373,30 @@ object!(EmissiveStrength {
     emissive_strength: Option<f32>,
 });
 
+object!(Anisotropy {
+    anisotropy_strength: f32,
+    anisotropy_rotation: f32,
+    anisotropy_texture: Option<Box<TextureInfo>>,
+});
+
+object!(Iridescence {
+    iridescence_factor: f32,
+    iridescence_texture: Option<Box<TextureInfo>>,
+    iridescence_ior: Option<f32>,
+    iridescence_thickness_minimum: Option<f32>,
+    iridescence_thickness_maximum: Option<f32>,
+    iridescence_thickness_texture: Option<Box<TextureInfo>>,
+});
+
+object!(Dispersion { dispersion: f32 });
+
+object!(DiffuseTransmission {
+    diffuse_transmission_factor: f32,
+    diffuse_transmission_texture: Option<Box<TextureInfo>>,
+    diffuse_transmission_color_factor: Option<[f32; 3]>,
+    diffuse_transmission_color_texture: Option<Box<TextureInfo>>,
+});
+
 object!(SpecularGlossiness {
     diffuse_factor: Option<[f32; 4]>,
     diffuse_texture: Option<Box<TextureInfo>>,
@@ -315,7 +408,27 @@ object!(SpecularGlossiness {
 object!(Texture {
     sampler: Option<usize>,
     source: Option<usize>,
+    extensions: TextureExtensions,
 });
+
+object!(TextureExtensions {
+    #[serde(rename = "KHR_texture_basisu")]
+    basisu: Option<TextureSource>,
+    #[serde(rename = "EXT_texture_webp")]
+    webp: Option<TextureSource>,
+});
+
+object!(TextureSource {
+    source: Option<usize>,
+});
+
+impl Texture {
+    /// The picture. Those of extensions come before the one for readers that do not know them.
+    pub(super) fn picture(&self) -> Option<usize> {
+        let extensions = [&self.extensions.basisu, &self.extensions.webp];
+        extensions.into_iter().flatten().find_map(|extension| extension.source).or(self.source)
+    }
+}
 
 object!(Image {
     name: String,
@@ -344,6 +457,25 @@ strict_object!(Perspective {
 });
 
 strict_object!(Orthographic { xmag: f32, ymag: f32 });
+
+object!(Animation {
+    name: String,
+    channels: Vec<AnimationChannel>,
+    samplers: Vec<AnimationSampler>,
+});
+
+strict_object!(AnimationChannel { sampler: usize, target: AnimationTarget });
+
+strict_object!(AnimationTarget {
+    node: Option<usize>,
+    path: String,
+});
+
+strict_object!(AnimationSampler {
+    input: usize,
+    output: usize,
+    interpolation: Option<String>,
+});
 
 object!(Skin {
     inverse_bind_matrices: Option<usize>,
@@ -382,9 +514,17 @@ const _: () = {
         size_of::<MetallicRoughness>(),
         size_of::<SpecularGlossiness>(),
         size_of::<Clearcoat>(),
+        size_of::<Iridescence>(),
+        size_of::<DiffuseTransmission>(),
         size_of::<TextureInfo>(),
         size_of::<Accessor>(),
         size_of::<BufferView>(),
+        size_of::<Meshopt>(),
+        size_of::<Draco>() + size_of::<Attributes>(),
+        size_of::<Animation>(),
+        size_of::<AnimationChannel>(),
+        size_of::<AnimationSampler>(),
+        size_of::<Texture>(),
         size_of::<Camera>(),
         size_of::<Light>(),
         size_of::<Image>(),

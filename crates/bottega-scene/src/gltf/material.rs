@@ -7,8 +7,8 @@ use super::texture::{Textures, Use};
 use super::{Source, document};
 use crate::error::Warnings;
 use crate::{
-    AlphaMode, Channel, ColorParam, Layered, Material, Medium, MediumId, Relief, ScalarParam, SceneError, Sides,
-    Surface, TextureMap,
+    AlphaMode, Anisotropy, Channel, ColorParam, Iridescence, Layered, Material, Medium, MediumId, Relief, ScalarParam,
+    SceneError, Sides, Surface, TextureMap,
 };
 
 /// Converts one material of the document; `None` is the default material of the specification.
@@ -65,6 +65,7 @@ impl Converter<'_, '_> {
             }
         };
         self.add_layers(extensions, &mut layered)?;
+        self.add_effects(extensions, &mut layered)?;
         let texture = layered.base_color.texture.clone().map(|map| (map, Channel::A));
         let is_unlit = extensions.unlit.is_some();
         Ok(Material {
@@ -214,6 +215,67 @@ impl Converter<'_, '_> {
             layered.sheen_roughness = self.scalar(place, sheen.sheen_roughness_factor, texture, Channel::A)?;
         }
         Ok(())
+    }
+
+    /// Anisotropy, iridescence, dispersion and diffuse transmission.
+    fn add_effects(
+        &mut self,
+        extensions: &document::MaterialExtensions,
+        layered: &mut Layered,
+    ) -> Result<(), SceneError> {
+        if let Some(anisotropy) = &extensions.anisotropy {
+            let place = "KHR_materials_anisotropy.anisotropyStrength";
+            let strength = self.number(place, anisotropy.anisotropy_strength, 0.0, 1.0);
+            let place = "KHR_materials_anisotropy.anisotropyRotation";
+            let rotation = self.number(place, anisotropy.anisotropy_rotation, -f32::MAX, f32::MAX);
+            if strength > 0.0 {
+                let place = "KHR_materials_anisotropy.anisotropyTexture";
+                let texture = anisotropy.anisotropy_texture.as_deref();
+                let texture = texture.map(|info| self.texture(place, info, Use::Data)).transpose()?;
+                layered.anisotropy = Some(Anisotropy { strength, rotation, texture });
+            }
+        }
+        if let Some(iridescence) = &extensions.iridescence {
+            layered.iridescence = self.iridescence(iridescence)?;
+        }
+        if let Some(dispersion) = &extensions.dispersion {
+            let place = "KHR_materials_dispersion.dispersion";
+            layered.dispersion = self.number(place, dispersion.dispersion, 0.0, f32::MAX);
+        }
+        if let Some(diffuse) = &extensions.diffuse_transmission {
+            let place = "KHR_materials_diffuse_transmission.diffuseTransmissionFactor";
+            let texture = diffuse.diffuse_transmission_texture.as_deref();
+            layered.diffuse_transmission =
+                self.scalar(place, diffuse.diffuse_transmission_factor, texture, Channel::A)?;
+            let place = "KHR_materials_diffuse_transmission.diffuseTransmissionColorFactor";
+            let color = diffuse.diffuse_transmission_color_factor.unwrap_or([1.0; 3]);
+            let texture = diffuse.diffuse_transmission_color_texture.as_deref();
+            layered.diffuse_transmission_color = self.color(place, color, texture, 1.0)?;
+            let is_solid = extensions.volume.as_ref().is_some_and(|volume| volume.thickness_factor > 0.0);
+            layered.thin |= layered.diffuse_transmission.factor > 0.0 && !is_solid;
+        }
+        Ok(())
+    }
+
+    /// `None`: there is no film, or it does nothing.
+    fn iridescence(&mut self, description: &document::Iridescence) -> Result<Option<Iridescence>, SceneError> {
+        let place = "KHR_materials_iridescence.iridescenceFactor";
+        let texture = description.iridescence_texture.as_deref();
+        let factor = self.scalar(place, description.iridescence_factor, texture, Channel::R)?;
+        if factor.factor == 0.0 {
+            return Ok(None);
+        }
+        let place = "KHR_materials_iridescence.iridescenceIor";
+        let ior = self.number(place, description.iridescence_ior.unwrap_or(1.3), 1.0, 100.0);
+        let place = "KHR_materials_iridescence.iridescenceThicknessMinimum";
+        let thinnest = self.number(place, description.iridescence_thickness_minimum.unwrap_or(100.0), 0.0, 1e6);
+        let place = "KHR_materials_iridescence.iridescenceThicknessMaximum";
+        let thickest = self.number(place, description.iridescence_thickness_maximum.unwrap_or(400.0), 0.0, 1e6);
+        let place = "KHR_materials_iridescence.iridescenceThicknessTexture";
+        let texture = description.iridescence_thickness_texture.as_deref();
+        let texture = texture.map(|info| self.texture(place, info, Use::Data)).transpose()?;
+        let thickness_texture = texture.map(|map| (map, Channel::G));
+        Ok(Some(Iridescence { factor, ior, thickness: [thinnest, thickest], thickness_texture }))
     }
 
     fn warn(&mut self, member: &str, message: impl Into<String>) {

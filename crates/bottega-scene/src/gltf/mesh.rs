@@ -3,8 +3,9 @@
 use glam::{Vec2, Vec3, Vec4};
 
 use super::accessor::{Accessor, Component};
+use super::draco::{DracoMesh, DracoMeshes};
 use super::node::Hierarchy;
-use super::{Source, document, skin, unsupported};
+use super::{Source, document, skin};
 use crate::error::Warnings;
 use crate::model::COORDINATE_MAX;
 use crate::{Material, Mesh, SceneError};
@@ -21,11 +22,11 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    fn primitive<'a>(&self, source: &Source<'a>) -> &'a document::Primitive {
+    pub(super) fn primitive<'a>(&self, source: &Source<'a>) -> &'a document::Primitive {
         &source.document.meshes[self.mesh].primitives[self.primitive]
     }
 
-    fn place(&self, member: &str) -> String {
+    pub(super) fn place(&self, member: &str) -> String {
         format!("meshes[{}].primitives[{}]{member}", self.mesh, self.primitive)
     }
 }
@@ -65,120 +66,134 @@ pub(super) fn is_surface(source: &Source<'_>, shape: &Shape, warnings: &mut Warn
 pub(super) fn read(
     source: &Source<'_>,
     hierarchy: &Hierarchy,
+    draco: &DracoMeshes,
     shape: &Shape,
     material: &Material,
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>, SceneError> {
     let primitive = shape.primitive(source);
-    let reader = Reader { source, shape, vertex_count: 0, selection: None };
-    let Some((positions, name)) = reader.positions_accessor(primitive)? else { return Ok(None) };
-    let mut triangles = reader.triangles(primitive, positions.count)?;
+    let compressed = primitive.extensions.draco.as_deref();
+    let draco = compressed.and_then(|compressed| Some((draco.get(&compressed.buffer_view)?, &*compressed.attributes)));
+    let reader = Reader { source, shape, primitive, draco, vertex_count: 0, selection: None };
+    let positions = reader.positions()?;
+    if positions.count == 0 {
+        return Ok(None);
+    }
+    let mut triangles = reader.triangles(positions.count)?;
     let selection = select_used(&mut triangles, positions.count);
     let reader = Reader { vertex_count: positions.count, selection, ..reader };
-    let attributes = &primitive.attributes;
 
     let mut mesh = Mesh {
         name: source.document.meshes[shape.mesh].name.clone(),
-        positions: reader.read(&positions, &name, Vec3::from_array)?,
+        positions: reader.read(&positions, POSITION, Vec3::from_array)?,
         triangles,
         ..Mesh::default()
     };
-    mesh.normals = reader.optional(attributes.normal, ".attributes.NORMAL", Vec3::from_array)?;
+    mesh.normals = reader.attribute(|a| a.normal, ".attributes.NORMAL", Vec3::from_array)?;
     if material.needs_tangents() {
-        mesh.tangents = reader.optional(attributes.tangent, ".attributes.TANGENT", Vec4::from_array)?;
+        mesh.tangents = reader.attribute(|a| a.tangent, ".attributes.TANGENT", Vec4::from_array)?;
     }
     let uses_set = |set: u8| material.textures().iter().any(|map| map.uv_set == set);
     if uses_set(0) {
-        mesh.uvs[0] = reader.optional(attributes.uv0, ".attributes.TEXCOORD_0", Vec2::from_array)?;
+        mesh.uvs[0] = reader.attribute(|a| a.uv0, ".attributes.TEXCOORD_0", Vec2::from_array)?;
     }
     if uses_set(1) {
-        mesh.uvs[1] = reader.optional(attributes.uv1, ".attributes.TEXCOORD_1", Vec2::from_array)?;
+        mesh.uvs[1] = reader.attribute(|a| a.uv1, ".attributes.TEXCOORD_1", Vec2::from_array)?;
     }
     for set in 0..2u8 {
         if uses_set(set) && mesh.uvs[usize::from(set)].is_empty() {
             warnings.add(shape.place(".attributes"), format!("TEXCOORD_{set} is missing, its textures show one texel"));
         }
     }
-    mesh.colors = reader.colors(attributes.color)?;
-    reader.add_targets(primitive, &mut mesh, warnings)?;
+    mesh.colors = reader.colors()?;
+    reader.add_targets(&mut mesh, warnings)?;
     if let Some(skin) = shape.skin {
-        let influences = reader.influences(attributes)?;
+        let influences = reader.influences()?;
         skin::apply(source, hierarchy, skin, &influences, &mut mesh, warnings)?;
     }
     clean(&mut mesh, shape, warnings);
     Ok((!mesh.triangles.is_empty()).then_some(mesh))
 }
 
-struct Reader<'a, 's> {
-    source: &'s Source<'a>,
+const POSITION: &str = ".attributes.POSITION";
+const INDICES: &str = ".indices";
+
+/// Which accessor, or which part of compressed data, an attribute is.
+type Which = fn(&document::Attributes) -> Option<usize>;
+
+struct Reader<'s> {
+    source: &'s Source<'s>,
     shape: &'s Shape,
+    primitive: &'s document::Primitive,
+    /// What the primitive has in compressed form, and its attributes there.
+    draco: Option<(&'s DracoMesh, &'s document::Attributes)>,
     vertex_count: usize,
     /// The vertices that are used, where not all are.
     selection: Option<Vec<u32>>,
 }
 
-impl<'a> Reader<'a, '_> {
-    fn accessor(&self, index: usize, member: &str) -> Result<Accessor<'a>, SceneError> {
-        Accessor::new(self.source.document, self.source.buffers, index).map_err(|problem| self.invalid(member, problem))
+impl<'s> Reader<'s> {
+    fn accessor(&self, index: usize, member: &str) -> Result<Accessor<'s>, SceneError> {
+        Accessor::new(self.source.document, self.source.bytes, index).map_err(|problem| self.invalid(member, problem))
     }
 
     fn invalid(&self, member: &str, problem: impl Into<String>) -> SceneError {
         self.source.invalid(self.shape.place(member), problem)
     }
 
-    /// The accessor of the positions, and its place. `None`: there are no vertices.
-    fn positions_accessor(
-        &self,
-        primitive: &document::Primitive,
-    ) -> Result<Option<(Accessor<'a>, String)>, SceneError> {
-        let member = ".attributes.POSITION";
-        let Some(index) = primitive.attributes.position else {
-            return Err(self.invalid(member, "a surface needs positions"));
-        };
-        let positions = self.accessor(index, member)?;
-        if positions.is_unbacked() {
-            self.refuse_compression(primitive, index)?;
-            if positions.count > self.source.buffer_bytes() {
-                return Err(self.invalid(member, format!("no buffer holds its {} elements", positions.count)));
-            }
+    /// The numbers of an attribute. Those that are compressed come before those that are not.
+    fn find(&self, which: Which, member: &str) -> Result<Option<Accessor<'s>>, SceneError> {
+        let index = which(&self.primitive.attributes);
+        if let Some((mesh, attributes)) = self.draco
+            && let Some(number) = which(attributes)
+        {
+            let description = index.and_then(|index| self.source.document.accessors.get(index));
+            let accessor = mesh.accessor(number, description.is_some_and(|accessor| accessor.normalized));
+            return accessor
+                .map(Some)
+                .map_err(|problem| self.invalid(".extensions.KHR_draco_mesh_compression.attributes", problem));
         }
-        Ok((positions.count > 0).then(|| (positions, member.into())))
+        index.map(|index| self.accessor(index, member)).transpose()
     }
 
-    /// Data that only a compressed form holds is not there for us.
-    fn refuse_compression(&self, primitive: &document::Primitive, accessor: usize) -> Result<(), SceneError> {
-        let draco = primitive.extensions.draco.is_some();
-        let sparse = self.source.document.accessors[accessor].sparse.is_some();
-        if draco && !sparse {
-            let place = self.shape.place(".extensions");
-            return Err(unsupported(self.source.path, place, "KHR_draco_mesh_compression".into()));
+    fn positions(&self) -> Result<Accessor<'s>, SceneError> {
+        let positions = self.find(|a| a.position, POSITION)?;
+        let positions = positions.ok_or_else(|| self.invalid(POSITION, "a surface needs positions"))?;
+        if positions.is_unbacked() && positions.count > self.source.buffer_bytes() {
+            return Err(self.invalid(POSITION, format!("no buffer holds its {} elements", positions.count)));
         }
-        Ok(())
+        Ok(positions)
     }
 
     /// The triangles, with indices that are all below `vertex_count`.
-    fn triangles(&self, primitive: &document::Primitive, vertex_count: usize) -> Result<Vec<[u32; 3]>, SceneError> {
-        let mode = mode(primitive).map_err(|problem| self.invalid(".mode", problem))?;
+    fn triangles(&self, vertex_count: usize) -> Result<Vec<[u32; 3]>, SceneError> {
+        let mode = mode(self.primitive).map_err(|problem| self.invalid(".mode", problem))?;
         let Some(mode) = mode else { return Ok(Vec::new()) };
-        let Some(index) = primitive.indices else {
+        if let Some((mesh, _)) = self.draco {
+            // Whatever the mode, these are triangles.
+            self.book_triangles(Mode::Triangles, 3 * mesh.triangles.len())?;
+            return self.in_range(mesh.triangles.clone(), vertex_count);
+        }
+        let Some(index) = self.primitive.indices else {
             self.book_triangles(mode, vertex_count)?;
             return Ok(assemble(mode, vertex_count, |index| index as u32));
         };
-        let member = ".indices";
-        let indices = self.accessor(index, member)?;
+        let indices = self.accessor(index, INDICES)?;
         if indices.width != 1 || !matches!(indices.component, Component::U8 | Component::U16 | Component::U32) {
-            return Err(self.invalid(member, format!("accessor {index} does not hold unsigned scalars")));
+            return Err(self.invalid(INDICES, format!("accessor {index} does not hold unsigned scalars")));
         }
         if indices.is_unbacked() {
-            self.refuse_compression(primitive, index)?;
-            return Err(self.invalid(member, format!("no buffer holds the elements of accessor {index}")));
+            return Err(self.invalid(INDICES, format!("no buffer holds the elements of accessor {index}")));
         }
         self.book_triangles(mode, indices.count)?;
-        let triangles = assemble(mode, indices.count, |index| indices.index_at(index));
+        self.in_range(assemble(mode, indices.count, |index| indices.index_at(index)), vertex_count)
+    }
+
+    fn in_range(&self, triangles: Vec<[u32; 3]>, vertex_count: usize) -> Result<Vec<[u32; 3]>, SceneError> {
         let greatest = triangles.iter().map(|[a, b, c]| *a.max(b).max(c)).max();
         match greatest {
             Some(greatest) if greatest as usize >= vertex_count => {
-                Err(self.invalid(member, format!("refers to vertex {greatest}, but there are {vertex_count}")))
+                Err(self.invalid(INDICES, format!("refers to vertex {greatest}, but there are {vertex_count}")))
             }
             _ => Ok(triangles),
         }
@@ -209,23 +224,23 @@ impl<'a> Reader<'a, '_> {
         Ok(accessor.read(self.selection.as_deref(), make))
     }
 
-    fn optional<const N: usize, T>(
+    /// Empty where the primitive does not have it.
+    fn attribute<const N: usize, T>(
         &self,
-        index: Option<usize>,
+        which: Which,
         member: &str,
         make: impl Fn([f32; N]) -> T,
     ) -> Result<Vec<T>, SceneError> {
-        match index {
+        match self.find(which, member)? {
             None => Ok(Vec::new()),
-            Some(index) => self.read(&self.accessor(index, member)?, member, make),
+            Some(accessor) => self.read(&accessor, member, make),
         }
     }
 
     /// COLOR_0: RGB or RGBA. White everywhere is as good as nothing.
-    fn colors(&self, index: Option<usize>) -> Result<Vec<Vec4>, SceneError> {
+    fn colors(&self) -> Result<Vec<Vec4>, SceneError> {
         let member = ".attributes.COLOR_0";
-        let Some(index) = index else { return Ok(Vec::new()) };
-        let mut accessor = self.accessor(index, member)?;
+        let Some(mut accessor) = self.find(|a| a.color, member)? else { return Ok(Vec::new()) };
         // Integers must be normalized; those that do not say so mean it all the same.
         accessor.normalized = true;
         let clean = |color: Vec4| Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO);
@@ -238,33 +253,28 @@ impl<'a> Reader<'a, '_> {
     }
 
     /// Adds the morph targets with their weights: glTF 2.0, section 3.7.2.2.
-    fn add_targets(
-        &self,
-        primitive: &document::Primitive,
-        mesh: &mut Mesh,
-        warnings: &mut Warnings,
-    ) -> Result<(), SceneError> {
-        if self.shape.weights.len() > primitive.targets.len() {
+    fn add_targets(&self, mesh: &mut Mesh, warnings: &mut Warnings) -> Result<(), SceneError> {
+        let targets = &self.primitive.targets;
+        if self.shape.weights.len() > targets.len() {
             warnings.add(self.shape.place(".targets"), "there are more weights than morph targets");
         }
-        for (number, (target, &weight)) in primitive.targets.iter().zip(&self.shape.weights).enumerate() {
+        for (number, (target, &weight)) in targets.iter().zip(&self.shape.weights).enumerate() {
             let weight = f32::from_bits(weight);
             if weight == 0.0 {
                 continue;
             }
-            let scaled = |v: [f32; 3]| Vec3::from_array(v) * weight;
-            let member = |name: &str| format!(".targets[{number}].{name}");
-            for (to, delta) in
-                mesh.positions.iter_mut().zip(self.optional(target.position, &member("POSITION"), scaled)?)
-            {
+            let displacements = |name: &str, index: Option<usize>| {
+                let member = format!(".targets[{number}].{name}");
+                let Some(index) = index else { return Ok(Vec::new()) };
+                self.read(&self.accessor(index, &member)?, &member, |v| Vec3::from_array(v) * weight)
+            };
+            for (to, delta) in mesh.positions.iter_mut().zip(displacements("POSITION", target.position)?) {
                 *to += delta;
             }
-            for (to, delta) in mesh.normals.iter_mut().zip(self.optional(target.normal, &member("NORMAL"), scaled)?) {
+            for (to, delta) in mesh.normals.iter_mut().zip(displacements("NORMAL", target.normal)?) {
                 *to += delta;
             }
-            for (to, delta) in
-                mesh.tangents.iter_mut().zip(self.optional(target.tangent, &member("TANGENT"), scaled)?)
-            {
+            for (to, delta) in mesh.tangents.iter_mut().zip(displacements("TANGENT", target.tangent)?) {
                 *to += delta.extend(0.0);
             }
         }
@@ -272,19 +282,21 @@ impl<'a> Reader<'a, '_> {
     }
 
     /// Which joints move a vertex, and how much: up to two sets of four.
-    fn influences(&self, attributes: &document::Attributes) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
-        let sets = [
-            (attributes.joints0, attributes.weights0, ".attributes.JOINTS_0", ".attributes.WEIGHTS_0"),
-            (attributes.joints1, attributes.weights1, ".attributes.JOINTS_1", ".attributes.WEIGHTS_1"),
+    fn influences(&self) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
+        let sets: [(Which, Which, &str, &str); 2] = [
+            (|a| a.joints0, |a| a.weights0, ".attributes.JOINTS_0", ".attributes.WEIGHTS_0"),
+            (|a| a.joints1, |a| a.weights1, ".attributes.JOINTS_1", ".attributes.WEIGHTS_1"),
         ];
         let mut influences = Vec::new();
         for (joints, weights, joints_member, weights_member) in sets {
-            let (Some(joints), Some(weights)) = (joints, weights) else { continue };
-            let joints =
-                self.optional(Some(joints), joints_member, |joints: [f32; 4]| joints.map(|joint| joint as u32))?;
-            let mut accessor = self.accessor(weights, weights_member)?;
-            accessor.normalized = true;
-            let weights = self.read(&accessor, weights_member, |weights: [f32; 4]| weights)?;
+            let (Some(joints), Some(mut weights)) =
+                (self.find(joints, joints_member)?, self.find(weights, weights_member)?)
+            else {
+                continue;
+            };
+            let joints = self.read(&joints, joints_member, |joints: [f32; 4]| joints.map(|joint| joint as u32))?;
+            weights.normalized = true;
+            let weights = self.read(&weights, weights_member, |weights: [f32; 4]| weights)?;
             let set = joints.into_iter().zip(weights).map(|(joints, weights)| skin::Influence { joints, weights });
             influences.push(set.collect());
         }

@@ -3,27 +3,34 @@
 //! Read with our own types for the document and our own checked reader for its buffers: the libraries for the format
 //! panic on indices out of range, cut 64-bit indices down to 32 bits, and do not know all of the extensions below.
 //!
-//! Beyond the core specification: `KHR_materials_clearcoat`, `_emissive_strength`, `_ior`, `_pbrSpecularGlossiness`,
-//! `_sheen`, `_specular`, `_transmission`, `_unlit`, `_volume`; `KHR_lights_punctual`, `KHR_texture_transform`,
-//! `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`. Another extension that the file requires is refused by name;
-//! one that it merely uses is left out with a warning.
+//! Beyond the core specification: `KHR_materials_anisotropy`, `_clearcoat`, `_diffuse_transmission`, `_dispersion`,
+//! `_emissive_strength`, `_ior`, `_iridescence`, `_pbrSpecularGlossiness`, `_sheen`, `_specular`, `_transmission`,
+//! `_unlit`, `_variants`, `_volume`; `KHR_lights_punctual`, `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`,
+//! `EXT_meshopt_compression`, `KHR_meshopt_compression`, `KHR_draco_mesh_compression`; `KHR_texture_basisu`,
+//! `KHR_texture_transform`, `EXT_texture_webp`. Another extension that the file requires is refused by name; one that it
+//! merely uses is left out with a warning.
+//!
+//! Animations are shown at one time: meshes are posed by their skins and morph targets as they are read, and the scene
+//! knows nothing of either.
 //!
 //! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so that
 //! emissive surfaces and punctual lights keep the balance that other glTF viewers show.
 
 mod accessor;
+mod animation;
 mod container;
 mod document;
+mod draco;
 mod material;
 mod mesh;
+mod meshopt;
 mod node;
 mod place;
 mod punctual;
-mod resource;
 mod skin;
 mod texture;
+mod uri;
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -31,33 +38,49 @@ use document::Document;
 
 use crate::error::Warnings;
 use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
+use crate::resource::Resources;
+use crate::text::shortened;
 use crate::{Scene, SceneError};
 
 /// The extensions whose meaning is understood.
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
 ];
 
 /// What all parts of the importer look at.
 struct Source<'a> {
     path: &'a Path,
     document: &'a Document,
-    /// One for each buffer of the document.
-    buffers: &'a [&'a [u8]],
+    bytes: accessor::Bytes<'a>,
     options: &'a LoadOptions,
+    /// The variant of materials that is shown (KHR_materials_variants).
+    variant: Option<usize>,
     budget: &'a MemoryBudget,
+    resources: &'a Resources<'a>,
 }
 
 impl Source<'_> {
@@ -65,9 +88,30 @@ impl Source<'_> {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }
 
+    /// The index of what the options ask for, by its name or else by its number.
+    fn by_name<'n>(
+        &self,
+        what: &'static str,
+        wanted: &str,
+        names: impl Iterator<Item = &'n str> + Clone,
+    ) -> Result<usize, SceneError> {
+        let by_number = || wanted.parse().ok().filter(|&number| number < names.clone().count());
+        names.clone().position(|name| name == wanted).or_else(by_number).ok_or_else(|| {
+            const SHOWN: usize = 20;
+            let mut known: Vec<String> =
+                names.clone().take(SHOWN).enumerate().map(|(n, name)| format!("{n} `{}`", shortened(name))).collect();
+            if names.clone().nth(SHOWN).is_some() {
+                known.push("…".into());
+            }
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            SceneError::NoSuch { path: self.path.into(), what, wanted: shortened(wanted).into_owned(), known }
+        })
+    }
+
     /// Buffers together, in bytes: no honest count of anything is greater.
     fn buffer_bytes(&self) -> usize {
-        self.buffers.iter().map(|buffer| buffer.len()).sum()
+        let decompressed = self.bytes.decompressed.iter().flatten().map(Vec::len);
+        self.bytes.buffers.iter().map(|buffer| buffer.len()).chain(decompressed).sum()
     }
 }
 
@@ -81,20 +125,27 @@ pub(crate) fn import(
     path: &Path,
     file: &[u8],
     options: &LoadOptions,
-    budget: &MemoryBudget,
-    digest: &mut blake3::Hasher,
+    resources: &Resources<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+    let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
     let document = parse(path, parts.json, budget)?;
     check_version(path, &document)?;
     check_extensions(path, &document, warnings)?;
-    let buffers = resource::load_buffers(&document, path, parts.bin, budget, digest)?;
+    let buffers = uri::load_buffers(&document, path, parts.bin, resources)?;
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
-    let source = Source { path, document: &document, buffers: &buffers, options, budget };
+    let decompressed = meshopt::decompress(&document, &buffers, path, budget)?;
+    let bytes = accessor::Bytes { buffers: &buffers, decompressed: &decompressed };
+    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources };
+    if let Some(name) = &options.variant {
+        let variants = document.extensions.variants.as_ref().map_or(&[][..], |extension| &extension.variants);
+        source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);
+    }
 
-    let hierarchy = node::Hierarchy::new(&source, warnings)?;
+    let pose = animation::pose(&source, warnings)?;
+    let hierarchy = node::Hierarchy::new(&source, pose, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
     let mut textures = texture::Textures::new(&source);
@@ -105,16 +156,16 @@ pub(crate) fn import(
         material_of.insert(index, materials.len() as u32);
         materials.push(material::convert(&source, index, &mut textures, &mut media, warnings)?);
     }
-    let loaded = textures.load(digest, warnings)?;
-    loaded.remove_missing_normals(&mut materials);
+    let loaded = textures.load(warnings)?;
+    loaded.remove_missing_directions(&mut materials);
     let images = loaded.images;
-    let (meshes, instances) = node::build(&source, &hierarchy, &placements, &materials, &material_of, warnings)?;
+    let draco = draco::decompress(&source, &placements.shapes)?;
+    let (meshes, instances) =
+        node::build(&source, &hierarchy, &placements, &draco, &materials, &material_of, warnings)?;
+    drop(draco);
     let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
-    if !document.animations.is_empty() {
-        warnings.add("animations", "the scene is shown as its nodes stand, animations are not played");
-    }
     let metadata = Metadata {
         format: if parts.bin.is_some() { "glTF 2.0 (binary)" } else { "glTF 2.0" },
         generator: document.asset.generator.clone(),
@@ -173,21 +224,8 @@ fn check_extensions(path: &Path, document: &Document, warnings: &mut Warnings) -
 
 fn unsupported(path: &Path, place: impl Into<String>, name: String) -> SceneError {
     let remedy = match name.as_str() {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "export without mesh compression"
-        }
-        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => "export with PNG or JPEG textures",
+        "EXT_texture_avif" | "MSFT_texture_dds" => "export with PNG or JPEG textures",
         _ => "export without it",
     };
     SceneError::UnsupportedExtension { path: path.into(), place: place.into(), name, remedy }
-}
-
-/// Text of a file in a message: not too long, and no control characters.
-fn shortened(text: &str) -> Cow<'_, str> {
-    const LENGTH: usize = 80;
-    if text.len() <= LENGTH && !text.contains(char::is_control) {
-        return Cow::Borrowed(text);
-    }
-    let start: String = text.chars().take(LENGTH).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    if start.len() < text.len() { Cow::Owned(start + "…") } else { Cow::Owned(start) }
 }

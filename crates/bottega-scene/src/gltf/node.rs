@@ -7,7 +7,9 @@ use rayon::prelude::*;
 
 use super::Source;
 use super::accessor::{Accessor, find};
+use super::animation::{NodePose, Pose};
 use super::document;
+use super::draco::DracoMeshes;
 use super::mesh::{self, Shape};
 use crate::error::Warnings;
 use crate::model::is_placeable;
@@ -19,11 +21,13 @@ pub(super) struct Hierarchy {
     pub(super) nodes: Vec<usize>,
     /// Node space to world space, for every node of the document; `None` outside of the scene.
     pub(super) world_from_node: Vec<Option<DAffine3>>,
+    /// What animations say instead of the nodes.
+    pose: Pose,
 }
 
 impl Hierarchy {
     /// Walks the default scene, or the first one, or all nodes where there is no scene.
-    pub(super) fn new(source: &Source<'_>, warnings: &mut Warnings) -> Result<Self, SceneError> {
+    pub(super) fn new(source: &Source<'_>, pose: Pose, warnings: &mut Warnings) -> Result<Self, SceneError> {
         let document = source.document;
         let has_parent = check_forest(source)?;
         let roots = match (document.scene, document.scenes.len()) {
@@ -45,12 +49,12 @@ impl Hierarchy {
             if world_from_node[index].is_some() {
                 return Err(source.invalid(format!("nodes[{index}]"), "stands in the scene twice"));
             }
-            let world = world_from_parent * parent_from_node(node);
+            let world = world_from_parent * parent_from_node(node, pose.get(&index));
             world_from_node[index] = Some(world);
             nodes.push(index);
             pending.extend(node.children.iter().rev().map(|&child| (child, world)));
         }
-        Ok(Self { nodes, world_from_node })
+        Ok(Self { nodes, world_from_node, pose })
     }
 }
 
@@ -81,11 +85,22 @@ fn check_forest(source: &Source<'_>) -> Result<Vec<bool>, SceneError> {
     }
 }
 
-fn parent_from_node(node: &document::Node) -> DAffine3 {
+fn parent_from_node(node: &document::Node, pose: Option<&NodePose>) -> DAffine3 {
+    let (mut scale, mut rotation, mut translation) = (node.scale, node.rotation, node.translation);
+    let pose = pose.filter(|pose| pose.moves());
     if let Some(columns) = &node.matrix {
-        return DAffine3::from_mat4(DMat4::from_cols_array(columns));
+        let matrix = DAffine3::from_mat4(DMat4::from_cols_array(columns));
+        if pose.is_none() {
+            return matrix;
+        }
+        // Nodes that are animated should have no matrix. Those that have one are taken apart.
+        let parts = matrix.to_scale_rotation_translation();
+        (scale, rotation, translation) = (Some(parts.0.into()), Some(parts.1.into()), Some(parts.2.into()));
     }
-    affine(node.scale, node.rotation, node.translation)
+    match pose {
+        None => affine(scale, rotation, translation),
+        Some(pose) => affine(pose.scale.or(scale), pose.rotation.or(rotation), pose.translation.or(translation)),
+    }
 }
 
 fn affine(scale: Option<[f64; 3]>, rotation: Option<[f64; 4]>, translation: Option<[f64; 3]>) -> DAffine3 {
@@ -137,9 +152,10 @@ pub(super) fn placements(
             None => vec![world],
             Some(instancing) => instances(source, index, &instancing.attributes)?.iter().map(|&m| world * m).collect(),
         };
-        let weights = node.weights.as_ref().or(mesh.weights.as_ref());
+        let animated = hierarchy.pose.get(&index).and_then(|pose| pose.weights.as_ref());
+        let weights = animated.or(node.weights.as_ref()).or(mesh.weights.as_ref());
         for primitive in 0..mesh.primitives.len() {
-            let material = mesh.primitives[primitive].material;
+            let material = material(source, &mesh.primitives[primitive]);
             let weights = weights.map(|weights| weights.iter().map(|w| w.to_bits()).collect()).unwrap_or_default();
             let shape = Shape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
             let number = match number_of.get(&shape) {
@@ -160,6 +176,16 @@ pub(super) fn placements(
     Ok(placements)
 }
 
+/// The material of a primitive, in the variant that the options ask for (KHR_materials_variants).
+fn material(source: &Source<'_>, primitive: &document::Primitive) -> Option<usize> {
+    let variants = primitive.extensions.variants.as_ref();
+    let mapping = source
+        .variant
+        .zip(variants)
+        .and_then(|(variant, variants)| variants.mappings.iter().find(|mapping| mapping.variants.contains(&variant)));
+    mapping.map(|mapping| mapping.material).or(primitive.material)
+}
+
 /// EXT_mesh_gpu_instancing: node space from instance space, for each instance.
 fn instances(
     source: &Source<'_>,
@@ -169,7 +195,7 @@ fn instances(
     let place = |name: &str| format!("nodes[{node}].extensions.EXT_mesh_gpu_instancing.attributes.{name}");
     let accessor = |name: &str, index: Option<usize>, width: usize| {
         let Some(index) = index else { return Ok(None) };
-        let accessor = Accessor::new(source.document, source.buffers, index);
+        let accessor = Accessor::new(source.document, source.bytes, index);
         let accessor = accessor.map_err(|problem| source.invalid(place(name), problem))?;
         if accessor.width != width || accessor.is_unbacked() {
             return Err(source.invalid(place(name), format!("accessor {index} has not {width} stored components")));
@@ -200,10 +226,12 @@ fn instances(
 /// Reads every shape that is placed, once, and makes instances of it.
 ///
 /// - `hierarchy`: where the joints of skins are.
+/// - `draco`: what the shapes have in compressed form.
 pub(super) fn build(
     source: &Source<'_>,
     hierarchy: &Hierarchy,
     placements: &Placements,
+    draco: &DracoMeshes,
     materials: &[Material],
     material_of: &BTreeMap<Option<usize>, u32>,
     warnings: &mut Warnings,
@@ -211,7 +239,7 @@ pub(super) fn build(
     let read = |shape: &Shape| {
         let mut warnings = Warnings::default();
         let material = material_of[&shape.material];
-        let mesh = mesh::read(source, hierarchy, shape, &materials[material as usize], &mut warnings);
+        let mesh = mesh::read(source, hierarchy, draco, shape, &materials[material as usize], &mut warnings);
         (mesh.map(|mesh| mesh.map(|mesh| Mesh { material, ..mesh })), warnings)
     };
     let read: Vec<_> = placements.shapes.par_iter().map(read).collect();

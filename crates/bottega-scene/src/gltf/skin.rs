@@ -1,6 +1,7 @@
 //! Skins: vertices that joints move. glTF 2.0, section 3.7.3.
 
 use glam::{Affine3A, DAffine3, DMat4, Mat3A, Vec3A};
+use rayon::prelude::*;
 
 use super::Source;
 use super::accessor::{Accessor, find};
@@ -31,39 +32,47 @@ pub(super) fn apply(
         warnings.add(format!("skins[{skin}]"), "a mesh has no joints or weights for it and is shown as modelled");
         return Ok(());
     }
-    let mut stray = 0;
-    for vertex in 0..mesh.positions.len() {
-        let mut blend = Affine3A::ZERO;
-        let mut total = 0.0;
-        for set in influences {
-            for (&joint, &weight) in set[vertex].joints.iter().zip(&set[vertex].weights) {
-                if weight == 0.0 || !weight.is_finite() {
-                    continue;
-                }
-                match matrices.get(joint as usize) {
-                    Some(matrix) => {
-                        blend = sum(blend, matrix, weight);
-                        total += weight;
-                    }
-                    None => stray += 1,
-                }
-            }
-        }
-        // Weights should add up to 1, and do not always after quantization.
-        let blend = if total > 0.0 { sum(Affine3A::ZERO, &blend, 1.0 / total) } else { Affine3A::IDENTITY };
-        mesh.positions[vertex] = blend.transform_point3(mesh.positions[vertex]);
-        if let Some(normal) = mesh.normals.get_mut(vertex) {
-            *normal = (cofactors(&blend.matrix3) * Vec3A::from(*normal)).into();
-        }
-        if let Some(tangent) = mesh.tangents.get_mut(vertex) {
-            *tangent = blend.transform_vector3(tangent.truncate()).extend(tangent.w);
-        }
+    let blend = |vertex: usize| blend(&matrices, influences.iter().map(|set| &set[vertex]));
+    let blends: Vec<(Affine3A, u64)> = (0..mesh.positions.len()).into_par_iter().map(blend).collect();
+    for (position, (blend, _)) in mesh.positions.iter_mut().zip(&blends) {
+        *position = blend.transform_point3(*position);
     }
+    for (normal, (blend, _)) in mesh.normals.iter_mut().zip(&blends) {
+        *normal = (cofactors(&blend.matrix3) * Vec3A::from(*normal)).into();
+    }
+    for (tangent, (blend, _)) in mesh.tangents.iter_mut().zip(&blends) {
+        *tangent = blend.transform_vector3(tangent.truncate()).extend(tangent.w);
+    }
+    let stray: u64 = blends.iter().map(|(_, stray)| stray).sum();
     if stray > 0 {
         warnings
             .add(format!("skins[{skin}]"), format!("{stray} influences of joints that it does not have are ignored"));
     }
     Ok(())
+}
+
+/// The weighted mean of the joints that move a vertex, and how many of them the skin does not have.
+fn blend<'a>(matrices: &[Affine3A], influences: impl Iterator<Item = &'a Influence>) -> (Affine3A, u64) {
+    let mut blend = Affine3A::ZERO;
+    let mut total = 0.0;
+    let mut stray = 0;
+    for influence in influences {
+        for (&joint, &weight) in influence.joints.iter().zip(&influence.weights) {
+            if weight == 0.0 || !weight.is_finite() {
+                continue;
+            }
+            match matrices.get(joint as usize) {
+                Some(matrix) => {
+                    blend = sum(blend, matrix, weight);
+                    total += weight;
+                }
+                None => stray += 1,
+            }
+        }
+    }
+    // Weights should add up to 1, and do not always after quantization.
+    let blend = if total > 0.0 { sum(Affine3A::ZERO, &blend, 1.0 / total) } else { Affine3A::IDENTITY };
+    (blend, stray)
 }
 
 /// World space from the space in which the mesh was modelled, for every joint.
@@ -74,7 +83,7 @@ fn joint_matrices(source: &Source<'_>, hierarchy: &Hierarchy, index: usize) -> R
         None => Vec::new(),
         Some(accessor) => {
             let member = || place("inverseBindMatrices");
-            let accessor = Accessor::new(source.document, source.buffers, accessor);
+            let accessor = Accessor::new(source.document, source.bytes, accessor);
             let accessor = accessor.map_err(|problem| source.invalid(member(), problem))?;
             if accessor.width != 16 || accessor.count < skin.joints.len() || accessor.is_unbacked() {
                 return Err(source.invalid(member(), "does not hold a 4×4 matrix for each joint"));

@@ -2,17 +2,15 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::{Affine2, Mat2, Vec2};
 use rayon::prelude::*;
 
 use super::accessor::{find, view_bytes};
-use super::resource::{Reference, resolve};
+use super::uri::{Reference, resolve};
 use super::{Source, document, shortened};
 use crate::error::Warnings;
-use crate::file::read_file;
-use crate::image::{Decoded, Encoding, Header, PictureFault};
+use crate::image::{Decoded, Encoding, Header, PictureFault, unreadable};
 use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 
 /// What a picture is used for. A picture with several uses is decoded once and kept once for each.
@@ -55,7 +53,7 @@ impl<'a> Textures<'a> {
             None => &default,
             Some(index) => find("sampler", &document.samplers, index).map_err(invalid)?,
         };
-        if let Some(image) = texture.source {
+        if let Some(image) = texture.picture() {
             find("image", &document.images, image).map_err(invalid)?;
         } else {
             let message =
@@ -68,7 +66,7 @@ impl<'a> Textures<'a> {
             warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
         }
         Ok(TextureMap {
-            image: self.id(texture.source, picture),
+            image: self.id(texture.picture(), picture),
             uv_set: if uv_set == 1 { 1 } else { 0 },
             picture_from_uv: transform.map_or(Affine2::IDENTITY, picture_from_uv),
             wrap_u: wrap(sampler.wrap_s),
@@ -85,7 +83,7 @@ impl<'a> Textures<'a> {
     }
 
     /// Decodes every picture that was asked for, all limits checked before the first one.
-    pub(super) fn load(self, digest: &mut blake3::Hasher, warnings: &mut Warnings) -> Result<LoadedImages, SceneError> {
+    pub(super) fn load(self, warnings: &mut Warnings) -> Result<LoadedImages, SceneError> {
         // Each picture with its uses, in the order of the document.
         let mut uses: BTreeMap<usize, Vec<(Use, usize)>> = BTreeMap::new();
         for (number, &(image, picture)) in self.wanted.iter().enumerate() {
@@ -110,10 +108,7 @@ impl<'a> Textures<'a> {
         for (index, uses, loaded) in loaded {
             match loaded {
                 Ok(loaded) => {
-                    if let Some(hash) = loaded.digest {
-                        digest.update(hash.as_bytes());
-                    }
-                    for ((_, number), image) in uses.iter().zip(loaded.images) {
+                    for ((_, number), image) in uses.iter().zip(loaded) {
                         images[*number] = Some(image);
                     }
                 }
@@ -144,13 +139,16 @@ pub(super) struct LoadedImages {
 }
 
 impl LoadedImages {
-    /// Removes normal maps that could not be read: what stands for them would bend the surface.
-    pub(super) fn remove_missing_normals(&self, materials: &mut [Material]) {
+    /// Removes maps of directions that could not be read: what stands for them would bend the surface.
+    pub(super) fn remove_missing_directions(&self, materials: &mut [Material]) {
         let is_there = |map: &TextureMap| !self.is_missing[map.image.0 as usize];
         for material in materials {
             material.relief = material.relief.take().filter(|relief| relief.texture().is_none_or(is_there));
             if let Surface::Layered(layered) = &mut material.surface {
                 layered.coat_normal = layered.coat_normal.take().filter(|(map, _)| is_there(map));
+                if let Some(anisotropy) = &mut layered.anisotropy {
+                    anisotropy.texture = anisotropy.texture.take().filter(is_there);
+                }
             }
         }
     }
@@ -187,26 +185,24 @@ fn name(source: &Source<'_>, index: usize) -> String {
     }
 }
 
-/// The bytes of a picture's file, and whether they came from a file of its own. The inner error is worth a warning.
-type Bytes<'a> = Result<(Cow<'a, [u8]>, bool), String>;
+/// The bytes of a picture. The inner error is worth a warning.
+type Bytes<'a> = Result<Cow<'a, [u8]>, String>;
 
 fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
     let image = &source.document.images[index];
     let place = || format!("images[{index}]");
     if let Some(view) = image.buffer_view {
-        let view = view_bytes(source.document, source.buffers, view);
+        let view = view_bytes(source.document, source.bytes, view);
         let (bytes, _) = view.map_err(|problem| source.invalid(place(), problem))?;
-        return Ok(Ok((Cow::Borrowed(bytes), false)));
+        return Ok(Ok(Cow::Borrowed(bytes)));
     }
     let Some(uri) = &image.uri else { return Ok(Err("it has neither a URI nor a buffer view".into())) };
-    let folder = source.path.parent().unwrap_or(Path::new(""));
-    match resolve(folder, uri).map_err(|bad| bad.error(source.path, place(), uri))? {
-        Reference::Data(bytes) => Ok(Ok((Cow::Owned(bytes), false))),
-        Reference::File(file) => match read_file(&file, source.budget) {
-            Ok(bytes) => Ok(Ok((Cow::Owned(bytes), true))),
-            Err(SceneError::Read { path, source }) => Ok(Err(format!("cannot read `{}` ({source})", path.display()))),
-            Err(error) => Ok(Err(error.to_string())),
-        },
+    match resolve(uri).map_err(|bad| bad.error(source.path, place(), uri))? {
+        Reference::Data(bytes) => Ok(Ok(Cow::Owned(bytes))),
+        Reference::File(file) => {
+            let location = source.resources.locate(&file, &place())?;
+            Ok(source.resources.read(&location).map(Cow::Owned).map_err(|error| unreadable(&error)))
+        }
     }
 }
 
@@ -214,7 +210,7 @@ fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError>
 fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header, String>, SceneError> {
     let place = format!("images[{index}]");
     let bytes = match bytes(source, index)? {
-        Ok((bytes, _)) => bytes,
+        Ok(bytes) => bytes,
         Err(problem) => return Ok(Err(problem)),
     };
     match Header::read(&bytes, source.options.max_image_pixels) {
@@ -232,21 +228,14 @@ fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header
     }
 }
 
-struct LoadedPicture {
-    /// One for each use.
-    images: Vec<Image>,
-    /// Of the file's bytes, where it has a file of its own.
-    digest: Option<blake3::Hash>,
-}
-
+/// Decodes a picture, once for each use.
 fn load_picture(
     source: &Source<'_>,
     index: usize,
     header: Header,
     uses: &[(Use, usize)],
-) -> Result<LoadedPicture, String> {
-    let (bytes, is_file) = bytes(source, index).map_err(|error| error.to_string())??;
-    let digest = is_file.then(|| blake3::hash(&bytes));
+) -> Result<Vec<Image>, String> {
+    let bytes = bytes(source, index).map_err(|error| error.to_string())??;
     let decoded = Decoded::read(&bytes, header)?;
     drop(bytes);
     let name = name(source, index);
@@ -256,7 +245,7 @@ fn load_picture(
         images.push(make(decoded.clone(), &name, *picture));
     }
     images.push(make(decoded, &name, last.0));
-    Ok(LoadedPicture { images, digest })
+    Ok(images)
 }
 
 fn make(decoded: Decoded, name: &str, picture: Use) -> Image {

@@ -1,4 +1,4 @@
-//! Picture files to texels: PNG, JPEG, Radiance HDR, OpenEXR.
+//! Picture files to texels: PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, Radiance HDR, OpenEXR, KTX2.
 //!
 //! The header alone decides how much memory a picture will take, so that whoever asks for it can refuse before a few
 //! bytes of file unfold to gigabytes.
@@ -8,7 +8,7 @@ use std::io::Cursor;
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, Image};
+use super::{Encoding, Image, ktx2, openexr, pfm};
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,50 +29,60 @@ pub(crate) enum PictureFault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Header {
     format: Format,
-    width: u32,
-    height: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
     texel_bytes: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
-    Png,
-    Jpeg,
-    Hdr,
+    Library(ImageFormat),
     Exr,
+    Pfm,
+    Ktx2,
 }
 
 impl Format {
     fn of(bytes: &[u8]) -> Option<Self> {
-        match bytes {
-            [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
-            [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
-            [b'#', b'?', ..] => Some(Self::Hdr),
-            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),
-            _ => None,
-        }
+        Some(Self::Library(match bytes {
+            [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
+            [0xff, 0xd8, 0xff, ..] => ImageFormat::Jpeg,
+            [b'#', b'?', ..] => ImageFormat::Hdr,
+            [0x76, 0x2f, 0x31, 0x01, ..] => return Some(Self::Exr),
+            [b'P', b'F' | b'f', b'\n' | b'\r' | b' ', ..] => return Some(Self::Pfm),
+            [b'P', b'1'..=b'7', b'\n' | b'\r' | b' ' | b'\t', ..] => ImageFormat::Pnm,
+            [b'B', b'M', ..] => ImageFormat::Bmp,
+            [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => ImageFormat::Tiff,
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => ImageFormat::WebP,
+            _ if bytes.starts_with(ktx2::MAGIC) => return Some(Self::Ktx2),
+            bytes if looks_like_tga(bytes) => ImageFormat::Tga,
+            _ => return None,
+        }))
     }
+}
 
-    fn library_format(self) -> Option<ImageFormat> {
-        match self {
-            Self::Png => Some(ImageFormat::Png),
-            Self::Jpeg => Some(ImageFormat::Jpeg),
-            Self::Hdr => Some(ImageFormat::Hdr),
-            Self::Exr => None,
-        }
-    }
+/// TGA has no first bytes of its own, but few headers make sense: a known kind of pixels, with or without a palette.
+fn looks_like_tga(bytes: &[u8]) -> bool {
+    let Some(header) = bytes.first_chunk::<18>() else { return false };
+    let [_, palette, kind, .., depth, _] = *header;
+    let is_known = match palette {
+        0 => matches!(kind, 2 | 3 | 10 | 11),
+        1 => matches!(kind, 1 | 2 | 9 | 10),
+        _ => false,
+    };
+    is_known && matches!(depth, 8 | 15 | 16 | 24 | 32)
 }
 
 /// What a file that we cannot read seems to be.
 fn describe(bytes: &[u8]) -> &'static str {
     match bytes {
         [] => "it is empty",
-        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture; use PNG or JPEG",
-        [b'R', b'I', b'F', b'F', ..] => "it is a WebP picture; use PNG or JPEG",
+        [0xab, b'K', b'T', b'X', ..] => "it is a KTX picture of version 1; use KTX2, PNG or JPEG",
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
-        [b'B', b'M', ..] => "it is a BMP picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
-        _ => "it is no picture in a format that can be read (PNG, JPEG, HDR, EXR)",
+        _ => {
+            "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
+        }
     }
 }
 
@@ -81,9 +91,11 @@ impl Header {
     pub(crate) fn read(bytes: &[u8], pixels_max: u64) -> Result<Self, PictureFault> {
         let unreadable = |problem: String| PictureFault::Unreadable { problem };
         let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
-        let (width, height, texel_bytes) = match format.library_format() {
-            None => exr_header(bytes).map_err(unreadable)?,
-            Some(library_format) => {
+        let (width, height, texel_bytes) = match format {
+            Format::Exr => openexr::header(bytes).map_err(unreadable)?,
+            Format::Ktx2 => ktx2::header(bytes).map_err(unreadable)?,
+            Format::Pfm => pfm::header(bytes).map(|header| header.size()).map_err(unreadable)?,
+            Format::Library(library_format) => {
                 let decoder = decoder(bytes, library_format).map_err(|error| unreadable(explain(&error)))?;
                 let (width, height) = decoder.dimensions();
                 (width, height, kept_bytes(decoder.color_type()))
@@ -103,20 +115,28 @@ impl Header {
     }
 
     /// A file cannot hold more than its compression can unfold: 1032 : 1 for the deflate of PNG, 1 byte for 32 pixels of one
-    /// channel for the runs of HDR. A picture that announces more was cut off, or lies.
+    /// channel for the runs of HDR, 2 bytes for 128 pixels for those of TGA. A picture that announces more was cut off, or lies.
     fn check_plausible(&self, file_bytes: usize) -> Result<(), String> {
-        let pixels = self.width as usize * self.height as usize;
+        let pixels = (self.width as usize).saturating_mul(self.height as usize);
         let needed = match self.format {
             // At 1 bit a pixel.
-            Format::Png => pixels / 8 / 1032,
-            Format::Hdr => pixels / 32,
-            Format::Jpeg | Format::Exr => 0,
+            Format::Library(ImageFormat::Png) => pixels / 8 / 1032,
+            Format::Library(ImageFormat::Hdr) => pixels / 32,
+            Format::Library(ImageFormat::Tga) => pixels / 128,
+            Format::Library(ImageFormat::Pnm) => pixels / 8,
+            Format::Pfm => pixels.saturating_mul(4),
+            _ => 0,
         };
         if file_bytes < needed {
             let (width, height) = (self.width, self.height);
             return Err(format!("it announces {width} × {height} pixels, but has only {file_bytes} bytes"));
         }
         Ok(())
+    }
+
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
     }
 
     /// Bytes that the picture takes in memory, its mip levels included.
@@ -143,7 +163,7 @@ pub(crate) struct Decoded {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-enum DecodedTexels {
+pub(super) enum DecodedTexels {
     Gray8(Vec<u8>),
     Rgb8(Vec<[u8; 3]>),
     Rgba8(Vec<[u8; 4]>),
@@ -155,9 +175,11 @@ enum DecodedTexels {
 impl Decoded {
     /// Decodes the file whose header was read. An error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
-        let texels = match header.format.library_format() {
-            None => exr_texels(bytes, header)?,
-            Some(format) => library_texels(bytes, format, header)?,
+        let texels = match header.format {
+            Format::Exr => openexr::texels(bytes, header)?,
+            Format::Ktx2 => DecodedTexels::Rgba8(ktx2::texels(bytes)?),
+            Format::Pfm => pfm::texels(bytes)?,
+            Format::Library(format) => library_texels(bytes, format, header)?,
         };
         Ok(Self { width: header.width, height: header.height, texels })
     }
@@ -245,107 +267,11 @@ fn read<T: Pod>(decoder: impl ImageDecoder, count: usize) -> Result<Vec<T>, Stri
     Ok(texels)
 }
 
-fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
+pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
     let mut texels = Vec::new();
     texels.try_reserve_exact(count).map_err(|_| format!("there is no memory for {count} pixels"))?;
     texels.resize(count, T::zeroed());
     Ok(texels)
-}
-
-/// Which channels of an EXR file are read.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum ExrChannels {
-    Gray,
-    Rgb,
-    Rgba,
-}
-
-/// The channels that are read, and the header of the layer that has them: the first one with colours, or else the
-/// first one with luminance.
-fn exr_layer(bytes: &[u8]) -> Result<(ExrChannels, exr::meta::header::Header), String> {
-    let metadata = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false);
-    let metadata = metadata.map_err(|error| explain_exr(&error))?;
-    let has = |layer: &exr::meta::header::Header, names: &[&str]| {
-        !layer.deep && names.iter().all(|name| layer.channels.list.iter().any(|channel| channel.name.eq(name)))
-    };
-    let kinds: [(&[&str], ExrChannels); 2] = [(&["R", "G", "B"], ExrChannels::Rgb), (&["Y"], ExrChannels::Gray)];
-    for (names, channels) in kinds {
-        if let Some(layer) = metadata.headers.iter().find(|layer| has(layer, names)) {
-            let has_alpha = channels == ExrChannels::Rgb && has(layer, &["A"]);
-            return Ok((if has_alpha { ExrChannels::Rgba } else { channels }, layer.clone()));
-        }
-    }
-    Err("it has no layer with channels R, G and B, or Y".into())
-}
-
-/// Width, height and bytes of a texel.
-fn exr_header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
-    let (channels, layer) = exr_layer(bytes)?;
-    let size = |length: usize| u32::try_from(length).map_err(|_| "it is too large".to_owned());
-    let texel_bytes = if channels == ExrChannels::Rgba { 16 } else { 12 };
-    Ok((size(layer.layer_size.0)?, size(layer.layer_size.1)?, texel_bytes))
-}
-
-fn explain_exr(error: &exr::error::Error) -> String {
-    format!("it is damaged or of an unknown kind ({error})")
-}
-
-fn exr_texels(bytes: &[u8], header: Header) -> Result<DecodedTexels, String> {
-    match exr_layer(bytes)?.0 {
-        ExrChannels::Gray => {
-            let gray = exr_gray(bytes, header)?;
-            Ok(DecodedTexels::Rgb32(gray.into_iter().map(|y| [y; 3]).collect()))
-        }
-        ExrChannels::Rgb => exr_color(bytes, header, |[r, g, b, _]| [r, g, b]).map(DecodedTexels::Rgb32),
-        ExrChannels::Rgba => exr_color(bytes, header, |rgba| rgba).map(DecodedTexels::Rgba32),
-    }
-}
-
-fn exr_color<T: Pod>(bytes: &[u8], header: Header, texel: fn([f32; 4]) -> T) -> Result<Vec<T>, String> {
-    use exr::prelude::{ReadChannels, ReadLayers};
-    let (width, height) = (header.width as usize, header.height as usize);
-    let set = move |texels: &mut Vec<T>, at: exr::math::Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
-        if let Some(to) = texels.get_mut(at.1 * width + at.0) {
-            *to = texel([r, g, b, a]);
-        }
-    };
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgba_channels(move |_, _| zeroed(width * height).unwrap_or_default(), set)
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|error| explain_exr(&error))?;
-    whole(image.layer_data.channel_data.pixels, header)
-}
-
-fn exr_gray(bytes: &[u8], header: Header) -> Result<Vec<f32>, String> {
-    use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel};
-    let (width, height) = (header.width as usize, header.height as usize);
-    let set = move |texels: &mut Vec<f32>, at: exr::math::Vec2<usize>, (y,): (f32,)| {
-        if let Some(to) = texels.get_mut(at.1 * width + at.0) {
-            *to = y;
-        }
-    };
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .specific_channels()
-        .required("Y")
-        .collect_pixels(move |_, _| zeroed(width * height).unwrap_or_default(), set)
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|error| explain_exr(&error))?;
-    whole(image.layer_data.channel_data.pixels, header)
-}
-
-fn whole<T>(texels: Vec<T>, header: Header) -> Result<Vec<T>, String> {
-    let count = header.width as usize * header.height as usize;
-    if texels.len() == count { Ok(texels) } else { Err(format!("there is no memory for {count} pixels")) }
 }
 
 #[cfg(test)]
@@ -434,11 +360,31 @@ mod tests {
     }
 
     #[test]
+    fn other_formats_keep_rows_channels_and_precision() {
+        let picture =
+            DynamicImage::ImageRgb8(ImageBuffer::from_fn(3, 2, |x, y| Rgb([x as u8 * 100, y as u8 * 255, 7])));
+        for format in [ImageFormat::Tga, ImageFormat::Bmp, ImageFormat::Tiff, ImageFormat::WebP, ImageFormat::Pnm] {
+            let image = read_image(&encoded(&picture, format), Encoding::Linear);
+            assert_eq!(image.size(), (3, 2), "{format:?}");
+            assert!(close(image.texel(2, 1), [200.0 / 255.0, 1.0, 7.0 / 255.0, 1.0]), "{format:?}");
+            assert!(close(image.texel(1, 0), [100.0 / 255.0, 0.0, 7.0 / 255.0, 1.0]), "{format:?}");
+        }
+        let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(2, 2, Rgb([1000, 0, 65535])));
+        for format in [ImageFormat::Tiff, ImageFormat::Pnm] {
+            let image = read_image(&encoded(&deep, format), Encoding::Linear);
+            assert!((image.texel(0, 0).x - 1000.0 / 65535.0).abs() < 1e-6, "{format:?}");
+        }
+        let bright = DynamicImage::ImageRgb32F(ImageBuffer::from_pixel(2, 2, Rgb([100.0, 0.5, 0.0])));
+        let image = read_image(&encoded(&bright, ImageFormat::Tiff), Encoding::Srgb);
+        assert_eq!(image.texel(1, 1), Vec4::new(100.0, 0.5, 0.0, 1.0));
+    }
+
+    #[test]
     fn too_many_pixels_and_unknown_formats_are_told_apart() {
         let file = exr_file(&[("Y", 7.0)]);
         assert!(matches!(Header::read(&file, 5), Err(PictureFault::TooLarge { .. })));
         assert!(
-            matches!(Header::read(b"RIFF....WEBP", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("WebP"))
+            matches!(Header::read(b"GIF89a....", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("GIF"))
         );
         assert!(matches!(Header::read(b"", 5), Err(PictureFault::Unreadable { .. })));
     }

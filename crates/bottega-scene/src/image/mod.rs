@@ -1,13 +1,18 @@
 //! Pictures with their mip levels: decoding, storage, lookup.
 
 mod decode;
+mod ktx2;
 mod lookup;
+mod openexr;
+mod pfm;
+mod pictures;
 mod pyramid;
 mod srgb;
 
 use glam::Vec4;
 
 pub(crate) use decode::{Decoded, Header, PictureFault};
+pub(crate) use pictures::{Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 
@@ -117,6 +122,18 @@ impl Image {
         Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
     }
 
+    /// Its luminance in all channels (Rec. 709), opaque; itself where it is gray.
+    pub(crate) fn luminance(self) -> Self {
+        const WEIGHTS: glam::Vec3 = glam::Vec3::new(0.2126, 0.7152, 0.0722);
+        let (width, height) = self.size();
+        let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| self.texel(x, y));
+        if texels().all(|texel| texel.x == texel.y && texel.y == texel.z) {
+            return self;
+        }
+        let texels = texels().map(|texel| [texel.truncate().dot(WEIGHTS); 3]).collect();
+        Self::from_linear_rgb(self.name, width, height, texels)
+    }
+
     /// Columns and rows of the finest level.
     pub fn size(&self) -> (u32, u32) {
         self.level_size(0)
@@ -171,5 +188,16 @@ impl Image {
 fn make_radiance(value: &mut f32) {
     if !(value.is_finite() && *value > 0.0) {
         *value = 0.0;
+    }
+}
+
+/// sRGB to linear, for one channel in [0, 1]. Codes of 8 bits are looked up.
+pub(crate) fn linear_of_srgb(encoded: f64) -> f64 {
+    let code = encoded * 255.0;
+    let nearest = code.round();
+    if (code - nearest).abs() < 1e-9 {
+        f64::from(srgb::LINEAR_OF_SRGB[nearest as usize & 255])
+    } else {
+        srgb::decode(encoded)
     }
 }

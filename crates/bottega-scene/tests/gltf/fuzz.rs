@@ -8,8 +8,10 @@ use std::path::Path;
 use bottega_scene::{LoadOptions, load};
 use serde_json::{Value, json};
 
+use crate::compressed::data;
+use crate::pictures::{ktx2, sample_pictures};
 use crate::sample_scenes::scenes;
-use crate::support::{F32, File, U8, png, write};
+use crate::support::{F32, File, U8, png, warns, write};
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 struct Random(u64);
@@ -140,7 +142,13 @@ fn mutate_document(json: &Value, random: &mut Random) -> Value {
 
 /// Loads mutations of a file, in the folder of the files that it refers to.
 fn check(folder: &Path, name: &str, count: usize, mutated: impl Fn(&mut Random) -> Vec<u8>) {
-    let options = LoadOptions { max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
+    let options = LoadOptions {
+        at: Some(0.5),
+        variant: None,
+        max_memory_bytes: 64 << 20,
+        max_image_pixels: 1 << 20,
+        ..LoadOptions::default()
+    };
     let mut good = 0;
     for index in 0..count * factor() {
         let mut random = Random(index as u64);
@@ -168,7 +176,10 @@ fn rich_file() -> File {
     let mut file = File::textured(&json!({
         "pbrMetallicRoughness": {"baseColorTexture": texture(0), "metallicRoughnessTexture": texture(0)},
         "normalTexture": {"index": 0}, "alphaMode": "MASK", "emissiveFactor": [1, 1, 1],
-        "extensions": {"KHR_materials_volume": {"thicknessFactor": 1}, "KHR_materials_clearcoat": {"clearcoatFactor": 1}},
+        "extensions": {"KHR_materials_volume": {"thicknessFactor": 1}, "KHR_materials_clearcoat": {"clearcoatFactor": 1},
+            "KHR_materials_anisotropy": {"anisotropyStrength": 1}, "KHR_materials_iridescence": {"iridescenceFactor": 1},
+            "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 1},
+            "KHR_materials_dispersion": {"dispersion": 1}},
     }));
     file.texture(&png(2, 2, &[[1; 4], [2; 4], [3; 4], [4; 4]]));
     let indices = file.accessor("SCALAR", U8, 6, &[0, 1, 2, 2, 1, 0]);
@@ -188,6 +199,19 @@ fn rich_file() -> File {
         "count": 1, "indices": {"bufferView": sparse, "componentType": U8}, "values": {"bufferView": values},
     });
     file.json["skins"] = json!([{"joints": [1]}]);
+    let times = file.floats("SCALAR", &[0.0, 1.0]);
+    let turns = file.floats("VEC4", &[0., 0., 0., 1., 0., 0., 1., 0.]);
+    let tangents = file.floats("SCALAR", &[0.0; 6]);
+    file.json["animations"] = json!([{
+        "samplers": [
+            {"input": times, "output": turns},
+            {"input": times, "output": tangents, "interpolation": "CUBICSPLINE"},
+        ],
+        "channels": [
+            {"sampler": 0, "target": {"node": 1, "path": "rotation"}},
+            {"sampler": 1, "target": {"node": 0, "path": "weights"}},
+        ],
+    }]);
     file.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}]);
     file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot"}]}});
     file.json["nodes"] = json!([
@@ -218,6 +242,64 @@ fn mutated_files_never_panic() {
     write(folder.path(), "rich.bin", &file.bin);
     let text = document.to_string().into_bytes();
     check(folder.path(), "rich.gltf", 400, |random| mutate(&text, random));
+}
+
+/// Mutations of the compressed data itself; those of the document are above.
+fn mutate_bin(file: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut file = file.to_vec();
+    let bin = 20 + u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize + 8;
+    for _ in 0..=random.below(4) {
+        let at = bin + random.below(file.len() - bin);
+        match random.below(3) {
+            0 => file[at] = random.next() as u8,
+            1 => file[at] ^= 1 << random.below(8),
+            _ => file[at..(at + 4).min(bin + (at - bin) / 4 * 4 + 4)].fill(0xff),
+        }
+    }
+    file
+}
+
+#[test]
+fn mutated_compressed_files_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, count) in [("meshopt.glb", 160), ("draco.glb", 400)] {
+        let file = std::fs::read(data(name)).unwrap();
+        check(folder.path(), name, count, |random| mutate_bin(&file, random));
+        check(folder.path(), name, count / 4, |random| mutate(&file, random));
+    }
+}
+
+/// Each picture by itself, in a scene that shows it.
+#[test]
+fn mutated_textures_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = File::textured(&json!({"emissiveTexture": {"index": 0}}));
+    scene.json["images"] = json!([{"uri": "picture"}]);
+    scene.json["textures"] = json!([{"source": 0}]);
+    let scene = write(folder.path(), "scene.glb", &scene.glb());
+    let options = LoadOptions { max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
+    let level: Vec<u8> = (0..=255).collect();
+    let mut pictures = [(37, 8, 8), (44, 4, 16), (133, 16, 32), (137, 16, 16), (145, 16, 16)]
+        .map(|(format, width, height)| (format!("format {format}"), ktx2(format, width, height, &level)))
+        .to_vec();
+    let mut webp = std::io::Cursor::new(Vec::new());
+    let pixels = image::RgbaImage::from_fn(16, 9, |x, y| image::Rgba([x as u8 * 9, y as u8, 5, 200]));
+    pixels.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
+    pictures.push(("WebP".into(), webp.into_inner()));
+    pictures.extend(scenes().map(|folder| sample_pictures(&folder)).into_iter().flatten());
+    for (name, file) in pictures {
+        let load_it = |bytes: &[u8]| {
+            write(folder.path(), "picture", bytes);
+            load(&scene, &options)
+        };
+        let loaded = load_it(&file).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(!warns(&loaded, &["magenta"]), "{name}: {:?}", loaded.warnings);
+        for index in 0..100 * factor() as u64 {
+            let mutated = mutate(&file, &mut Random(index));
+            let result = catch_unwind(AssertUnwindSafe(|| load_it(&mutated).is_ok()));
+            assert!(result.is_ok(), "mutation {index} of {name} panics");
+        }
+    }
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Materials, textures and pictures.
 
-use bottega_scene::{AlphaMode, Layered, Material, Relief, Scene, Sides, Surface, Wrap};
+use bottega_scene::{AlphaMode, Channel, Layered, LoadOptions, Material, Relief, Scene, Sides, Surface, Wrap, load};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
-use crate::support::{File, png, warns};
+use crate::support::{File, png, warns, write};
 
 fn material(description: &Value) -> Material {
     File::textured(description).load().scene.materials.remove(0)
@@ -224,6 +224,78 @@ fn pictures_that_cannot_be_read_are_replaced() {
         assert!(warns(&loaded, &["images[0]", "magenta"]), "{image}: {:?}", loaded.warnings);
     }
     // The file that is there but for its picture format.
-    file.json["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    file.json["textures"] = json!([{"extensions": {"EXT_texture_avif": {"source": 0}}}]);
     assert!(warns(&file.load(), &["materials[0]", "texture 0", "magenta"]));
+}
+
+#[test]
+fn anisotropy_iridescence_dispersion_and_diffuse_transmission_are_read() {
+    let mut file = File::textured(&json!({"extensions": {
+        "KHR_materials_anisotropy": {
+            "anisotropyStrength": 0.6, "anisotropyRotation": 1.5, "anisotropyTexture": {"index": 0},
+        },
+        "KHR_materials_iridescence": {
+            "iridescenceFactor": 0.7, "iridescenceTexture": {"index": 1}, "iridescenceIor": 1.8,
+            "iridescenceThicknessMinimum": 200, "iridescenceThicknessMaximum": 500,
+            "iridescenceThicknessTexture": {"index": 1},
+        },
+        "KHR_materials_dispersion": {"dispersion": 0.4},
+        "KHR_materials_volume": {"thicknessFactor": 1},
+        "KHR_materials_diffuse_transmission": {
+            "diffuseTransmissionFactor": 0.25, "diffuseTransmissionTexture": {"index": 0},
+            "diffuseTransmissionColorFactor": [0.1, 0.2, 0.3], "diffuseTransmissionColorTexture": {"index": 1},
+        },
+    }}));
+    file.texture(&png(1, 1, &[[10, 20, 30, 40]]));
+    file.texture(&png(1, 1, &[[50, 60, 70, 80]]));
+    let scene = file.load().scene;
+    let layers = layers(&scene.materials[0]);
+    let anisotropy = layers.anisotropy.as_ref().unwrap();
+    assert_eq!((anisotropy.strength, anisotropy.rotation), (0.6, 1.5));
+    let texel = scene.images[anisotropy.texture.as_ref().unwrap().image.0 as usize].texel(0, 0) * 255.0;
+    assert_eq!(texel.round().truncate(), Vec3::new(10.0, 20.0, 30.0), "numbers, not colours");
+    let film = layers.iridescence.as_ref().unwrap();
+    let uvs = [Vec2::ZERO; 2];
+    assert!((film.factor.eval(&scene, uvs, 0.0) - 0.7 * 50.0 / 255.0).abs() < 1e-6);
+    assert_eq!((film.ior, film.thickness), (1.8, [200.0, 500.0]));
+    assert_eq!(film.thickness_texture.as_ref().unwrap().1, Channel::G);
+    assert_eq!((layers.dispersion, layers.thin), (0.4, false));
+    assert!((layers.diffuse_transmission.eval(&scene, uvs, 0.0) - 0.25 * 40.0 / 255.0).abs() < 1e-6);
+    assert_eq!(layers.diffuse_transmission_color.factor, Vec3::new(0.1, 0.2, 0.3));
+    assert!(layers.diffuse_transmission_color.texture.is_some());
+}
+
+#[test]
+fn effects_of_no_strength_are_left_out_and_defaults_are_those_of_the_extensions() {
+    let none = with_extension("KHR_materials_anisotropy", &json!({"anisotropyRotation": 1}));
+    assert!(layers(&none).anisotropy.is_none());
+    let none = with_extension("KHR_materials_iridescence", &json!({"iridescenceIor": 2}));
+    assert!(layers(&none).iridescence.is_none());
+    let film = with_extension("KHR_materials_iridescence", &json!({"iridescenceFactor": 1}));
+    let film = layers(&film).iridescence.as_ref().unwrap();
+    assert_eq!((film.ior, film.thickness), (1.3, [100.0, 400.0]));
+    // Without a volume, what lets diffuse light through is a sheet.
+    let leaf = with_extension("KHR_materials_diffuse_transmission", &json!({"diffuseTransmissionFactor": 0.5}));
+    assert!(layers(&leaf).thin && layers(&leaf).diffuse_transmission_color.factor == Vec3::ONE);
+}
+
+#[test]
+fn variants_of_materials_are_chosen_by_name_or_number() {
+    let mut file = File::triangle();
+    file.json["materials"] = json!([{"name": "plain"}, {"name": "red"}, {"name": "blue"}]);
+    file.json["extensions"] = json!({"KHR_materials_variants": {"variants": [{"name": "warm"}, {"name": "cold"}]}});
+    let primitive = &mut file.json["meshes"][0]["primitives"][0];
+    primitive["material"] = json!(0);
+    primitive["extensions"] = json!({"KHR_materials_variants": {"mappings": [
+        {"material": 1, "variants": [0]}, {"material": 2, "variants": [1, 7]},
+    ]}});
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "scene.glb", &file.glb());
+    let shown = |variant: Option<&str>| {
+        load(&path, &LoadOptions { variant: variant.map(Into::into), ..LoadOptions::default() })
+    };
+    let name = |variant: Option<&str>| shown(variant).unwrap().scene.materials[0].name.clone();
+    assert_eq!([name(None), name(Some("warm")), name(Some("cold")), name(Some("1"))], ["plain", "red", "blue", "blue"]);
+    let error = shown(Some("lukewarm")).unwrap_err().to_string();
+    assert!(error.contains("no variant `lukewarm`") && error.contains("0 `warm`, 1 `cold`"), "{error}");
 }

@@ -1,7 +1,7 @@
 //! What a document refers to: buffers and pictures, in files beside it or within itself.
 
 use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -9,14 +9,13 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use super::document::Document;
 use super::shortened;
 use crate::SceneError;
-use crate::file::read_file;
-use crate::load::MemoryBudget;
+use crate::resource::Resources;
 
 /// Where the bytes of a reference are.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Reference {
-    /// In a file below the folder of the scene.
-    File(PathBuf),
+    /// In a file: its path, relative to the folder of the scene.
+    File(String),
     /// In the reference itself.
     Data(Vec<u8>),
 }
@@ -28,46 +27,22 @@ pub(super) enum BadReference {
     Malformed(&'static str),
 }
 
-const OUTSIDE: &str = "it lies outside the folder of the scene; copy it there and refer to it by a relative path";
-
-/// Understands a URI of a document in `folder`. Only `data:` URIs and relative paths that stay within the folder pass.
-pub(super) fn resolve(folder: &Path, uri: &str) -> Result<Reference, BadReference> {
+/// Understands a URI of a document. Only `data:` URIs and paths pass; whether a path is allowed, [`Resources`] decide.
+pub(super) fn resolve(uri: &str) -> Result<Reference, BadReference> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         return decode_data(rest).map(Reference::Data).map_err(BadReference::Malformed);
     }
     let scheme = uri.split(['/', '?', '#', '\\']).next().and_then(|start| start.split_once(':'));
-    if let Some((scheme, _)) = scheme {
-        let is_scheme =
-            scheme.len() > 1 && scheme.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(&byte));
-        if is_scheme || scheme.len() == 1 {
-            return Err(BadReference::Forbidden(
-                "only files beside the scene are read; download it and refer to it by a relative path",
-            ));
-        }
+    // A single letter is a drive.
+    let is_scheme =
+        |scheme: &str| scheme.len() > 1 && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b));
+    if scheme.is_some_and(|(scheme, _)| is_scheme(scheme)) {
+        return Err(BadReference::Forbidden(
+            "only files beside the scene are read; download it and refer to it by a relative path",
+        ));
     }
     let decoded = percent_decode(uri).ok_or(BadReference::Malformed("it is not valid percent-encoded UTF-8"))?;
-    if decoded.contains('\0') {
-        return Err(BadReference::Malformed("it contains a zero byte"));
-    }
-    // Files made on Windows may separate by backslashes.
-    let decoded = decoded.replace('\\', "/");
-    if decoded.starts_with('/') || decoded.as_bytes().get(1) == Some(&b':') {
-        return Err(BadReference::Forbidden(OUTSIDE));
-    }
-    let mut parts: Vec<&str> = Vec::new();
-    for part in decoded.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => {
-                parts.pop().ok_or(BadReference::Forbidden(OUTSIDE))?;
-            }
-            part => parts.push(part),
-        }
-    }
-    if parts.is_empty() {
-        return Err(BadReference::Malformed("it names no file"));
-    }
-    Ok(Reference::File(parts.iter().fold(folder.to_path_buf(), |path, part| path.join(part))))
+    Ok(Reference::File(decoded))
 }
 
 fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
@@ -114,30 +89,25 @@ fn percent_decode_bytes(text: &str) -> Vec<u8> {
     decoded
 }
 
-/// Reads all buffers. Their digests go to `digest`, in order.
+/// Reads all buffers.
 pub(super) fn load_buffers<'a>(
     document: &Document,
     path: &Path,
     bin: Option<&'a [u8]>,
-    budget: &MemoryBudget,
-    digest: &mut blake3::Hasher,
+    resources: &Resources<'_>,
 ) -> Result<Vec<Cow<'a, [u8]>>, SceneError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
     let mut buffers = Vec::with_capacity(document.buffers.len());
     for (index, buffer) in document.buffers.iter().enumerate() {
         let place = || format!("buffers[{index}]");
         let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: place(), problem };
-        let mut bytes = match (&buffer.uri, bin) {
-            (Some(uri), _) => match resolve(folder, uri).map_err(|bad| bad.error(path, place(), uri))? {
+        let uri = buffer.uri.as_ref().filter(|_| !buffer.extensions.is_fallback());
+        let mut bytes = match (uri, bin) {
+            (Some(uri), _) => match resolve(uri).map_err(|bad| bad.error(path, place(), uri))? {
                 Reference::Data(bytes) => Cow::Owned(bytes),
-                Reference::File(file) => {
-                    let bytes = read_file(&file, budget)?;
-                    digest.update(blake3::hash(&bytes).as_bytes());
-                    Cow::Owned(bytes)
-                }
+                Reference::File(file) => Cow::Owned(resources.open(&file, &place())?),
             },
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-            // Compressed data is decompressed into such a buffer. Who reads from it is told that it is empty.
+            // Views of such a buffer are decompressed from another one. Who reads it otherwise is told that it is empty.
             (None, _) => {
                 buffers.push(Cow::Borrowed(&[][..]));
                 continue;
@@ -171,51 +141,31 @@ impl BadReference {
 mod tests {
     use super::*;
 
-    fn file(uri: &str) -> Result<Reference, BadReference> {
-        resolve(Path::new("scenes"), uri)
+    #[test]
+    fn paths_are_decoded() {
+        let expected = |path: &str| Ok(Reference::File(path.into()));
+        assert_eq!(resolve("a%20b/c.bin"), expected("a b/c.bin"));
+        assert_eq!(resolve("%2e%2e/a"), expected("../a"));
+        assert_eq!(resolve("100%.png"), expected("100%.png"));
+        assert_eq!(resolve("%C3%BC.png"), expected("ü.png"));
+        assert!(matches!(resolve("%ff"), Err(BadReference::Malformed(_))));
     }
 
     #[test]
-    fn relative_paths_are_decoded_and_stay_in_the_folder() {
-        let expected = |path: &str| Ok(Reference::File(PathBuf::from(path)));
-        assert_eq!(file("a%20b/c.bin"), expected("scenes/a b/c.bin"));
-        assert_eq!(file("./x/../c.bin"), expected("scenes/c.bin"));
-        assert_eq!(file("textures\\c.png"), expected("scenes/textures/c.png"));
-        assert_eq!(file("100%.png"), expected("scenes/100%.png"));
-        assert_eq!(file("%C3%BC.png"), expected("scenes/ü.png"));
-    }
-
-    #[test]
-    fn whatever_leaves_the_folder_is_refused() {
-        for uri in [
-            "../a",
-            "a/../../b",
-            "/etc/passwd",
-            "%2e%2e/a",
-            "..%2Fa",
-            "..\\a",
-            "C:\\a",
-            "c:a",
-            "file:///etc/passwd",
-            "https://example.org/a.bin",
-            "//host/a",
-            "%2Fetc/passwd",
-        ] {
-            assert!(matches!(file(uri), Err(BadReference::Forbidden(_))), "{uri}");
-        }
-        for uri in ["", ".", "a/..", "a%00b", "%ff"] {
-            assert!(matches!(file(uri), Err(BadReference::Malformed(_))), "{uri}");
+    fn other_schemes_are_refused() {
+        for uri in ["file:///etc/passwd", "https://example.org/a.bin", "HTTP:a"] {
+            assert!(matches!(resolve(uri), Err(BadReference::Forbidden(_))), "{uri}");
         }
     }
 
     #[test]
     fn data_uris_hold_their_bytes() {
         let data = |bytes: &[u8]| Ok(Reference::Data(bytes.to_vec()));
-        assert_eq!(file("data:application/octet-stream;base64,AQID"), data(&[1, 2, 3]));
-        assert_eq!(file("data:;base64,AQI="), data(&[1, 2]));
-        assert_eq!(file("data:;base64,AQI"), data(&[1, 2]));
-        assert_eq!(file("DATA:,a%20b"), data(b"a b"));
-        assert!(file("data:;base64,A*").is_err());
-        assert!(file("data:base64").is_err());
+        assert_eq!(resolve("data:application/octet-stream;base64,AQID"), data(&[1, 2, 3]));
+        assert_eq!(resolve("data:;base64,AQI="), data(&[1, 2]));
+        assert_eq!(resolve("data:;base64,AQI"), data(&[1, 2]));
+        assert_eq!(resolve("DATA:,a%20b"), data(b"a b"));
+        assert!(resolve("data:;base64,A*").is_err());
+        assert!(resolve("data:base64").is_err());
     }
 }

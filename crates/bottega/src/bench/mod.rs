@@ -1,17 +1,21 @@
 //! `bottega bench`: figures of this program on this machine.
 
+mod peers;
+mod scene;
+
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     process::ExitCode,
     sync::{Arc, mpsc},
     time::{Duration, Instant},
 };
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, EngineError, RenderEngine, Tunables, ZoneTask};
-use bottega_image::{AovSet, Layout, Rect};
+use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
-use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::LoadOptions;
+use scene::NeutralScene;
 use serde_json::{Value, json};
 
 use crate::{
@@ -31,11 +35,17 @@ const PATHS_SIDE: u32 = 256;
 const PATHS_SAMPLES: u32 = 16;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
-    let BenchCommand::Rays { scenes, repeat, json } = &args.what;
-    let rays = kernels::run(RAYS_SIDE, usize::from(*repeat), processors())
+    match &args.what {
+        BenchCommand::Rays { scenes, repeat, json } => rays(scenes, *repeat, *json),
+        BenchCommand::Peers(args) => peers::run(args),
+    }
+}
+
+fn rays(scenes: &[PathBuf], repeat: u16, json: bool) -> Result<ExitCode, CliError> {
+    let rays = kernels::run(RAYS_SIDE, usize::from(repeat), processors())
         .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
-    let paths = scenes.iter().map(|scene| paths(scene, *repeat)).collect::<Result<Vec<_>, _>>()?;
-    if *json {
+    let paths = scenes.iter().map(|scene| paths(scene, repeat)).collect::<Result<Vec<_>, _>>()?;
+    if json {
         let rays: Vec<Value> =
             rays.iter().flat_map(|(scene, rows)| rows.iter().map(|row| row_as_json(&scene.name, row))).collect();
         println!("{}", json!({"rays": rays, "paths": paths}));
@@ -86,29 +96,46 @@ fn paths(scene: &Path, repeat: u16) -> Result<Value, CliError> {
 }
 
 fn paint(scene: &Arc<PreparedScene>, threads: usize) -> Result<Duration, CliError> {
-    let settings = PathSettings::default();
-    let options = BuiltinOptions {
-        view: View { camera: 0, width: PATHS_SIDE, height: PATHS_SIDE },
-        settings,
-        layout: Layout::new(AovSet::NONE),
-        threads,
-    };
+    let view = View { camera: 0, width: PATHS_SIDE, height: PATHS_SIDE };
+    Ok(paint_zone(scene, view, PathSettings::default(), threads, PATHS_SAMPLES)?.1)
+}
+
+/// Paints a neutral scene as its peers do, and how many seconds that took; the preparation is not in them.
+fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Result<(Picture, f64), CliError> {
+    // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
+    let options = PrepareOptions { threads, ..PrepareOptions::default() };
+    let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
+    let view = View { camera: 0, width: scene.width, height: scene.height };
+    let settings =
+        PathSettings { seed, max_depth: scene.max_bounces + 1, filter: Filter::PIXEL, ..PathSettings::default() };
+    let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;
+    let mut film = Film::new(tile.rect(), tile.layout());
+    film.add_tile(&tile, |_, _| 1.0);
+    Ok((film.to_picture(), time.as_secs_f64()))
+}
+
+/// Paints a whole picture as one zone.
+fn paint_zone(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    settings: PathSettings,
+    threads: usize,
+    spp: u32,
+) -> Result<(Tile, Duration), CliError> {
+    let rect = Rect::of_size(view.width, view.height);
+    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
     let engine = BuiltinEngine::new(Arc::clone(scene), options, Vec::new());
     let (sender, receiver) = mpsc::channel();
     let task = ZoneTask {
-        rect: Rect::of_size(PATHS_SIDE, PATHS_SIDE),
-        samples: 0..PATHS_SAMPLES,
+        rect,
+        samples: 0..spp,
         tunables: Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples },
         tile: None,
     };
     let start = Instant::now();
     // The receiver outlives the engine's report.
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
-    let lost = || EngineError::Zone {
-        engine: "builtin".to_owned(),
-        rect: Rect::of_size(PATHS_SIDE, PATHS_SIDE),
-        reason: "it did not report".to_owned(),
-    };
-    receiver.recv().map_err(|_| lost())??;
-    Ok(start.elapsed())
+    let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
+    let painted = receiver.recv().map_err(|_| lost())??;
+    Ok((painted.tile, start.elapsed()))
 }

@@ -1,0 +1,231 @@
+//! A density of directions as a histogram over the octahedral square.
+
+use glam::{Vec2, Vec3};
+
+use super::octahedron::{direction_from_square, square_from_direction};
+
+/// Cells along one side of the square.
+pub(super) const SIDE: usize = 16;
+/// Cells of the square.
+pub(super) const CELLS: usize = SIDE * SIDE;
+/// Strides of a search among them.
+const STEPS: [usize; SIDE.ilog2() as usize] = {
+    let mut steps = [0; SIDE.ilog2() as usize];
+    let mut i = 0;
+    while i < steps.len() {
+        steps[i] = SIDE >> (i + 1);
+        i += 1;
+    }
+    steps
+};
+/// What the weights of all cells add up to.
+const TOTAL: u16 = u16::MAX;
+/// Area of a cell within [−1, 1]².
+const CELL_AREA: f32 = 4.0 / CELLS as f32;
+
+/// A piecewise constant density over the square, in whole numbers so that sums are exact.
+#[derive(Clone, Debug)]
+pub(super) struct Directions {
+    /// Weights of all cells before, row by row.
+    cumulative: [u16; CELLS + 1],
+}
+
+/// A density over the square that is refined level by level: each square in four, in the order of Morton.
+///
+/// What a region has seen is little; what lies around it, more. A quarter's share of its square is the one that was seen
+/// mixed with that of a region around, as if that had been seen [`PRIOR_COUNT`] times. So a square that has been met by
+/// one heavy record is not trusted, and one that has been met often is.
+#[derive(Clone, Debug)]
+pub(super) struct Pyramid {
+    /// The squares of all levels, the whole first; each level adds up to 1.
+    mass: [f32; SQUARES],
+}
+
+/// Squares of all levels.
+const SQUARES: usize = (4 * CELLS - 1) / 3;
+/// Where the cells begin among them.
+const FIRST_CELL: usize = SQUARES - CELLS;
+/// See [`Pyramid`].
+const PRIOR_COUNT: f32 = 4.0;
+
+impl Pyramid {
+    /// Uniform over the sphere.
+    pub(super) fn uniform() -> Self {
+        let mut mass = [0.0; SQUARES];
+        for cell in 0..CELLS {
+            mass[FIRST_CELL + morton(cell)] = solid_angle(cell) / (4.0 * std::f32::consts::PI);
+        }
+        Self::summed(mass)
+    }
+
+    fn summed(mut mass: [f32; SQUARES]) -> Self {
+        for square in (0..FIRST_CELL).rev() {
+            mass[square] = mass[4 * square + 1..4 * square + 5].iter().sum();
+        }
+        Self { mass }
+    }
+
+    /// What the records (cell and weight) tell, where `around` is known of a greater region.
+    pub(super) fn learnt(around: &Self, records: impl Iterator<Item = (usize, f32)>) -> Self {
+        let (mut mass, mut squares) = ([0.0_f32; SQUARES], [0.0_f32; SQUARES]);
+        for (cell, weight) in records {
+            let cell = FIRST_CELL + morton(cell);
+            mass[cell] += weight;
+            squares[cell] += weight * weight;
+        }
+        let (seen, squares) = (Self::summed(mass).mass, Self::summed(squares).mass);
+        let mut out = Self { mass: [0.0; SQUARES] };
+        out.mass[0] = 1.0;
+        for square in 0..FIRST_CELL {
+            // As many records of equal weight would be as reliable.
+            let count = if squares[square] > 0.0 { seen[square] * (seen[square] / squares[square]) } else { 0.0 };
+            for part in 4 * square + 1..4 * square + 5 {
+                let prior = around.mass[part] / around.mass[square].max(f32::MIN_POSITIVE);
+                let share = if count > 0.0 { seen[part] / seen[square] } else { 0.0 };
+                out.mass[part] = out.mass[square] * (count * share + PRIOR_COUNT * prior) / (count + PRIOR_COUNT);
+            }
+        }
+        out
+    }
+
+    /// The part of the whole that a cell has.
+    pub(super) fn cell(&self, cell: usize) -> f32 {
+        self.mass[FIRST_CELL + morton(cell)]
+    }
+}
+
+/// The place of a cell in Morton's order: the bits of its row and column interleaved.
+fn morton(cell: usize) -> usize {
+    let (x, y) = (cell % SIDE, cell / SIDE);
+    (0..SIDE.ilog2()).fold(0, |place, bit| place | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
+}
+
+/// The cell that a unit direction falls into, and what a density over the square is to be divided by there for one per
+/// solid angle.
+pub(super) fn place_of(w: Vec3) -> (u16, f32) {
+    let (place, s) = square_from_direction(w);
+    (cell_at(place) as u16, s * s * s)
+}
+
+#[inline]
+fn cell_at(place: Vec2) -> usize {
+    let along = |x: f32| (((x + 1.0) * (0.5 * SIDE as f32)) as usize).min(SIDE - 1);
+    along(place.y) * SIDE + along(place.x)
+}
+
+/// Solid angle of a cell in sr, by its middle.
+pub(super) fn solid_angle(cell: usize) -> f32 {
+    let along = |i: usize| (2 * i + 1) as f32 / SIDE as f32 - 1.0;
+    let (_, s) = direction_from_square(Vec2::new(along(cell % SIDE), along(cell / SIDE)));
+    s * s * s * CELL_AREA
+}
+
+impl Directions {
+    /// The density with these weights, none of them negative; `None` where they are all 0 or not finite.
+    pub(super) fn new(weights: &[f32; CELLS]) -> Option<Self> {
+        let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
+        if !(sum > 0.0 && sum.is_finite()) {
+            return None;
+        }
+        let mut cumulative = [0; CELLS + 1];
+        let mut before = 0.0;
+        for (cell, &weight) in weights.iter().enumerate() {
+            before += f64::from(weight);
+            cumulative[cell + 1] = (before / sum * f64::from(TOTAL) + 0.5) as u16;
+        }
+        cumulative[CELLS] = TOTAL;
+        Some(Self { cumulative })
+    }
+
+    /// Density per solid angle of a unit direction.
+    #[inline]
+    pub(super) fn pdf(&self, w: Vec3) -> f32 {
+        let (place, s) = square_from_direction(w);
+        let cell = cell_at(place);
+        self.weight(cell) / (s * s * s)
+    }
+
+    /// The probability of a cell per area of the square.
+    #[inline]
+    pub(super) fn weight(&self, cell: usize) -> f32 {
+        f32::from(self.cumulative[cell + 1] - self.cumulative[cell]) * (1.0 / (TOTAL as f32 * CELL_AREA))
+    }
+
+    /// Draws a direction, and tells its density. Strata of `u` stay together: the first number picks the row and the
+    /// place in it, the second the column.
+    #[inline]
+    pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
+        // A target below the total is below the end of some cell that is not empty.
+        let target = (u[0] * f32::from(TOTAL)).min(f32::from(TOTAL) - 0.01);
+        let mut row = 0;
+        for step in STEPS {
+            row += if f32::from(self.cumulative[(row + step) * SIDE]) <= target { step } else { 0 };
+        }
+        let (low, high) = (f32::from(self.cumulative[row * SIDE]), f32::from(self.cumulative[(row + 1) * SIDE]));
+        let y = (target - low) / (high - low);
+        let target = (low + u[1] * (high - low)).min(high - 0.01);
+        let mut cell = row * SIDE;
+        for step in STEPS {
+            cell += if f32::from(self.cumulative[cell + step]) <= target { step } else { 0 };
+        }
+        let (low, high) = (f32::from(self.cumulative[cell]), f32::from(self.cumulative[cell + 1]));
+        let x = (target - low) / (high - low);
+        let along = |i: usize, part: f32| (i as f32 + part) * (2.0 / SIDE as f32) - 1.0;
+        let (w, s) = direction_from_square(Vec2::new(along(cell % SIDE, x), along(row, y)));
+        (w, self.weight(cell) / (s * s * s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::uniform_sphere;
+
+    fn numbers() -> impl Iterator<Item = [f32; 2]> {
+        (0..40_000).map(|i| [((i % 200) as f32 + 0.5) / 200.0, ((i / 200) as f32 + 0.5) / 200.0])
+    }
+
+    /// A density with a peak, a slope and holes.
+    fn example() -> Directions {
+        let mut weights = [0.0; CELLS];
+        for (cell, weight) in weights.iter_mut().enumerate() {
+            *weight = if cell % 3 == 0 { 0.0 } else { 1.0 + cell as f32 * 0.02 };
+        }
+        weights[77] = 300.0;
+        Directions::new(&weights).unwrap()
+    }
+
+    #[test]
+    fn the_density_integrates_to_one() {
+        let directions = example();
+        let integral: f64 = numbers()
+            .map(|u| f64::from(directions.pdf(uniform_sphere(u))) * 4.0 * std::f64::consts::PI / 40_000.0)
+            .sum();
+        assert!((integral - 1.0).abs() < 0.02, "{integral}");
+    }
+
+    #[test]
+    fn samples_follow_the_density() {
+        let directions = example();
+        let mut counts = [0.0; CELLS];
+        for u in numbers() {
+            let (w, pdf) = directions.sample(u);
+            assert!(w.is_normalized() && pdf > 0.0);
+            counts[usize::from(place_of(w).0)] += 1.0 / 40_000.0;
+        }
+        for (cell, &count) in counts.iter().enumerate() {
+            let expected = directions.weight(cell) * CELL_AREA;
+            // A grid of numbers is not random: each cell is right to within the grid's lines along its edges.
+            assert!((count - expected).abs() < 0.1 * expected + 6e-4, "{cell}: {count} {expected}");
+        }
+        for u in [[0.0, 0.0], [1.0 - f32::EPSILON / 2.0, 1.0 - f32::EPSILON / 2.0]] {
+            assert!(directions.sample(u).1 > 0.0);
+        }
+    }
+
+    #[test]
+    fn nothing_makes_no_density() {
+        assert!(Directions::new(&[0.0; CELLS]).is_none());
+        assert!(Directions::new(&[f32::INFINITY; CELLS]).is_none());
+    }
+}

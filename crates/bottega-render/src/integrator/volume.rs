@@ -1,0 +1,500 @@
+//! Path tracing through participating media.
+//!
+//! Light that is scattered on a segment of a path is found in three ways, which are combined by the power heuristic: at a
+//! distance drawn by extinction, by sampling a light from there (1) or by the phase function (2); and at a distance drawn
+//! for a light, uniform by the angle as it sees the segment (3). What shines at the end of a segment is always counted,
+//! weakened by the medium, wherever the path goes on.
+//!
+//! Sources: Kulla and Fajardo 2012, *Importance Sampling Techniques for Path Tracing in Participating Media*; Veach 1997,
+//! *Robust Monte Carlo Methods for Light Transport Simulation*, chapter 9.
+
+use bottega_kernels::{Hit, Ray};
+use bottega_scene::{MediumId, Spectrum, Surface};
+use glam::Vec3;
+
+use super::path::{PathIntegrator, PathRecord, bsdf_at};
+use crate::{
+    PathSettings, PreparedScene,
+    bsdf::BsdfAt,
+    camera::{CameraRay, RayCone},
+    interaction::{Interaction, emitted, is_there, sphere_uv},
+    lights::{LightSample, NO_LIGHT, Receiver, Segment},
+    media::{Homogeneous, channel_probabilities},
+    sampler::{DimensionSet, PixelSampler},
+    settings::DirectLight,
+};
+
+/// Greatest probability with which a path survives Russian roulette.
+const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
+/// How far from its target a shadow ray ends, as a share of its length.
+const SHADOW_MARGIN: f32 = 1e-4;
+/// Boundaries of media that a path or a shadow ray may cross without being scattered.
+const BOUNDARIES_MAX: u32 = 256;
+/// Cost of a vertex, and of a shadow ray, in traversal steps.
+const STEPS: f32 = 8.0;
+/// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
+const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Growth of the beam after a scattering that spreads over one steradian.
+const SCATTERED_SPREAD: f32 = 0.05;
+
+/// Follows one path. The integrator gives the camera and the settings.
+pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
+    let (prepared, settings) = (integrator.prepared(), integrator.settings());
+    let mut path = Path {
+        prepared,
+        settings,
+        sampler,
+        throughput: Spectrum::ONE,
+        radiance: Spectrum::ZERO,
+        medium: integrator.camera_medium(),
+        eta_scale: 1.0,
+        depth: 0,
+        segment: 0,
+        boundaries: 0,
+        travelled: 0.0,
+        origin: ray.origin,
+        direction: ray.direction,
+        cone: ray.cone,
+        previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
+        wants_albedo: integrator.wants_albedo(),
+        record: PathRecord::default(),
+    };
+    while path.advance() {}
+    path.finish()
+}
+
+/// Where the path comes from, as far as multiple importance sampling must know.
+#[derive(Clone, Copy)]
+struct Previous {
+    /// The point for which lights were sampled.
+    receiver: Receiver,
+    /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
+    pdf: Option<f32>,
+    /// Where that point is on a segment through a medium, if it is in one.
+    along: Option<Along>,
+}
+
+/// A point of a segment through a medium.
+#[derive(Clone, Copy)]
+struct Along {
+    segment: Segment,
+    distance: f32,
+    /// Density of the distance as drawn by extinction.
+    pdf: f32,
+}
+
+/// A path under way.
+struct Path<'a> {
+    prepared: &'a PreparedScene,
+    settings: &'a PathSettings,
+    sampler: PixelSampler,
+    throughput: Spectrum,
+    radiance: Spectrum,
+    /// What the path is in; `None`: vacuum.
+    medium: Option<MediumId>,
+    /// What the throughput owes to radiance that was squeezed into a denser solid, not to losses.
+    eta_scale: f32,
+    depth: u32,
+    /// Segments so far; more than `depth` where boundaries of media were crossed.
+    segment: u32,
+    boundaries: u32,
+    /// How far the path came since it was scattered last.
+    travelled: f32,
+    origin: Vec3,
+    direction: Vec3,
+    cone: RayCone,
+    previous: Previous,
+    wants_albedo: bool,
+    record: PathRecord,
+}
+
+impl Path<'_> {
+    /// Goes to where the path is scattered next, or to the next boundary. False when it is at its end.
+    fn advance(&mut self) -> bool {
+        let prepared = self.prepared;
+        let ray = Ray::new(self.origin, self.direction);
+        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit));
+        self.record.values.cost += STEPS;
+        self.segment += 1;
+        let cone = self.cone.at(hit.t);
+        let point = hit.is_some().then(|| Interaction::new(prepared, &hit, self.origin, self.direction, cone));
+        let arriving = match &point {
+            Some(point) => self.emission(point),
+            None => self.environment(),
+        };
+        if let Some(medium) = self.homogeneous(self.medium) {
+            self.radiance += self.throughput * medium.emitted(hit.t);
+            let transmittance = medium.transmittance(hit.t);
+            self.radiance += self.throughput * transmittance * arriving;
+            if medium.scatters() && self.depth < self.settings.max_depth {
+                let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t };
+                self.add_light_along(&medium, &segment);
+                let [u_channel, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
+                let channels = channel_probabilities(self.throughput);
+                let distance = medium.sample_distance(channels, u_channel, u);
+                if distance < hit.t {
+                    return self.scatter_within(&medium, segment, channels, distance);
+                }
+                self.throughput *= transmittance / medium.survival(channels, hit.t);
+            } else {
+                self.throughput *= transmittance;
+            }
+        } else {
+            self.radiance += self.throughput * arriving;
+        }
+        let Some(point) = point else { return false };
+        self.cone = cone;
+        if self.throughput.max_element() <= 0.0 {
+            return false;
+        }
+        let (material, known) = prepared.material(point.material);
+        if known.is_null {
+            self.medium = known.media[usize::from(point.front)];
+            self.origin = point.ray_origin(self.direction);
+            self.travelled += hit.t;
+            self.boundaries += 1;
+            return self.boundaries < BOUNDARIES_MAX;
+        }
+        self.record.vertex_count += 1;
+        self.record_first(hit.t, point.frame[2]);
+        if let Surface::Unlit(color) = &material.surface {
+            self.record_albedo(color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate());
+            return false;
+        }
+        self.meet(&point)
+    }
+
+    /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
+    fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
+        let scene = self.prepared.scene();
+        let material = match hit.sphere() {
+            Some(sphere) => scene.spheres[sphere as usize].material,
+            None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
+        };
+        let known = self.prepared.material(material).1;
+        known.is_null && known.media[0] != known.media[1]
+            || is_there(self.prepared, ray, hit, || {
+                let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+                self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
+            })
+    }
+
+    fn homogeneous(&self, medium: Option<MediumId>) -> Option<Homogeneous> {
+        medium.map(|medium| Homogeneous::new(&self.prepared.scene().media[medium.0 as usize]))
+    }
+
+    /// What comes from where there is no surface, with its weight.
+    fn environment(&self) -> Spectrum {
+        let lights = self.prepared.lights();
+        let radiance = lights.environment_radiance(self.prepared.scene(), self.direction);
+        if radiance == Spectrum::ZERO {
+            return radiance;
+        }
+        radiance * self.found_by_direction(|from| (lights.environment_pdf(from, self.direction), 0.0))
+    }
+
+    /// What a surface emits towards the path, with its weight.
+    fn emission(&self, point: &Interaction) -> Spectrum {
+        let prepared = self.prepared;
+        let scene = &**prepared.scene();
+        let (material, known) = prepared.material(point.material);
+        if let Surface::Unlit(color) = &material.surface {
+            return color.eval(scene, point.uvs, point.footprint) * point.color.truncate();
+        }
+        if !known.shines || known.is_null || !material.emission_sides.has(point.front) {
+            return Spectrum::ZERO;
+        }
+        let hit = &point.hit;
+        let radiance = match hit.sphere() {
+            Some(sphere) => {
+                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
+                material.emission.eval(scene, [uv; 2], 0.0)
+            }
+            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
+        };
+        if radiance == Spectrum::ZERO {
+            return radiance;
+        }
+        let lights = prepared.lights();
+        radiance
+            * self.found_by_direction(|from| {
+                let Some(light) = lights.light_of(prepared, hit) else { return (0.0, 0.0) };
+                let place = lights.place_pdf(scene, light, from.p, point.p);
+                let along = self.previous.along.as_ref().map_or(0.0, |along| self.pdf_ratio(along, light));
+                (lights.pmf(from, light) * place, along * place)
+            })
+    }
+
+    /// The density with which a distance is drawn for a light, times the probability of that light, over the density with
+    /// which the distance is drawn by extinction.
+    fn pdf_ratio(&self, along: &Along, light: u32) -> f32 {
+        let lights = self.prepared.lights();
+        let arc = lights.arc(self.prepared.scene(), &along.segment, light);
+        lights.pmf_along(&along.segment, light) * arc.pdf(along.distance) / along.pdf
+    }
+
+    /// The weight of light that the path ran into; `pdfs` tells the densities of both other ways to find it from the
+    /// point before.
+    fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (f32, f32)) -> f32 {
+        let Some(pdf) = self.previous.pdf else { return 1.0 };
+        match self.settings.direct_light {
+            DirectLight::LightSampling => 0.0,
+            DirectLight::BsdfSampling => 1.0,
+            DirectLight::Combined => {
+                let (sampled, along) = pdfs(&self.previous.receiver);
+                power_heuristic(pdf, [self.light_samples() as f32 * sampled, along])
+            }
+        }
+    }
+
+    fn light_samples(&self) -> u32 {
+        self.settings.light_samples.max(1)
+    }
+
+    fn samples_lights(&self) -> bool {
+        self.settings.direct_light != DirectLight::BsdfSampling && !self.prepared.lights().is_empty()
+    }
+
+    /// The density of a direction as far as it is another way to find a light sample.
+    fn shared(&self, light: &LightSample, pdf: f32) -> f32 {
+        if light.is_delta || self.settings.direct_light != DirectLight::Combined { 0.0 } else { pdf }
+    }
+
+    /// Light that is scattered at a distance drawn for one light.
+    fn add_light_along(&mut self, medium: &Homogeneous, segment: &Segment) {
+        if !self.samples_lights() {
+            return;
+        }
+        let (prepared, lights) = (self.prepared, self.prepared.lights());
+        let [u_light, u_distance, u, v] = self.sampler.quad(DimensionSet::along(self.segment));
+        let Some((light, pmf)) = lights.sample_along(segment, u_light) else { return };
+        let arc = lights.arc(prepared.scene(), segment, light);
+        let distance = arc.sample(u_distance);
+        let pdf = pmf * arc.pdf(distance);
+        if !(distance < segment.length && pdf > 0.0) {
+            return;
+        }
+        let p = segment.origin + segment.direction * distance;
+        let Some(sample) = lights.sample_place(prepared, light, p, [u, v]) else { return };
+        let phase = medium.phase.eval(segment.direction.dot(sample.wi));
+        let by_extinction = medium.distance_pdf(channel_probabilities(self.throughput), distance) / pdf;
+        let pmf_there = lights.pmf(&Receiver { p, n: Vec3::ZERO }, light);
+        let others = [
+            by_extinction * self.light_samples() as f32 * pmf_there * sample.pdf,
+            by_extinction * self.shared(&sample, phase),
+        ];
+        let weight = power_heuristic(sample.pdf, others) / (pdf * sample.pdf);
+        let scattered = medium.transmittance(distance) * medium.scattering * phase;
+        let contribution = self.throughput * scattered * sample.radiance * weight;
+        self.add_if_seen(contribution, p, p, &sample, self.medium);
+    }
+
+    /// Scatters at a distance in the medium. False when the path is at its end.
+    fn scatter_within(&mut self, medium: &Homogeneous, segment: Segment, channels: Spectrum, distance: f32) -> bool {
+        let pdf = medium.distance_pdf(channels, distance);
+        self.throughput *= medium.transmittance(distance) * medium.scattering / pdf;
+        self.cone = self.cone.at(distance);
+        let p = segment.origin + segment.direction * distance;
+        let along = Along { segment, distance, pdf };
+        let receiver = Receiver { p, n: Vec3::ZERO };
+        self.record.vertex_count += 1;
+        self.record_first(distance, Vec3::ZERO);
+        self.record_albedo(medium.albedo());
+        if self.samples_lights() {
+            let count = self.light_samples();
+            for part in 0..count {
+                let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+                let Some(light) = self.prepared.lights().sample(self.prepared, &receiver, u) else { continue };
+                let phase = medium.phase.eval(segment.direction.dot(light.wi));
+                let expected = count as f32 * light.pdf;
+                let by_arc = if light.light == NO_LIGHT {
+                    0.0
+                } else {
+                    self.pdf_ratio(&along, light.light) * (light.pdf / light.pmf)
+                };
+                let weight = power_heuristic(expected, [by_arc, self.shared(&light, phase)]);
+                let contribution = self.throughput * light.radiance * (phase * weight / expected);
+                self.add_if_seen(contribution, p, p, &light, self.medium);
+            }
+        }
+        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+        let (wi, pdf) = medium.phase.sample(segment.direction, [u[1], u[2]]);
+        self.previous = Previous { receiver, pdf: Some(pdf), along: Some(along) };
+        self.go_on(p, wi, pdf, u[3])
+    }
+
+    /// Meets a surface that is more than a boundary. False when the path is at its end.
+    fn meet(&mut self, point: &Interaction) -> bool {
+        let prepared = self.prepared;
+        let is_last = self.depth >= self.settings.max_depth;
+        if is_last && !self.wants_albedo {
+            return false;
+        }
+        let mut place = None;
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
+        let bsdf = bsdf_at(prepared, point, chance, &mut place);
+        let wo = point.to_local(point.wo);
+        let is_delta_only = bsdf.is_delta_only();
+        if self.wants_albedo && (is_last || !is_delta_only) {
+            self.record_albedo(bsdf.albedo(wo));
+        }
+        if is_last {
+            return false;
+        }
+        let bsdf = bsdf.at(wo);
+        let known = prepared.material(point.material).1;
+        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
+        let receiver = Receiver { p: point.p_outside, n };
+        if !is_delta_only && self.samples_lights() {
+            self.add_direct_light(point, &bsdf, &receiver);
+        }
+        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+        let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
+        let wi = point.to_world(sample.wi);
+        let is_reflection = point.is_reflection(wi);
+        if (sample.wi.z > 0.0) != is_reflection {
+            return false;
+        }
+        self.throughput *= sample.weight();
+        self.medium = self.medium_towards(point, wi);
+        if !is_reflection {
+            self.eta_scale *= sample.eta * sample.eta;
+        }
+        let pdf = (!sample.is_delta()).then_some(sample.pdf);
+        self.previous = Previous { receiver, pdf, along: None };
+        self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
+    }
+
+    /// What fills the space on the side of `wi`.
+    fn medium_towards(&self, point: &Interaction, wi: Vec3) -> Option<MediumId> {
+        let (material, known) = self.prepared.material(point.material);
+        if point.is_reflection(wi) || material.surface.is_thin() {
+            self.medium
+        } else {
+            known.media[usize::from(point.front)]
+        }
+    }
+
+    /// Next-event estimation at a surface.
+    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, receiver: &Receiver) {
+        let count = self.light_samples();
+        for part in 0..count {
+            let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+            let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            let wi = point.to_local(light.wi);
+            // A shading normal must not let light through the real surface.
+            if (wi.z > 0.0) != point.is_reflection(light.wi) {
+                continue;
+            }
+            let (value, pdf) = bsdf.eval_pdf(wi);
+            let expected = count as f32 * light.pdf;
+            let weight = power_heuristic(expected, [self.shared(&light, pdf), 0.0]);
+            let contribution = self.throughput * value * light.radiance * (wi.z.abs() * weight / expected);
+            let medium = self.medium_towards(point, light.wi);
+            self.add_if_seen(contribution, receiver.p, point.ray_origin(light.wi), &light, medium);
+        }
+    }
+
+    /// Adds what a light sample gives, as far as media and surfaces let it through.
+    ///
+    /// - `p`: where the light was sampled for; `origin`: where the ray to it starts.
+    fn add_if_seen(
+        &mut self,
+        contribution: Spectrum,
+        p: Vec3,
+        mut origin: Vec3,
+        light: &LightSample,
+        mut medium: Option<MediumId>,
+    ) {
+        if contribution == Spectrum::ZERO {
+            return;
+        }
+        let prepared = self.prepared;
+        let is_far = light.distance.is_infinite();
+        // Aim at the light's point itself: from another origin it lies in a slightly different direction.
+        let target = p + light.wi * light.distance;
+        let mut transmittance = Spectrum::ONE;
+        for _ in 0..BOUNDARIES_MAX {
+            self.record.values.cost += STEPS;
+            let (direction, length) = if is_far {
+                (light.wi, f32::INFINITY)
+            } else {
+                let to_light = target - origin;
+                let length = to_light.length();
+                (to_light / length, length)
+            };
+            let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
+            let hit = if prepared.has_boundaries() {
+                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit))
+            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit)) {
+                return;
+            } else {
+                Hit::NONE
+            };
+            if let Some(medium) = self.homogeneous(medium) {
+                transmittance *= medium.transmittance(hit.t.min(length));
+            }
+            if hit.is_none() {
+                self.radiance += contribution * transmittance;
+                return;
+            }
+            let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
+            let known = prepared.material(point.material).1;
+            if !known.is_null || transmittance == Spectrum::ZERO {
+                return;
+            }
+            medium = known.media[usize::from(point.front)];
+            origin = point.ray_origin(direction);
+        }
+    }
+
+    /// Goes on along `wi`. False when the path ends here, by Russian roulette.
+    fn go_on(&mut self, origin: Vec3, wi: Vec3, pdf: f32, u: f32) -> bool {
+        self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / pdf.sqrt());
+        self.origin = origin;
+        self.direction = wi;
+        self.depth += 1;
+        self.travelled = 0.0;
+        let carried = self.throughput.max_element() * self.eta_scale;
+        if carried <= 0.0 || carried.is_nan() {
+            return false;
+        }
+        if self.depth <= self.settings.roulette_depth {
+            return true;
+        }
+        let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
+        self.throughput /= survival;
+        u < survival
+    }
+
+    fn record_first(&mut self, distance: f32, normal: Vec3) {
+        let values = &mut self.record.values;
+        if self.depth == 0 && values.alpha == 0.0 {
+            values.alpha = 1.0;
+            values.depth = self.travelled + distance;
+            values.normal = normal.to_array();
+        }
+    }
+
+    fn record_albedo(&mut self, albedo: Spectrum) {
+        if self.wants_albedo {
+            self.record.values.albedo = albedo.to_array();
+            self.wants_albedo = false;
+        }
+    }
+
+    fn finish(mut self) -> PathRecord {
+        self.record.is_dropped = !self.radiance.is_finite();
+        if !self.record.is_dropped {
+            self.record.values.radiance = self.radiance.to_array();
+        }
+        self.record
+    }
+}
+
+/// Weight of the strategy with density `chosen` against two others (Veach 1997, eq. 9.13, β = 2).
+fn power_heuristic(chosen: f32, others: [f32; 2]) -> f32 {
+    // By the ratios, so that squares of large densities do not overflow.
+    let ratios = others.map(|other| other / chosen);
+    1.0 / (1.0 + ratios[0] * ratios[0] + ratios[1] * ratios[1])
+}

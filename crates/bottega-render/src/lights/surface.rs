@@ -1,0 +1,407 @@
+//! Triangles and rectangles that shine.
+//!
+//! Two triangles that make a rectangle are one light, for that is what quadrilaterals become in every importer. What shines
+//! by a texture is cut into parts, each of them a light with its own power.
+
+use bottega_kernels::Aabb;
+use bottega_scene::{Scene, Sides, Spectrum};
+use glam::Vec3;
+
+use super::{
+    LightSample, NO_LIGHT,
+    bounds::{Cone, LightBounds},
+    rectangle::SphericalRectangle,
+    triangle::SphericalTriangle,
+};
+use crate::{
+    interaction::{emitted, opacity_at},
+    luminance,
+    prepare::PreparedScene,
+    sampling::uniform_triangle,
+};
+
+/// A light that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling is as
+/// good, cheaper and more precise.
+const SOLID_ANGLE_MIN: f32 = 0.25;
+/// How far from square the corner of a rectangle may be, and its fourth corner from its place, relative to its sides.
+const RECTANGLE_TOLERANCE: f32 = 1e-4;
+/// Greatest number of parts along a side of a textured light.
+const PARTS_MAX: u32 = 16;
+/// Texels along a side of a part.
+const TEXELS_PER_PART: f32 = 4.0;
+/// Parts of all textured lights of a mesh together.
+const PARTS_PER_MESH: u32 = 1 << 16;
+
+/// A whole triangle, or two that make a rectangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Panel {
+    instance: u32,
+    /// The first triangle; the second one of a rectangle comes after it.
+    pub(super) triangle: u32,
+    /// World space. The front is where `x` × `y` points.
+    corner: Vec3,
+    x: Vec3,
+    y: Vec3,
+    pub(super) shape: Shape,
+}
+
+/// What `x` and `y` span.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Shape {
+    /// The corner is vertex 0.
+    Triangle,
+    /// The corner is that vertex of the first triangle which the second one has not, and `opposite` the other way round.
+    Rectangle { corner: u8, opposite: u8 },
+}
+
+impl Shape {
+    /// The place along the sides at barycentric coordinates (of the second and third vertex) of one of its triangles.
+    fn place_of(self, is_second: bool, (u, v): (f32, f32)) -> (f32, f32) {
+        let Self::Rectangle { corner, opposite } = self else { return (u, v) };
+        let weights = [1.0 - u - v, u, v];
+        let weight = |from: u8, i: usize| weights[(usize::from(from) + i) % 3];
+        if is_second {
+            (1.0 - weight(opposite, 1), 1.0 - weight(opposite, 2))
+        } else {
+            (weight(corner, 1), weight(corner, 2))
+        }
+    }
+}
+
+/// A panel, or a part of one, as a light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfaceLight {
+    panel: Panel,
+    material: u32,
+    /// The part's corner along the panel's sides, and its size; a negative size turns a triangle about.
+    part: Part,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Part {
+    s: f32,
+    t: f32,
+    size: f32,
+}
+
+/// The parts of a panel: a grid of this many cells a side. Rectangles have a light a cell, triangles two in every cell
+/// but the last ones of each row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid(u32);
+
+impl Panel {
+    /// The panels of an instance's mesh, in the order of its triangles.
+    pub(super) fn of_instance(scene: &Scene, instance: u32) -> Vec<Self> {
+        let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+        let mut panels = Vec::with_capacity(mesh.triangles.len());
+        let mut triangle = 0;
+        while triangle < mesh.triangles.len() as u32 {
+            let panel = Self::rectangle(scene, instance, triangle);
+            let panel = panel.unwrap_or_else(|| Self::triangle(scene, instance, triangle));
+            triangle += panel.triangle_count();
+            panels.push(panel);
+        }
+        panels
+    }
+
+    fn triangle(scene: &Scene, instance: u32, triangle: u32) -> Self {
+        let [a, b, c] = corners(scene, instance, triangle);
+        Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: Shape::Triangle }
+    }
+
+    /// The rectangle of a triangle and the next one, if they make one.
+    fn rectangle(scene: &Scene, instance: u32, triangle: u32) -> Option<Self> {
+        let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+        let [first, second] = [triangle, triangle + 1].map(|index| mesh.triangles.get(index as usize));
+        let [first, second] = [*first?, *second?].map(|vertices| vertices.map(|v| mesh.positions[v as usize]));
+        let ((corner, opposite), _) = (0..3)
+            .flat_map(|corner| (0..3).map(move |opposite| (corner, opposite)))
+            .map(|(k, m)| {
+                ((k, m), (first[(k + 1) % 3], first[(k + 2) % 3]) == (second[(m + 2) % 3], second[(m + 1) % 3]))
+            })
+            .find(|&(_, share_an_edge)| share_an_edge)?;
+        let world = corners(scene, instance, triangle);
+        let (x, y) = (world[(corner + 1) % 3] - world[corner], world[(corner + 2) % 3] - world[corner]);
+        let fourth = corners(scene, instance, triangle + 1)[opposite];
+        let size = x.length().max(y.length());
+        let is_rectangle = x.dot(y).abs() <= RECTANGLE_TOLERANCE * x.length() * y.length()
+            && (world[corner] + x + y - fourth).length() <= RECTANGLE_TOLERANCE * size
+            && x.cross(y) != Vec3::ZERO;
+        let shape = Shape::Rectangle { corner: corner as u8, opposite: opposite as u8 };
+        is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
+    }
+
+    pub(super) fn triangle_count(&self) -> u32 {
+        if self.shape == Shape::Triangle { 1 } else { 2 }
+    }
+
+    /// The triangle and its barycentric coordinates (of the second and third vertex) at a place along the sides.
+    #[inline]
+    fn triangle_at(&self, s: f32, t: f32) -> (u32, (f32, f32)) {
+        let Shape::Rectangle { corner, opposite } = self.shape else { return (self.triangle, (s, t)) };
+        let mut weights = [0.0; 3];
+        let (triangle, from, along) = if s + t <= 1.0 {
+            (0, corner, [1.0 - s - t, s, t])
+        } else {
+            (1, opposite, [s + t - 1.0, 1.0 - s, 1.0 - t])
+        };
+        for (i, weight) in along.into_iter().enumerate() {
+            weights[(usize::from(from) + i) % 3] = weight;
+        }
+        (self.triangle + triangle, (weights[1], weights[2]))
+    }
+
+    /// How finely to cut it: by its texels, where it shines by a texture.
+    pub(super) fn grid(&self, scene: &Scene, panel_count: usize) -> Grid {
+        let mesh = &scene.meshes[scene.instances[self.instance as usize].mesh as usize];
+        let Some(map) = &scene.materials[mesh.material as usize].emission.texture else { return Grid(1) };
+        let uvs = &mesh.uvs[usize::from(map.uv_set & 1)];
+        if uvs.is_empty() {
+            return Grid(1);
+        }
+        let (width, height) = scene.images[map.image.0 as usize].size();
+        let [a, b, c] = mesh.triangles[self.triangle as usize].map(|vertex| uvs[vertex as usize]);
+        let texels = [b - a, c - a].map(|side| {
+            let side = map.picture_from_uv.matrix2 * side;
+            (side.x * width as f32).abs().max((side.y * height as f32).abs())
+        });
+        let affordable = (PARTS_PER_MESH as usize / panel_count.max(1)).isqrt() as u32;
+        let wanted = (texels[0].max(texels[1]) / TEXELS_PER_PART).min(PARTS_MAX as f32) as u32;
+        Grid(wanted.min(affordable).max(1))
+    }
+
+    /// Its parts as lights, with what bounds them: as many as `grid` has, also those that are dark.
+    pub(super) fn lights(&self, scene: &Scene, grid: Grid) -> Vec<(SurfaceLight, LightBounds)> {
+        let material = scene.meshes[scene.instances[self.instance as usize].mesh as usize].material;
+        let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight { panel: *self, material, part });
+        parts.map(|light| (light, light.bounds(scene, grid))).collect()
+    }
+}
+
+impl Grid {
+    fn parts(self, shape: Shape) -> Vec<Part> {
+        let size = 1.0 / self.0 as f32;
+        let mut parts = Vec::new();
+        for row in 0..self.0 {
+            let columns = if shape == Shape::Triangle { self.0 - row } else { self.0 };
+            for column in 0..columns {
+                let (s, t) = (column as f32 * size, row as f32 * size);
+                parts.push(Part { s, t, size });
+                if shape == Shape::Triangle && column + 1 < columns {
+                    parts.push(Part { s: s + size, t: t + size, size: -size });
+                }
+            }
+        }
+        parts
+    }
+
+    /// The part at barycentric coordinates (of the second and third vertex) of the first triangle or of the second one, as
+    /// [`Panel::lights`] numbers them.
+    pub(super) fn part_at(self, shape: Shape, is_second: bool, barycentric: (f32, f32)) -> u32 {
+        let (s, t) = shape.place_of(is_second, barycentric);
+        let last = self.0 - 1;
+        let cell = |x: f32| ((x * self.0 as f32) as u32).min(last);
+        if shape != Shape::Triangle {
+            return cell(t) * self.0 + cell(s);
+        }
+        let row = cell(t);
+        let columns = self.0 - row;
+        let column = cell(s).min(columns - 1);
+        let (x, y) = (s * self.0 as f32 - column as f32, t * self.0 as f32 - row as f32);
+        let is_turned = x + y > 1.0 && column + 1 < columns;
+        // Rows above have 2n − 1 parts, n of them shrinking by one a row.
+        let above = self.0 * self.0 - columns * columns;
+        above + 2 * column + u32::from(is_turned)
+    }
+}
+
+/// The corners in world space.
+fn corners(scene: &Scene, instance: u32, triangle: u32) -> [Vec3; 3] {
+    let instance = &scene.instances[instance as usize];
+    let mesh = &scene.meshes[instance.mesh as usize];
+    mesh.triangles[triangle as usize]
+        .map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]))
+}
+
+/// The size of a triangle in texture coordinates.
+fn mesh_uv_size(scene: &Scene, instance: u32, triangle: u32) -> f32 {
+    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+    let emission = &scene.materials[mesh.material as usize].emission;
+    let uv_set = emission.texture.as_ref().map_or(0, |map| usize::from(map.uv_set & 1));
+    let [a, b, c] = mesh.triangles[triangle as usize]
+        .map(|vertex| mesh.uvs[uv_set].get(vertex as usize).copied().unwrap_or_default());
+    (b - a).perp_dot(c - a).abs().sqrt()
+}
+
+/// How a light is sampled from a point: a pure function of both, so that `sample` and `pdf` agree.
+enum Strategy {
+    Triangle(SphericalTriangle),
+    Rectangle(SphericalRectangle),
+    /// By area.
+    Area,
+}
+
+impl SurfaceLight {
+    fn is_rectangle(&self) -> bool {
+        self.panel.shape != Shape::Triangle
+    }
+
+    /// Corner and sides of the part.
+    #[inline]
+    fn extent(&self) -> (Vec3, Vec3, Vec3) {
+        let (panel, part) = (&self.panel, &self.part);
+        if part.size == 1.0 {
+            return (panel.corner, panel.x, panel.y);
+        }
+        (panel.corner + panel.x * part.s + panel.y * part.t, panel.x * part.size, panel.y * part.size)
+    }
+
+    /// Where a place in [0, 1]² of the part is along the panel's sides.
+    #[inline]
+    fn on_panel(&self, [s, t]: [f32; 2]) -> (f32, f32) {
+        (self.part.s + s * self.part.size, self.part.t + t * self.part.size)
+    }
+
+    /// Its middle and the square of how far it reaches from there.
+    pub(super) fn ball(&self) -> (Vec3, f32) {
+        let (corner, x, y) = self.extent();
+        let part = if self.is_rectangle() { 0.5 } else { 1.0 / 3.0 };
+        (corner + (x + y) * part, 0.25 * (x.length_squared() + y.length_squared()))
+    }
+
+    fn bounds(&self, scene: &Scene, grid: Grid) -> LightBounds {
+        let (corner, x, y) = self.extent();
+        let cross = x.cross(y);
+        let material = &scene.materials[self.material as usize];
+        let mut bounds = Aabb::EMPTY.with(corner).with(corner + x).with(corner + y);
+        if self.is_rectangle() {
+            bounds = bounds.with(corner + x + y);
+        }
+        let area = if self.is_rectangle() { cross.length() } else { 0.5 * cross.length() };
+        let normal = cross.normalize_or(Vec3::Z);
+        let two_sided = material.emission_sides == Sides::Both;
+        let axis = if material.emission_sides == Sides::Back { -normal } else { normal };
+        LightBounds {
+            bounds,
+            cone: Cone::of(axis),
+            emission_angle: std::f32::consts::FRAC_PI_2,
+            two_sided,
+            intensity: area * luminance(self.mean_emission(scene, grid)).max(0.0),
+        }
+    }
+
+    fn mean_emission(&self, scene: &Scene, grid: Grid) -> Spectrum {
+        /// Lookups along a side.
+        const SIDE: u32 = 2;
+        let emission = &scene.materials[self.material as usize].emission;
+        if emission.texture.is_none() {
+            return emission.factor;
+        }
+        // As wide as what a lookup stands for, and a little more, so that no bright texel is missed.
+        let panel = &self.panel;
+        let uv_size = mesh_uv_size(scene, panel.instance, panel.triangle);
+        let footprint = 1.5 * uv_size / (SIDE * grid.0) as f32;
+        let places = (0..SIDE * SIDE).map(|i| [i % SIDE, i / SIDE].map(|j| (j as f32 + 0.5) / SIDE as f32));
+        let sum: Spectrum = places
+            .map(|u| {
+                let place = if self.is_rectangle() { u } else { uniform_triangle(u).into() };
+                let (s, t) = self.on_panel(place);
+                let (triangle, barycentric) = panel.triangle_at(s, t);
+                emitted(scene, panel.instance, triangle, barycentric, footprint)
+            })
+            .sum();
+        sum / (SIDE * SIDE) as f32
+    }
+
+    #[inline]
+    fn strategy(&self, (corner, x, y): (Vec3, Vec3, Vec3), double_area: f32, from: Vec3) -> Strategy {
+        // An upper bound of the solid angle, good enough from afar.
+        if self.is_rectangle() {
+            let middle = corner + (x + y) * 0.5 - from;
+            if double_area > SOLID_ANGLE_MIN * middle.length_squared()
+                && let Some(spherical) = SphericalRectangle::new(corner, x, y, from)
+            {
+                return Strategy::Rectangle(spherical);
+            }
+        } else {
+            let middle = corner + (x + y) * (1.0 / 3.0) - from;
+            if 0.5 * double_area > SOLID_ANGLE_MIN * middle.length_squared()
+                && let Some(spherical) = SphericalTriangle::new(&[corner, corner + x, corner + y], from)
+            {
+                return Strategy::Triangle(spherical);
+            }
+        }
+        Strategy::Area
+    }
+
+    /// The area, from twice that of the triangle between both sides.
+    #[inline]
+    fn area(&self, double_area: f32) -> f32 {
+        if self.is_rectangle() { double_area } else { 0.5 * double_area }
+    }
+
+    /// Draws a place on the light for the point `from`.
+    #[inline]
+    pub(super) fn sample(&self, prepared: &PreparedScene, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+        let (corner, x, y) = self.extent();
+        let normal = x.cross(y);
+        let double_area = normal.length();
+        let (place, solid_angle_pdf) = match self.strategy((corner, x, y), double_area, from) {
+            Strategy::Rectangle(spherical) => (spherical.sample(u), Some(spherical.pdf())),
+            Strategy::Triangle(spherical) => {
+                (spherical.sample(&[corner, corner + x, corner + y], from, u)?.into(), Some(spherical.pdf()))
+            }
+            Strategy::Area if self.is_rectangle() => (u, None),
+            Strategy::Area => (uniform_triangle(u).into(), None),
+        };
+        let to_light = corner + x * place[0] + y * place[1] - from;
+        let distance_squared = to_light.length_squared();
+        let distance = distance_squared.sqrt();
+        // The projected area times the distance, above 0 where the front is seen.
+        let facing = -normal.dot(to_light);
+        let scene = &**prepared.scene();
+        let material = &scene.materials[self.material as usize];
+        if !(distance > 0.0 && facing != 0.0 && material.emission_sides.has(facing > 0.0)) {
+            return None;
+        }
+        let pdf = solid_angle_pdf
+            .unwrap_or_else(|| distance_squared * distance / (facing.abs() * (self.area(double_area) / double_area)));
+        let mut radiance = material.emission.factor;
+        if material.emission.texture.is_some() || material.has_opacity() {
+            let (s, t) = self.on_panel(place);
+            let (triangle, barycentric) = self.panel.triangle_at(s, t);
+            radiance = emitted(scene, self.panel.instance, triangle, barycentric, 0.0);
+            if material.has_opacity() {
+                radiance *= opacity_at(scene, self.panel.instance, triangle, barycentric);
+            }
+        }
+        let wi = to_light / distance;
+        pdf.is_finite().then_some(LightSample {
+            wi,
+            distance,
+            radiance,
+            pdf,
+            is_delta: false,
+            light: NO_LIGHT,
+            pmf: 1.0,
+        })
+    }
+
+    /// Density per solid angle with which [`Self::sample`] draws the place `p` from `from`.
+    #[inline]
+    pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> f32 {
+        let (corner, x, y) = self.extent();
+        let normal = x.cross(y);
+        let double_area = normal.length();
+        match self.strategy((corner, x, y), double_area, from) {
+            Strategy::Rectangle(spherical) => spherical.pdf(),
+            Strategy::Triangle(spherical) => spherical.pdf(),
+            Strategy::Area => {
+                let to_light = p - from;
+                let distance_squared = to_light.length_squared();
+                let projected = normal.dot(to_light).abs() * (self.area(double_area) / double_area);
+                if projected > 0.0 { distance_squared * distance_squared.sqrt() / projected } else { 0.0 }
+            }
+        }
+    }
+}

@@ -1,0 +1,462 @@
+//! Choice of one light among many, by what it can do at a point.
+//!
+//! A tree with up to four children a node; a walk from the root takes each child with a probability in proportion to an
+//! estimate of the light that reaches the point from it.
+//!
+//! Source: Conty Estevez and Kulla 2018, *Importance Sampling of Many Lights with Adaptive Tree Splitting*, without the
+//! splitting: one light is drawn at a time.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use bottega_kernels::{Aabb, math};
+use glam::Vec3;
+
+use super::{NO_LIGHT, Receiver, bounds::LightBounds};
+use crate::bsdf::warp::ONE_MINUS_EPSILON;
+
+/// Children of a node: as many as a vector unit has lanes everywhere.
+const WIDTH: usize = 4;
+/// Buckets along each axis in which splits are tried.
+const BUCKETS: usize = 12;
+/// Depth from which on halves are of equal count, so that no input makes the tree deep.
+const BALANCED_DEPTH: usize = 48;
+/// Least squared distance, so that nothing is infinitely near.
+const DISTANCE_SQUARED_MIN: f32 = 1e-20;
+
+/// One number for each child.
+type Lanes = [f32; WIDTH];
+
+/// A node: what [`LightBounds`] says of each child, ready for use.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    /// Middle of the box.
+    center: [Lanes; 3],
+    /// Half of its sides.
+    half: [Lanes; 3],
+    /// Half of its diagonal.
+    radius: Lanes,
+    axis: [Lanes; 3],
+    cos_spread: Lanes,
+    sin_spread: Lanes,
+    cos_emission: Lanes,
+    /// 1 where light goes backwards as well, else −1.
+    two_sided: Lanes,
+    /// Share of the whole tree's intensity; 0 where there is no child.
+    intensity: Lanes,
+    /// Index of a node; of a leaf: [`NO_LIGHT`].
+    child: [u32; WIDTH],
+    /// Where the lights of each child end, and those of the next begin.
+    end: [u32; WIDTH],
+}
+
+/// A tree over lights, which are numbered in the order of its leaves.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LightTree {
+    nodes: Vec<Node>,
+    light_count: u32,
+    /// Intensity of all lights together.
+    intensity: f32,
+}
+
+/// Says how much each child of a node is worth.
+pub(super) trait Importance {
+    /// 0 only where nothing arrives.
+    fn of(&self, children: &Children<'_>) -> Lanes;
+}
+
+/// What an [`Importance`] sees of a node.
+pub(super) struct Children<'a>(&'a Node);
+
+impl Importance for Receiver {
+    #[inline]
+    fn of(&self, children: &Children<'_>) -> Lanes {
+        let node = children.0;
+        // One side of an opaque surface is lit: what is below its horizon counts for nothing.
+        if self.n == Vec3::ZERO { facing::<false>(node, self) } else { facing::<true>(node, self) }
+    }
+}
+
+/// cos max(0, a − b) for two angles in [0, π].
+#[inline(always)]
+fn cos_difference(cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32) -> f32 {
+    if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+}
+
+/// sin max(0, a − b).
+#[inline(always)]
+fn sin_difference(cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32) -> f32 {
+    if cos_a > cos_b { 0.0 } else { sin_a * cos_b - cos_a * sin_b }
+}
+
+/// Intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3). Without branches, so that all
+/// children are computed at once.
+#[inline(always)]
+fn facing<const ONE_SIDED: bool>(node: &Node, receiver: &Receiver) -> Lanes {
+    let (p, n) = (receiver.p, receiver.n);
+    let mut importance = [0.0; WIDTH];
+    for (i, value) in importance.iter_mut().enumerate() {
+        let (x, y, z) = (node.center[0][i] - p.x, node.center[1][i] - p.y, node.center[2][i] - p.z);
+        let squared = (x * x + y * y + z * z).max(DISTANCE_SQUARED_MIN);
+        let inverse = 1.0 / squared.sqrt();
+        let radius = node.radius[i];
+        // The ball around the box, as an angle; the whole sphere from within.
+        let is_inside = radius * radius >= squared;
+        let sin_box = radius * inverse;
+        let cos_box = (1.0 - sin_box * sin_box).max(0.0).sqrt();
+        let cos_axis = -(x * node.axis[0][i] + y * node.axis[1][i] + z * node.axis[2][i]) * inverse;
+        let cos_axis = if node.two_sided[i] > 0.0 { cos_axis.abs() } else { cos_axis };
+        let sin_axis = (1.0 - cos_axis * cos_axis).max(0.0).sqrt();
+        let cos_beyond = cos_difference(cos_axis, sin_axis, node.cos_spread[i], node.sin_spread[i]);
+        let sin_beyond = sin_difference(cos_axis, sin_axis, node.cos_spread[i], node.sin_spread[i]);
+        let cos_least = cos_difference(cos_beyond, sin_beyond, cos_box, sin_box);
+        let cos_least = if is_inside { 1.0 } else { cos_least };
+        let mut seen = node.intensity[i] * cos_least / squared.max(radius * radius);
+        let is_lit = cos_least > node.cos_emission[i];
+        seen = if is_lit { seen } else { 0.0 };
+        if ONE_SIDED {
+            let above = x * n.x + y * n.y + z * n.z;
+            let reach = node.half[0][i] * n.x.abs() + node.half[1][i] * n.y.abs() + node.half[2][i] * n.z.abs();
+            let cos_receiver = above * inverse;
+            let sin_receiver = (1.0 - cos_receiver * cos_receiver).max(0.0).sqrt();
+            let cos_receiver = cos_difference(cos_receiver, sin_receiver, cos_box, sin_box);
+            seen *= if is_inside { 1.0 } else { cos_receiver.max(0.0) };
+            seen = if above + reach > 0.0 { seen } else { 0.0 };
+        }
+        *value = seen;
+    }
+    importance
+}
+
+/// A part of a ray, along which a medium may scatter.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Segment {
+    /// World space.
+    pub(crate) origin: Vec3,
+    /// Unit length.
+    pub(crate) direction: Vec3,
+    /// How far it goes; may be infinite.
+    pub(crate) length: f32,
+}
+
+impl Importance for Segment {
+    /// The integral of intensity over squared distance along the segment, as if all light came from the middle and went
+    /// everywhere.
+    #[inline]
+    fn of(&self, children: &Children<'_>) -> Lanes {
+        let node = children.0;
+        std::array::from_fn(|i| {
+            let center = Vec3::new(node.center[0][i], node.center[1][i], node.center[2][i]);
+            let radius_squared = (node.radius[i] * node.radius[i]).max(DISTANCE_SQUARED_MIN);
+            let arc = Arc::new(self, center, radius_squared);
+            node.intensity[i] * arc.angle() / arc.distance
+        })
+    }
+}
+
+/// A segment as it is seen from a place: distances along it, uniform by the angle there.
+///
+/// Source: Kulla and Fajardo 2012, *Importance Sampling Techniques for Path Tracing in Participating Media*, §4.1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arc {
+    /// Where on the ray it is nearest.
+    nearest: f32,
+    /// How near that is.
+    distance: f32,
+    /// The angles of both ends.
+    start: f32,
+    end: f32,
+}
+
+impl Arc {
+    /// - `blur_squared`: added to the squared distance; for a light with extent.
+    pub(crate) fn new(segment: &Segment, place: Vec3, blur_squared: f32) -> Self {
+        let to_place = place - segment.origin;
+        let nearest = to_place.dot(segment.direction);
+        let offset = to_place - segment.direction * nearest;
+        // On the axis there is no angle: a thousandth of the way there is near enough.
+        let least = 1e-6 * to_place.length_squared();
+        let distance = (offset.length_squared() + blur_squared).max(least).max(DISTANCE_SQUARED_MIN).sqrt();
+        let angle = |along: f32| math::atan2(along - nearest, distance);
+        let end = if segment.length.is_finite() { angle(segment.length) } else { FRAC_PI_2 };
+        Self { nearest, distance, start: angle(0.0), end }
+    }
+
+    fn angle(&self) -> f32 {
+        (self.end - self.start).max(0.0)
+    }
+
+    /// A distance along the segment.
+    pub(crate) fn sample(&self, u: f32) -> f32 {
+        (self.nearest + self.distance * math::tan(self.start + u * self.angle())).max(0.0)
+    }
+
+    /// The density of a distance, per unit of length; 0 where the segment has no angle.
+    pub(crate) fn pdf(&self, along: f32) -> f32 {
+        let from_nearest = along - self.nearest;
+        let angle = self.angle();
+        if angle > 0.0 {
+            self.distance / (angle * (self.distance * self.distance + from_nearest * from_nearest))
+        } else {
+            0.0
+        }
+    }
+}
+
+impl LightTree {
+    /// A tree over these lights, none of them without intensity, and the order in which they are its leaves.
+    pub(super) fn new(lights: &[LightBounds]) -> (Self, Vec<u32>) {
+        let mut leaves: Vec<(LightBounds, u32)> = lights.iter().copied().zip(0..).collect();
+        if leaves.is_empty() {
+            return Default::default();
+        }
+        let mut binary = Vec::with_capacity(2 * leaves.len());
+        split(&mut leaves, 0, &mut binary);
+        let intensity = binary[0].bounds.intensity;
+        let mut nodes = Vec::with_capacity(leaves.len().div_ceil(2));
+        let mut first_light = 0;
+        collapse(&binary, 0, intensity, &mut first_light, &mut nodes);
+        let order = leaves.iter().map(|&(_, light)| light).collect();
+        (Self { nodes, light_count: leaves.len() as u32, intensity }, order)
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+
+    /// An estimate of the illuminance that all lights together make, if nothing is between; 0 only where none arrives.
+    #[inline]
+    pub(super) fn total(&self, receiver: &impl Importance) -> f32 {
+        self.nodes.first().map_or(0.0, |root| receiver.of(&Children(root)).iter().sum::<f32>() * self.intensity)
+    }
+
+    /// A light, by a number in [0, 1), and its probability.
+    #[inline]
+    pub(super) fn sample(&self, receiver: &impl Importance, mut u: f32) -> Option<(u32, f32)> {
+        if self.light_count <= 1 {
+            // One light needs no choice.
+            return (self.light_count == 1).then_some((0, 1.0));
+        }
+        let mut pmf = 1.0;
+        let mut node = &self.nodes[0];
+        let mut first_light = 0;
+        loop {
+            let importance = receiver.of(&Children(node));
+            let total: f32 = importance.iter().sum();
+            if !(total > 0.0 && total.is_finite()) {
+                return None;
+            }
+            let mut rest = u * total;
+            let mut chosen = WIDTH;
+            for (i, &part) in importance.iter().enumerate() {
+                if part > 0.0 {
+                    // Rounding may leave a rest beyond the last child: it belongs to that one.
+                    let is_last = importance[i + 1..].iter().all(|&later| later <= 0.0);
+                    if rest < part || is_last {
+                        chosen = i;
+                        break;
+                    }
+                    rest -= part;
+                }
+            }
+            let part = importance[chosen];
+            pmf *= part / total;
+            u = (rest / part).min(ONE_MINUS_EPSILON);
+            if node.child[chosen] == NO_LIGHT {
+                let light = if chosen == 0 { first_light } else { node.end[chosen - 1] };
+                return Some((light, pmf));
+            }
+            if chosen > 0 {
+                first_light = node.end[chosen - 1];
+            }
+            node = &self.nodes[node.child[chosen] as usize];
+        }
+    }
+
+    /// The probability with which [`Self::sample`] draws a light.
+    #[inline]
+    pub(super) fn pmf(&self, receiver: &impl Importance, light: u32) -> f32 {
+        if self.light_count <= 1 {
+            return 1.0;
+        }
+        let mut pmf = 1.0;
+        let mut node = &self.nodes[0];
+        loop {
+            let importance = receiver.of(&Children(node));
+            let chosen = node.end.iter().position(|&end| light < end).unwrap_or(WIDTH - 1);
+            let part = importance[chosen];
+            if part <= 0.0 {
+                return 0.0;
+            }
+            let total: f32 = importance.iter().sum();
+            if !total.is_finite() {
+                return 0.0;
+            }
+            pmf *= part / total;
+            if node.child[chosen] == NO_LIGHT {
+                return pmf;
+            }
+            node = &self.nodes[node.child[chosen] as usize];
+        }
+    }
+}
+
+/// A node with two children, or one light.
+struct Binary {
+    bounds: LightBounds,
+    /// The second child; the first one follows its parent. `None`: a light.
+    second: Option<u32>,
+}
+
+/// Appends the tree over these lights and puts them into the order of its leaves.
+fn split(leaves: &mut [(LightBounds, u32)], depth: usize, out: &mut Vec<Binary>) {
+    let index = out.len();
+    if let [(bounds, _)] = leaves {
+        out.push(Binary { bounds: *bounds, second: None });
+        return;
+    }
+    let bounds = around(leaves.iter().map(|(bounds, _)| bounds));
+    out.push(Binary { bounds, second: Some(0) });
+    let middle = partition(leaves, depth);
+    let (first, second) = leaves.split_at_mut(middle);
+    split(first, depth + 1, out);
+    out[index].second = Some(out.len() as u32);
+    split(second, depth + 1, out);
+}
+
+/// The bounds of one light at least.
+fn around<'a>(mut lights: impl Iterator<Item = &'a LightBounds>) -> LightBounds {
+    let first = *lights.next().expect("a light");
+    lights.fold(first, |all, bounds| all.union(bounds))
+}
+
+/// Orders the lights so that those before the place returned make one child, and the others the second.
+fn partition(leaves: &mut [(LightBounds, u32)], depth: usize) -> usize {
+    let centers = leaves.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.with(bounds.bounds.center()));
+    let extent = centers.max - centers.min;
+    let mut best: Option<(f32, usize, usize)> = None;
+    if depth < BALANCED_DEPTH {
+        for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {
+            for (place, cost) in split_costs(leaves, &centers, axis) {
+                // A long box is not cut along its sides (ibid., K_r).
+                let cost = cost * extent.max_element() / extent[axis];
+                if best.is_none_or(|(least, ..)| cost < least) {
+                    best = Some((cost, axis, place));
+                }
+            }
+        }
+    }
+    let Some((_, axis, place)) = best else {
+        let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+        let middle = leaves.len() / 2;
+        leaves.select_nth_unstable_by(middle, |a, b| {
+            let along = |bounds: &LightBounds| bounds.bounds.center()[axis];
+            along(&a.0).total_cmp(&along(&b.0)).then(a.1.cmp(&b.1))
+        });
+        return middle;
+    };
+    // Stable, so that the order is that of the input and of nothing else.
+    let (first, second): (Vec<_>, Vec<_>) =
+        leaves.iter().partition(|(bounds, _)| bucket(&centers, axis, bounds.bounds.center()) < place);
+    let middle = first.len();
+    leaves[..middle].copy_from_slice(&first);
+    leaves[middle..].copy_from_slice(&second);
+    middle
+}
+
+fn bucket(centers: &Aabb, axis: usize, center: Vec3) -> usize {
+    let share = (center[axis] - centers.min[axis]) / (centers.max[axis] - centers.min[axis]);
+    ((share * BUCKETS as f32) as usize).min(BUCKETS - 1)
+}
+
+/// Costs of the splits before each bucket but the first, where both sides have lights.
+fn split_costs(leaves: &[(LightBounds, u32)], centers: &Aabb, axis: usize) -> Vec<(usize, f32)> {
+    let mut buckets: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];
+    for (bounds, _) in leaves {
+        let bucket = &mut buckets[bucket(centers, axis, bounds.bounds.center())];
+        *bucket = Some(bucket.map_or(*bounds, |all| all.union(bounds)));
+    }
+    let join = |a: Option<LightBounds>, b: Option<LightBounds>| match (a, b) {
+        (Some(a), Some(b)) => Some(a.union(&b)),
+        (a, b) => a.or(b),
+    };
+    let mut above = [None; BUCKETS];
+    for i in (1..BUCKETS).rev() {
+        above[i] = join(buckets[i], above.get(i + 1).copied().flatten());
+    }
+    let mut below = None;
+    let mut costs = Vec::with_capacity(BUCKETS);
+    for i in 1..BUCKETS {
+        below = join(below, buckets[i - 1]);
+        if let (Some(below), Some(above)) = (&below, &above[i]) {
+            costs.push((i, below.cost() + above.cost()));
+        }
+    }
+    costs
+}
+
+/// Appends a wide node for the binary node `index`, and all below it; returns its index.
+///
+/// - `first_light`: the number of the first light below it; afterwards: of the first one after.
+fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32, nodes: &mut Vec<Node>) -> u32 {
+    let mut children = vec![index];
+    // Open what spreads most, until there is no room.
+    while children.len() < WIDTH {
+        let inner = (0..children.len()).filter(|&i| binary[children[i] as usize].second.is_some());
+        let cost = |i: usize| binary[children[i] as usize].bounds.cost();
+        let Some(widest) = inner.max_by(|&a, &b| cost(a).total_cmp(&cost(b)).then(b.cmp(&a))) else { break };
+        let opened = children[widest];
+        let second = binary[opened as usize].second.unwrap_or(opened);
+        children.splice(widest..=widest, [opened + 1, second]);
+    }
+    let place = nodes.len();
+    nodes.push(Node::EMPTY);
+    for (lane, &child) in children.iter().enumerate() {
+        let binary_child = &binary[child as usize];
+        nodes[place].set(lane, &binary_child.bounds, intensity);
+        if binary_child.second.is_some() {
+            nodes[place].child[lane] = collapse(binary, child, intensity, first_light, nodes);
+        } else {
+            *first_light += 1;
+        }
+        nodes[place].end[lane] = *first_light;
+    }
+    for lane in children.len()..WIDTH {
+        nodes[place].end[lane] = *first_light;
+    }
+    place as u32
+}
+
+impl Node {
+    const EMPTY: Self = Self {
+        center: [[0.0; WIDTH]; 3],
+        half: [[0.0; WIDTH]; 3],
+        radius: [0.0; WIDTH],
+        axis: [[0.0; WIDTH]; 3],
+        cos_spread: [0.0; WIDTH],
+        sin_spread: [0.0; WIDTH],
+        cos_emission: [0.0; WIDTH],
+        two_sided: [-1.0; WIDTH],
+        intensity: [0.0; WIDTH],
+        child: [NO_LIGHT; WIDTH],
+        end: [0; WIDTH],
+    };
+
+    fn set(&mut self, lane: usize, bounds: &LightBounds, total_intensity: f32) {
+        // A little more than needed, for what rounding takes away.
+        const MARGIN: f32 = 1e-4;
+        let center = bounds.bounds.center();
+        let half = (bounds.bounds.max - center).max(center - bounds.bounds.min) * (1.0 + MARGIN);
+        let (sin, cos) = math::sin_cos((bounds.cone.angle + MARGIN).min(PI));
+        for axis in 0..3 {
+            self.center[axis][lane] = center[axis];
+            self.half[axis][lane] = half[axis];
+            self.axis[axis][lane] = bounds.cone.axis[axis];
+        }
+        self.radius[lane] = half.length();
+        self.cos_spread[lane] = cos;
+        self.sin_spread[lane] = sin.max(0.0);
+        self.cos_emission[lane] = math::cos((bounds.emission_angle + MARGIN).min(PI));
+        self.two_sided[lane] = if bounds.two_sided { 1.0 } else { -1.0 };
+        self.intensity[lane] = bounds.intensity / total_intensity;
+    }
+}

@@ -1,0 +1,42 @@
+//! Painting a scene file as it asks to be painted, only smaller.
+
+use std::{path::Path, sync::Arc, thread};
+
+use bottega_image::{AovSet, Film, Layout, Rect, Tile};
+use bottega_render::{BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_scene::LoadOptions;
+
+/// Threads that paint; the picture does not depend on it.
+const THREADS: u32 = 2;
+
+/// Paints a scene so that one pixel covers `shrink` × `shrink` pixels of a picture of the size `full`.
+pub(crate) fn paint(path: &Path, full: (u32, u32), shrink: u32, samples: u32) -> Film {
+    let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
+    let loaded = bottega_scene::load(path, &options).expect("a scene");
+    let options = PrepareOptions { threads: THREADS as usize, ..PrepareOptions::default() };
+    let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options).expect("a sound scene"));
+    let settings = Arc::new(PathSettings {
+        max_depth: loaded.hints.max_depth.unwrap_or(64).min(64),
+        // The mean over a block of the reference's pixels, whose own filter is small against it.
+        filter: Filter::PIXEL,
+        ..PathSettings::default()
+    });
+    let (width, height) = (full.0 / shrink, full.1 / shrink);
+    let frame = Rect::of_size(width, height);
+    let layout = Layout::new(AovSet::NONE);
+    let mut film = Film::new(frame, layout);
+    let bands: Vec<Rect> = (0..height).step_by(4).map(|y| Rect::new(0, y, width, (y + 4).min(height))).collect();
+    let paint_band = |rect: &Rect| -> Tile {
+        let view = View { camera: 0, width, height };
+        let (scene, settings) = (Arc::clone(&prepared), Arc::clone(&settings));
+        let work = BlockWork { scene, view, settings, tile: Tile::new(*rect, layout), samples: 0..samples };
+        work.perform().expect("a picture").tile
+    };
+    let paint_every = |first: usize| bands.iter().skip(first).step_by(THREADS as usize).map(paint_band).collect();
+    let tiles: Vec<Vec<Tile>> = thread::scope(|scope| {
+        let painters: Vec<_> = (0..THREADS as usize).map(|first| scope.spawn(move || paint_every(first))).collect();
+        painters.into_iter().map(|painter| painter.join().expect("a painter")).collect()
+    });
+    tiles.iter().flatten().for_each(|tile| film.add_tile(tile, |_, _| 1.0));
+    film
+}

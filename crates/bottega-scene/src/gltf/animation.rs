@@ -1,0 +1,269 @@
+//! Animations: where nodes stand, and how their shapes morph, at one time. glTF 2.0, section 3.11 and appendix C.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use glam::DQuat;
+
+use super::accessor::{Accessor, find};
+use super::{Source, document, shortened};
+use crate::SceneError;
+use crate::error::Warnings;
+
+/// What animations say of a node; `None`: what the node itself says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct NodePose {
+    pub(super) translation: Option<[f64; 3]>,
+    /// As the file has it or interpolated; not always of unit length.
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
+    pub(super) weights: Option<Vec<f32>>,
+}
+
+impl NodePose {
+    pub(super) fn moves(&self) -> bool {
+        self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
+    }
+}
+
+/// Nodes that animations move.
+pub(super) type Pose = BTreeMap<usize, NodePose>;
+
+/// Evaluates the animations that the options ask for. Where several move the same thing, the first one does.
+pub(super) fn pose(source: &Source<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
+    let animations = &source.document.animations;
+    let chosen = match &source.options.animation {
+        None => 0..animations.len(),
+        Some(name) => {
+            let index =
+                source.by_name("animation", name, animations.iter().map(|animation| animation.name.as_str()))?;
+            index..index + 1
+        }
+    };
+    let time = match (source.options.at, &source.options.animation) {
+        (Some(time), _) => time,
+        (None, Some(_)) => 0.0,
+        (None, None) => {
+            if !animations.is_empty() {
+                warnings.add("animations", "the scene is shown as its nodes stand; name a time to see it animated");
+            }
+            return Ok(Pose::new());
+        }
+    };
+    if animations.is_empty() {
+        warnings.add("", "the scene has no animations, it is the same at all times");
+    }
+    let mut pose = Pose::new();
+    for index in chosen {
+        for number in 0..animations[index].channels.len() {
+            let channel = Channel { source, animation: index, number };
+            channel.apply(time, &mut pose, warnings)?;
+        }
+    }
+    Ok(pose)
+}
+
+struct Channel<'a, 's> {
+    source: &'s Source<'a>,
+    animation: usize,
+    number: usize,
+}
+
+impl Channel<'_, '_> {
+    fn invalid(&self, member: &str, problem: impl Into<String>) -> SceneError {
+        self.source.invalid(format!("animations[{}].channels[{}]{member}", self.animation, self.number), problem)
+    }
+
+    fn apply(&self, time: f32, pose: &mut Pose, warnings: &mut Warnings) -> Result<(), SceneError> {
+        let animation = &self.source.document.animations[self.animation];
+        let channel = &animation.channels[self.number];
+        let path = channel.target.path.as_str();
+        let mut ignore = |message: String| warnings.add(format!("animations[{}]", self.animation), message);
+        if path == "pointer" {
+            ignore("KHR_animation_pointer is not supported; what it animates stands still".into());
+            return Ok(());
+        }
+        let Some(node) = channel.target.node else { return Ok(()) };
+        let description = find("node", &self.source.document.nodes, node);
+        let description = description.map_err(|problem| self.invalid(".target.node", problem))?;
+        let sampler = find("sampler", &animation.samplers, channel.sampler);
+        let sampler = sampler.map_err(|problem| self.invalid(".sampler", problem))?;
+        let node_pose = match pose.entry(node) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => entry.insert(NodePose::default()),
+        };
+        match path {
+            "translation" if node_pose.translation.is_none() => {
+                node_pose.translation = self.track(sampler, 3, 1)?.vector(time);
+            }
+            "scale" if node_pose.scale.is_none() => node_pose.scale = self.track(sampler, 3, 1)?.vector(time),
+            "rotation" if node_pose.rotation.is_none() => {
+                node_pose.rotation = self.track(sampler, 4, 1)?.rotation(time);
+            }
+            "weights" if node_pose.weights.is_none() => node_pose.weights = self.weights(description, sampler, time)?,
+            "translation" | "scale" | "rotation" | "weights" => {}
+            other => ignore(format!("`{}` cannot be animated", shortened(other))),
+        }
+        Ok(())
+    }
+
+    /// The weights of a node's morph targets, which a key holds one after the other.
+    fn weights(
+        &self,
+        node: &document::Node,
+        sampler: &document::AnimationSampler,
+        time: f32,
+    ) -> Result<Option<Vec<f32>>, SceneError> {
+        let Some(mesh) = node.mesh.and_then(|mesh| self.source.document.meshes.get(mesh)) else { return Ok(None) };
+        let count = mesh.primitives.iter().map(|primitive| primitive.targets.len()).max().unwrap_or(0);
+        if count == 0 {
+            return Ok(None);
+        }
+        self.source.budget.take(self.source.path, "animations", count * size_of::<f32>())?;
+        let track = self.track(sampler, 1, count)?;
+        let Some(span) = track.span(time) else { return Ok(None) };
+        Ok(Some((0..count).map(|weight| track.interpolate::<1>(span, weight)[0] as f32).collect()))
+    }
+
+    /// The keys of a sampler, checked.
+    ///
+    /// - `width`: components of an element.
+    /// - `elements`: elements of a key.
+    fn track(
+        &self,
+        sampler: &document::AnimationSampler,
+        width: usize,
+        elements: usize,
+    ) -> Result<Track<'_>, SceneError> {
+        let accessor = |index: usize| {
+            let accessor = Accessor::new(self.source.document, self.source.bytes, index);
+            let accessor = accessor.map_err(|problem| self.invalid(".sampler", problem))?;
+            // The list of replaced elements was gone through, and will be for every channel that refers to it.
+            self.source.budget.take(self.source.path, "animations", accessor.sparse_bytes())?;
+            Ok(accessor)
+        };
+        let (times, values) = (accessor(sampler.input)?, accessor(sampler.output)?);
+        let interpolation = match sampler.interpolation.as_deref() {
+            None | Some("LINEAR") => Interpolation::Linear,
+            Some("STEP") => Interpolation::Step,
+            Some("CUBICSPLINE") => Interpolation::CubicSpline,
+            Some(other) => {
+                return Err(self.invalid(".sampler", format!("unknown interpolation `{}`", shortened(other))));
+            }
+        };
+        if times.width != 1 || values.width != width {
+            let problem =
+                format!("its times have {} components, its values {} instead of {width}", times.width, values.width);
+            return Err(self.invalid(".sampler", problem));
+        }
+        let parts = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        if times.count.checked_mul(parts * elements) != Some(values.count) {
+            let problem =
+                format!("has {} values for {} times, not {} for each", values.count, times.count, parts * elements);
+            return Err(self.invalid(".sampler", problem));
+        }
+        Ok(Track { times, values, interpolation, elements })
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Interpolation {
+    Step,
+    Linear,
+    CubicSpline,
+}
+
+/// Times, and values at these times.
+struct Track<'a> {
+    times: Accessor<'a>,
+    /// For each time one key: `elements` values, for a spline between as many tangents before and after them.
+    values: Accessor<'a>,
+    interpolation: Interpolation,
+    elements: usize,
+}
+
+/// Two keys and where between them a time is, from 0 to 1.
+#[derive(Clone, Copy)]
+struct Span {
+    keys: [usize; 2],
+    fraction: f64,
+    /// From key to key, in seconds.
+    duration: f64,
+}
+
+/// What a key of a spline holds.
+#[derive(Clone, Copy)]
+enum Part {
+    TangentIn,
+    Value,
+    TangentOut,
+}
+
+impl Track<'_> {
+    /// Before the first and after the last key, these hold. `None`: there is no key.
+    fn span(&self, time: f32) -> Option<Span> {
+        let last = self.times.count.checked_sub(1)?;
+        let time_of = |key: usize| self.times.at::<1>(key)[0];
+        let hold = |key: usize| Some(Span { keys: [key; 2], fraction: 0.0, duration: 0.0 });
+        if !(time < time_of(last)) {
+            return hold(last);
+        }
+        if !(time > time_of(0)) {
+            return hold(0);
+        }
+        let (mut before, mut after) = (0, last);
+        while after - before > 1 {
+            let middle = before + (after - before) / 2;
+            if time_of(middle) <= time { before = middle } else { after = middle }
+        }
+        let start = f64::from(time_of(before));
+        let duration = f64::from(time_of(after)) - start;
+        let fraction = if duration > 0.0 { ((f64::from(time) - start) / duration).clamp(0.0, 1.0) } else { 0.0 };
+        Some(Span { keys: [before, after], fraction, duration })
+    }
+
+    fn value<const N: usize>(&self, key: usize, element: usize, part: Part) -> [f64; N] {
+        let index = match self.interpolation {
+            Interpolation::CubicSpline => (3 * key + part as usize) * self.elements + element,
+            Interpolation::Step | Interpolation::Linear => key * self.elements + element,
+        };
+        self.values.at::<N>(index).map(f64::from)
+    }
+
+    /// One of the elements of the keys, component by component.
+    fn interpolate<const N: usize>(&self, span: Span, element: usize) -> [f64; N] {
+        let [before, after] = span.keys.map(|key| self.value::<N>(key, element, Part::Value));
+        let s = span.fraction;
+        match self.interpolation {
+            _ if span.keys[0] == span.keys[1] => before,
+            Interpolation::Step => before,
+            Interpolation::Linear => std::array::from_fn(|k| before[k] + (after[k] - before[k]) * s),
+            Interpolation::CubicSpline => {
+                // Appendix C.5: Hermite, with tangents per second.
+                let leaving = self.value::<N>(span.keys[0], element, Part::TangentOut);
+                let arriving = self.value::<N>(span.keys[1], element, Part::TangentIn);
+                let (s2, s3) = (s * s, s * s * s);
+                std::array::from_fn(|k| {
+                    (2.0 * s3 - 3.0 * s2 + 1.0) * before[k]
+                        + span.duration * (s3 - 2.0 * s2 + s) * leaving[k]
+                        + (3.0 * s2 - 2.0 * s3) * after[k]
+                        + span.duration * (s3 - s2) * arriving[k]
+                })
+            }
+        }
+    }
+
+    fn vector(&self, time: f32) -> Option<[f64; 3]> {
+        self.span(time).map(|span| self.interpolate(span, 0))
+    }
+
+    /// Linear keys are joined by the shortest arc.
+    fn rotation(&self, time: f32) -> Option<[f64; 4]> {
+        let span = self.span(time)?;
+        if self.interpolation != Interpolation::Linear {
+            return Some(self.interpolate(span, 0));
+        }
+        let [before, after] = span.keys.map(|key| DQuat::from_array(self.value(key, 0, Part::Value)).normalize());
+        Some(before.slerp(after, span.fraction).to_array())
+    }
+}

@@ -1,0 +1,106 @@
+//! EXT_meshopt_compression and KHR_meshopt_compression: buffer views that are kept compressed.
+
+mod attributes;
+mod filters;
+mod indices;
+
+use std::path::Path;
+
+use filters::Filter;
+use rayon::prelude::*;
+
+use super::accessor::find;
+use super::document::{BufferView, Document, Meshopt};
+use super::shortened;
+use crate::SceneError;
+use crate::load::MemoryBudget;
+
+/// Decompresses every buffer view that is compressed; `None` for the others.
+pub(super) fn decompress(
+    document: &Document,
+    buffers: &[&[u8]],
+    path: &Path,
+    budget: &MemoryBudget,
+) -> Result<Vec<Option<Vec<u8>>>, SceneError> {
+    let decompress = |(index, view): (usize, &BufferView)| {
+        let Some((name, compressed)) = view.extensions.meshopt() else { return Ok(None) };
+        let place = format!("bufferViews[{index}].extensions.{name}");
+        let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: place.clone(), problem };
+        let layout = Layout::of(compressed).map_err(invalid)?;
+        let data = bytes(compressed, buffers).map_err(invalid)?;
+        budget.take(path, &place, layout.count.saturating_mul(layout.stride))?;
+        layout.decode(data).map(Some).map_err(|problem| invalid(problem.into()))
+    };
+    // All are decoded though one may fail, so that the error does not depend on who was first.
+    let decoded: Vec<_> = document.buffer_views.par_iter().enumerate().map(decompress).collect();
+    decoded.into_iter().collect()
+}
+
+/// The compressed bytes.
+fn bytes<'a>(compressed: &Meshopt, buffers: &[&'a [u8]]) -> Result<&'a [u8], String> {
+    let buffer = find("buffer", buffers, compressed.buffer)?;
+    let end = compressed.byte_offset.checked_add(compressed.byte_length).filter(|&end| end <= buffer.len() as u64);
+    let Some(end) = end else {
+        let end = compressed.byte_offset.saturating_add(compressed.byte_length);
+        return Err(format!("ends at byte {end} of buffer {}, which has {}", compressed.buffer, buffer.len()));
+    };
+    Ok(&buffer[compressed.byte_offset as usize..end as usize])
+}
+
+enum Mode {
+    Attributes(Option<Filter>),
+    Triangles,
+    Indices,
+}
+
+/// What is to come out of the compressed bytes.
+struct Layout {
+    mode: Mode,
+    count: usize,
+    stride: usize,
+}
+
+impl Layout {
+    fn of(compressed: &Meshopt) -> Result<Self, String> {
+        let filter = Filter::of(compressed.filter.as_deref())?;
+        let stride = compressed.byte_stride;
+        let mode = match compressed.mode.as_str() {
+            "ATTRIBUTES" => Mode::Attributes(filter),
+            "TRIANGLES" if compressed.count.is_multiple_of(3) => Mode::Triangles,
+            "TRIANGLES" => return Err(format!("{} indices are not whole triangles", compressed.count)),
+            "INDICES" => Mode::Indices,
+            other => return Err(format!("unknown mode `{}`", shortened(other))),
+        };
+        let fits = match mode {
+            Mode::Attributes(filter) => {
+                stride.is_multiple_of(4)
+                    && (4..=256).contains(&stride)
+                    && filter.is_none_or(|filter| filter.fits(stride as usize))
+            }
+            Mode::Triangles | Mode::Indices => matches!(stride, 2 | 4) && filter.is_none(),
+        };
+        if !fits {
+            return Err(format!("elements of {stride} bytes cannot be compressed in this mode with this filter"));
+        }
+        let count = usize::try_from(compressed.count).map_err(|_| "has too many elements".to_owned())?;
+        Ok(Self { mode, count, stride: stride as usize })
+    }
+
+    fn decode(&self, data: &[u8]) -> Result<Vec<u8>, &'static str> {
+        let indices = match self.mode {
+            Mode::Attributes(filter) => {
+                let mut elements = attributes::decode(data, self.count, self.stride)?;
+                if let Some(filter) = filter {
+                    filter.undo(self.stride, &mut elements);
+                }
+                return Ok(elements);
+            }
+            Mode::Triangles => indices::triangles(data, self.count)?,
+            Mode::Indices => indices::sequence(data, self.count)?,
+        };
+        Ok(match self.stride {
+            2 => indices.iter().flat_map(|&index| (index as u16).to_le_bytes()).collect(),
+            _ => indices.iter().flat_map(|&index| index.to_le_bytes()).collect(),
+        })
+    }
+}

@@ -1,0 +1,141 @@
+//! The pictures that a scene refers to by name: asked for one by one, decoded all at once.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::{Decoded, Encoding, Header, Image, PictureFault};
+use crate::error::Warnings;
+use crate::load::LoadOptions;
+use crate::resource::{Location, Resources};
+use crate::text::shortened;
+use crate::{ImageId, SceneError};
+
+/// Pictures in files beside the scene. The same file in the same encoding is one image, however often it is asked for.
+pub(crate) struct Pictures<'a> {
+    resources: &'a Resources<'a>,
+    pixels_max: u64,
+    wanted: Vec<Wanted>,
+    id_of: BTreeMap<(Location, bool, bool), ImageId>,
+    /// Pictures that are there already: where they go in the list.
+    made: Vec<(usize, Image)>,
+}
+
+struct Wanted {
+    location: Location,
+    encoding: Encoding,
+    /// Whether its luminance is wanted in all channels.
+    gray: bool,
+    /// Where it was first asked for.
+    place: String,
+}
+
+impl<'a> Pictures<'a> {
+    pub(crate) fn new(resources: &'a Resources<'a>, options: &LoadOptions) -> Self {
+        Self {
+            resources,
+            pixels_max: options.max_image_pixels,
+            wanted: Vec::new(),
+            id_of: BTreeMap::new(),
+            made: Vec::new(),
+        }
+    }
+
+    /// Asks for a picture. Its id is its index in what [`load`](Self::load) returns.
+    ///
+    /// - `reference`: relative to the folder of the scene; see [`Resources::locate`] for what is refused.
+    /// - `place`: where the reference stands, for messages.
+    pub(crate) fn want(&mut self, reference: &str, encoding: Encoding, place: &str) -> Result<ImageId, SceneError> {
+        let location = self.resources.locate(reference, place)?;
+        Ok(self.want_at(location, encoding, false, place))
+    }
+
+    /// Asks for a picture whose place is known; see [`want`](Self::want).
+    ///
+    /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
+    pub(crate) fn want_at(&mut self, location: Location, encoding: Encoding, gray: bool, place: &str) -> ImageId {
+        let next = ImageId((self.wanted.len() + self.made.len()) as u32);
+        let key = (location, encoding == Encoding::Srgb, gray);
+        if let Some(&id) = self.id_of.get(&key) {
+            return id;
+        }
+        self.wanted.push(Wanted { location: key.0.clone(), encoding, gray, place: place.into() });
+        self.id_of.insert(key, next);
+        next
+    }
+
+    /// Adds a picture that is in no file.
+    pub(crate) fn add(&mut self, image: Image) -> ImageId {
+        let id = self.wanted.len() + self.made.len();
+        self.made.push((id, image));
+        ImageId(id as u32)
+    }
+
+    /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
+    /// read is replaced by magenta (colours) or 1 (numbers), with a warning.
+    pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
+        let checked: Vec<Result<Header, String>> =
+            self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
+        let decoded: Vec<Result<Image, String>> = (self.wanted.par_iter().zip(checked))
+            .map(|(wanted, header)| {
+                let bytes = self.resources.read(&wanted.location).map_err(|error| unreadable(&error))?;
+                let decoded = Decoded::read(&bytes, header?)?;
+                drop(bytes);
+                let image = decoded.into_image(&wanted.location.name, wanted.encoding);
+                Ok(if wanted.gray { image.luminance() } else { image })
+            })
+            .collect();
+        let finish = |(wanted, image): (&Wanted, Result<Image, String>)| {
+            image.unwrap_or_else(|problem| {
+                let name = shortened(&wanted.location.name).into_owned();
+                let (stand_in, image) = match wanted.encoding {
+                    Encoding::Srgb => ("magenta", Image::missing(name.as_str())),
+                    Encoding::Linear => ("1", Image::from_gray8(name.as_str(), 1, 1, vec![255], false)),
+                };
+                warnings
+                    .add(wanted.place.as_str(), format!("the picture `{name}`: {problem}; {stand_in} stands for it"));
+                image
+            })
+        };
+        let mut images: Vec<Image> = self.wanted.iter().zip(decoded).map(finish).collect();
+        self.made.into_iter().for_each(|(index, image)| images.insert(index, image));
+        Ok(images)
+    }
+
+    /// Reads the header of a picture and books its memory. The inner error is worth a warning.
+    fn check(&self, wanted: &Wanted) -> Result<Result<Header, String>, SceneError> {
+        let bytes = match self.resources.read(&wanted.location) {
+            Ok(bytes) => bytes,
+            Err(error) => return Ok(Err(unreadable(&error))),
+        };
+        match Header::read(&bytes, self.pixels_max) {
+            Ok(header) => {
+                // What becomes gray is kept as floats.
+                let factor = if wanted.gray { 12 } else { 1 };
+                let bytes = header.memory_bytes().saturating_mul(factor);
+                self.resources.budget().take(wanted.location.path(), "", bytes)?;
+                Ok(Ok(header))
+            }
+            Err(PictureFault::TooLarge { problem }) => Err(too_large(wanted.location.path(), problem)),
+            Err(PictureFault::Unreadable { problem }) => Ok(Err(problem)),
+        }
+    }
+}
+
+/// A picture that exceeds the limit of pixels.
+pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
+    SceneError::Limit {
+        path: path.into(),
+        place: String::new(),
+        problem,
+        remedy: "scale the picture down, or allow more pixels for each picture",
+    }
+}
+
+/// Why a picture's file could not be read, for a warning that the scene goes on without it.
+pub(crate) fn unreadable(error: &SceneError) -> String {
+    match error {
+        SceneError::Read { path, source } => format!("cannot read `{}` ({source})", path.display()),
+        error => error.to_string(),
+    }
+}

@@ -1,0 +1,29 @@
+//! Compressed files: unfolded to no more than what the scene may take.
+
+use std::io::Read;
+
+use super::Source;
+use crate::SceneError;
+use crate::load::Held;
+
+/// The first bytes of a gzip file (RFC 1952).
+pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
+
+/// The most that deflate can unfold one byte to.
+pub(super) const RATIO_MAX: usize = 1032;
+
+/// Unfolds a gzip file. The memory is booked as long as the second result is kept.
+pub(super) fn gunzip<'a>(source: Source<'a>, bytes: &[u8]) -> Result<(Vec<u8>, Held<'a>), SceneError> {
+    let limit = source.budget.limit();
+    // The last four bytes are the length modulo 2³²: a hint, where it can be true.
+    let length = bytes.last_chunk().map_or(0, |length| u32::from_le_bytes(*length) as usize);
+    let mut unfolded = Vec::new();
+    let likely = length.min(bytes.len().saturating_mul(RATIO_MAX)).min(limit);
+    let no_memory = |_| SceneError::Read { path: source.path.into(), source: std::io::ErrorKind::OutOfMemory.into() };
+    unfolded.try_reserve_exact(likely).map_err(no_memory)?;
+    let decoder = flate2::bufread::MultiGzDecoder::new(bytes);
+    let read = decoder.take((limit as u64).saturating_add(1)).read_to_end(&mut unfolded);
+    read.map_err(|error| source.damaged(format!("its gzip data cannot be unfolded ({error})")))?;
+    let held = source.budget.hold(source.path, unfolded.len())?;
+    Ok((unfolded, held))
+}

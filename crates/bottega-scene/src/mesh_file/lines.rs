@@ -1,0 +1,163 @@
+//! Text of many lines, in pieces that threads share.
+
+use rayon::prelude::*;
+
+/// Bytes of a piece, about.
+const BLOCK_BYTES: usize = 1 << 20;
+
+/// Whole lines of a text.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block<'a> {
+    pub(super) text: &'a [u8],
+    /// The number of the first line in its file, counted from 1.
+    pub(super) first_line: usize,
+}
+
+/// Cuts a text whose first line has the number `first_line` into pieces.
+///
+/// - `continues`: whether a line that ends with a backslash goes on in the next one; such lines stay together.
+pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<Block<'_>> {
+    let mut pieces = Vec::new();
+    let mut rest = text;
+    while !rest.is_empty() {
+        let mut end = rest.len().min(BLOCK_BYTES);
+        loop {
+            let Some(step) = rest[end..].iter().position(|&byte| byte == b'\n') else {
+                end = rest.len();
+                break;
+            };
+            end += step + 1;
+            if !(continues && ends_with_backslash(&rest[..end - 1])) {
+                break;
+            }
+        }
+        let (piece, others) = rest.split_at(end);
+        pieces.push(piece);
+        rest = others;
+    }
+    let counts: Vec<usize> = pieces.par_iter().map(|piece| newline_count(piece)).collect();
+    let mut line = first_line;
+    let block = |(text, count): (_, usize)| {
+        let block = Block { text, first_line: line };
+        line += count;
+        block
+    };
+    pieces.into_iter().zip(counts).map(block).collect()
+}
+
+/// Whether a line, without its newline, goes on in the next one.
+pub(super) fn ends_with_backslash(line: &[u8]) -> bool {
+    line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\")
+}
+
+fn newline_count(text: &[u8]) -> usize {
+    // Counted in bytes of 255 lines at most, the compiler makes it wide.
+    text.chunks(255).map(|chunk| usize::from(chunk.iter().map(|&byte| u8::from(byte == b'\n')).sum::<u8>())).sum()
+}
+
+impl<'a> Block<'a> {
+    /// Its lines with their numbers, without spaces around them.
+    pub(super) fn lines(self) -> impl Iterator<Item = (usize, &'a [u8])> {
+        let text = self.text.strip_suffix(b"\n").unwrap_or(self.text);
+        let lines = text.split(|&byte| byte == b'\n');
+        lines.enumerate().map(move |(index, line)| (self.first_line + index, line.trim_ascii()))
+    }
+}
+
+impl<'a> Block<'a> {
+    /// Its lines, those that a backslash continues as one, without comments. `visit` gets the number of the first line.
+    pub(super) fn for_each_statement<E>(self, mut visit: impl FnMut(usize, &[u8]) -> Result<(), E>) -> Result<(), E> {
+        let mut lines = self.lines();
+        while let Some((number, line)) = lines.next() {
+            let whole;
+            let line = if ends_with_backslash(line) {
+                let mut joined = line[..line.len() - 1].to_vec();
+                for (_, next) in lines.by_ref() {
+                    joined.push(b' ');
+                    let goes_on = ends_with_backslash(next);
+                    joined.extend(if goes_on { &next[..next.len() - 1] } else { next });
+                    if !goes_on {
+                        break;
+                    }
+                }
+                whole = joined;
+                &whole[..]
+            } else {
+                line
+            };
+            if !line.is_empty() && line[0] != b'#' {
+                visit(number, line)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Takes the next word off a line. `None`: there is none.
+pub(super) fn next_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let start = line.iter().position(|byte| !byte.is_ascii_whitespace())?;
+    let rest = &line[start..];
+    let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+    *line = &rest[end..];
+    Some(&rest[..end])
+}
+
+/// A decimal number, rounded to the nearest `f32`.
+pub(super) fn float(word: &[u8]) -> Option<f32> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A whole number that fits.
+pub(super) fn integer(word: &[u8]) -> Option<i64> {
+    let (digits, negative) = match word {
+        [b'-', digits @ ..] => (digits, true),
+        [b'+', digits @ ..] => (digits, false),
+        digits => (digits, false),
+    };
+    // 18 digits always fit.
+    if digits.is_empty() || digits.len() > 18 {
+        return None;
+    }
+    let value = digits
+        .iter()
+        .try_fold(0i64, |value, &digit| digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0')))?;
+    Some(if negative { -value } else { value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_whole_lines_that_know_their_number() {
+        let text: String = (1..300_000).map(|line| format!("line {line}\n")).collect();
+        let blocks = blocks(text.as_bytes(), 1, false);
+        assert!(blocks.len() > 1);
+        let mut expected = 1;
+        for (number, line) in blocks.iter().flat_map(|block| block.lines()) {
+            assert_eq!((number, line), (expected, format!("line {expected}").as_bytes()));
+            expected += 1;
+        }
+        assert_eq!(expected, 300_000);
+    }
+
+    #[test]
+    fn a_continued_line_is_never_cut() {
+        let text = "word \\\r\n".repeat(400_000) + "end\nnext";
+        let blocks = blocks(text.as_bytes(), 1, true);
+        assert_eq!(blocks.len(), 2);
+        assert_eq!((blocks[1].text, blocks[1].first_line), (&b"next"[..], 400_002));
+    }
+
+    #[test]
+    fn numbers_are_whole_words() {
+        assert_eq!((integer(b"-12"), integer(b"+7"), integer(b"")), (Some(-12), Some(7), None));
+        assert_eq!((integer(b"1x"), integer(b"99999999999999999999"), integer(b"-")), (None, None, None));
+        assert_eq!((float(b"1e-3"), float(b"0x1"), float(b"")), (Some(1e-3), None, None));
+        let mut line = &b"  a\tbc  "[..];
+        assert_eq!(
+            (next_word(&mut line), next_word(&mut line), next_word(&mut line)),
+            (Some(&b"a"[..]), Some(&b"bc"[..]), None)
+        );
+    }
+}

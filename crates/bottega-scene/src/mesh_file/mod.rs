@@ -1,0 +1,68 @@
+//! Files that hold a mesh: PLY, OBJ with its materials, Mitsuba's serialized meshes.
+//!
+//! Texture coordinates are those of the file: whoever asked for the mesh knows whether v points up or down there, and
+//! calls [`Mesh::flip_v`] where it points up. Numbers that are no positions, and indices of vertices that are not
+//! there, are errors that name the place; normals without direction are mended.
+
+mod inflate;
+mod lines;
+pub(crate) mod mtl;
+mod normals;
+pub(crate) mod obj;
+pub(crate) mod ply;
+mod scene;
+pub(crate) mod serialized;
+
+use std::path::Path;
+
+use bytemuck::Pod;
+use glam::{Vec2, Vec4};
+use rayon::prelude::*;
+
+use crate::load::MemoryBudget;
+use crate::{Mesh, SceneError};
+
+pub(crate) use scene::{import, recognizes};
+
+/// The file that is being read, for errors and for the memory that it may take.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    path: &'a Path,
+    budget: &'a MemoryBudget,
+}
+
+impl Source<'_> {
+    fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
+        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
+    }
+
+    fn at_line(&self, (line, problem): (usize, String)) -> SceneError {
+        self.invalid(format!("line {line}"), problem)
+    }
+
+    fn damaged(&self, problem: impl Into<String>) -> SceneError {
+        SceneError::Damaged { path: self.path.into(), problem: problem.into() }
+    }
+
+    /// Books memory and takes it, all zero. The caller has checked that the file can hold so many.
+    fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
+        self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
+        // Fresh zeros of the system are touched first by the threads that fill them.
+        bytemuck::allocation::try_zeroed_vec(count)
+            .map_err(|()| SceneError::Read { path: self.path.into(), source: std::io::ErrorKind::OutOfMemory.into() })
+    }
+}
+
+/// Mends what would poison the shading, and drops what says nothing.
+fn finish(mut mesh: Mesh) -> Mesh {
+    mesh.mend_normals();
+    mesh.uvs[0].par_iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+    let clean = |color: &mut Vec4| {
+        *color = Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO);
+    };
+    mesh.colors.par_iter_mut().for_each(clean);
+    if mesh.colors.par_iter().all(|&color| color == Vec4::ONE) {
+        mesh.colors = Vec::new();
+    }
+    mesh
+}

@@ -1,0 +1,234 @@
+//! Libraries of materials for OBJ files, with the extension for physically based rendering that exporters share.
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use super::Source;
+use super::lines::{self, float, next_word};
+use crate::SceneError;
+use crate::load::MemoryBudget;
+use crate::text::shortened;
+
+/// A material as the file describes it. `None` where it is silent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct MtlMaterial {
+    /// The name after `newmtl`.
+    pub(crate) name: String,
+    /// Line of `newmtl`.
+    pub(crate) line: usize,
+    /// `Kd`: diffuse reflectance.
+    pub(crate) diffuse: Option<Vec3>,
+    /// `Ks`: specular reflectance.
+    pub(crate) specular: Option<Vec3>,
+    /// `Ke`: emission.
+    pub(crate) emission: Option<Vec3>,
+    /// `Ns`: exponent of Phong's highlight.
+    pub(crate) exponent: Option<f32>,
+    /// `Ni`: index of refraction.
+    pub(crate) ior: Option<f32>,
+    /// `d`, or 1 − `Tr`: opacity.
+    pub(crate) opacity: Option<f32>,
+    /// `Tf`: colour of what is transmitted.
+    pub(crate) transmission: Option<Vec3>,
+    /// `Pr`: perceptual roughness.
+    pub(crate) roughness: Option<f32>,
+    /// `Pm`: metalness.
+    pub(crate) metallic: Option<f32>,
+    /// `illum`: the model of illumination.
+    pub(crate) illum: Option<u32>,
+    /// `map_Kd`.
+    pub(crate) diffuse_map: Option<MtlMap>,
+    /// `map_Ks`.
+    pub(crate) specular_map: Option<MtlMap>,
+    /// `map_Ke`.
+    pub(crate) emission_map: Option<MtlMap>,
+    /// `map_d`.
+    pub(crate) opacity_map: Option<MtlMap>,
+    /// `map_Pr`.
+    pub(crate) roughness_map: Option<MtlMap>,
+    /// `map_Pm`.
+    pub(crate) metallic_map: Option<MtlMap>,
+    /// `map_bump` and `bump`: heights.
+    pub(crate) bump_map: Option<MtlMap>,
+    /// `norm`: a normal map.
+    pub(crate) normal_map: Option<MtlMap>,
+}
+
+/// A picture with its options.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct MtlMap {
+    /// As it stands in the file: relative to the folder of the library.
+    pub(crate) reference: String,
+    /// Line of the statement.
+    pub(crate) line: usize,
+    /// `-s`: multiplies the texture coordinates.
+    pub(crate) scale: Vec2,
+    /// `-o`: added to them.
+    pub(crate) offset: Vec2,
+    /// `-clamp on`: not repeated.
+    pub(crate) clamp: bool,
+    /// `-bm`: strength of a bump map.
+    pub(crate) strength: Option<f32>,
+}
+
+/// Reads a library. Statements without a meaning for us are skipped.
+///
+/// - `path`: for errors.
+/// - `bytes`: the file.
+pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Vec<MtlMaterial>, SceneError> {
+    let source = Source { path, budget };
+    let mut materials: Vec<MtlMaterial> = Vec::new();
+    for block in lines::blocks(bytes, 1, true) {
+        let read = block.for_each_statement(|line, statement| {
+            let mut words = statement;
+            let keyword = next_word(&mut words).unwrap_or_default();
+            if keyword == b"newmtl" {
+                let name = String::from_utf8_lossy(words.trim_ascii()).into_owned();
+                materials.push(MtlMaterial { name, line, ..MtlMaterial::default() });
+                return Ok(());
+            }
+            match materials.last_mut() {
+                Some(material) => material.set(keyword, words, line).map_err(|problem| (line, problem)),
+                None => Ok(()),
+            }
+        });
+        read.map_err(|fault| source.at_line(fault))?;
+    }
+    Ok(materials)
+}
+
+impl MtlMaterial {
+    fn set(&mut self, keyword: &[u8], words: &[u8], line: usize) -> Result<(), String> {
+        let map = || map(words, line);
+        match keyword.to_ascii_lowercase().as_slice() {
+            b"kd" => self.diffuse = color(words)?,
+            b"ks" => self.specular = color(words)?,
+            b"ke" => self.emission = color(words)?,
+            b"tf" => self.transmission = color(words)?,
+            b"ns" => self.exponent = Some(number(words)?),
+            b"ni" => self.ior = Some(number(words)?),
+            b"d" => self.opacity = Some(number(words.trim_ascii().strip_prefix(b"-halo").unwrap_or(words))?),
+            b"tr" => self.opacity = Some(1.0 - number(words)?),
+            b"pr" => self.roughness = Some(number(words)?),
+            b"pm" => self.metallic = Some(number(words)?),
+            b"illum" => self.illum = Some(number(words)?.clamp(0.0, 100.0) as u32),
+            b"map_kd" => self.diffuse_map = map()?,
+            b"map_ks" => self.specular_map = map()?,
+            b"map_ke" => self.emission_map = map()?,
+            b"map_d" => self.opacity_map = map()?,
+            b"map_pr" => self.roughness_map = map()?,
+            b"map_pm" => self.metallic_map = map()?,
+            b"map_bump" | b"bump" => self.bump_map = map()?,
+            b"norm" | b"map_kn" => self.normal_map = map()?,
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// A number that is one: finite.
+fn number(mut words: &[u8]) -> Result<f32, String> {
+    let word = next_word(&mut words).ok_or("a number is missing")?;
+    let value = float(word).filter(|value| value.is_finite());
+    value.ok_or_else(|| format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
+}
+
+/// One number for all, or three. `None`: a spectrum or XYZ, which nobody writes.
+fn color(words: &[u8]) -> Result<Option<Vec3>, String> {
+    let mut rest = words;
+    if matches!(next_word(&mut rest), Some(b"spectral" | b"xyz")) {
+        return Ok(None);
+    }
+    let mut rest = words;
+    let mut values = [0.0; 3];
+    for (index, value) in values.iter_mut().enumerate() {
+        let mut word = rest;
+        if index > 0 && next_word(&mut word).is_none() {
+            return Ok(Some(Vec3::splat(number(words)?)));
+        }
+        *value = number(rest)?;
+        next_word(&mut rest);
+    }
+    let color = Vec3::from_array(values);
+    Ok(Some(color.max(Vec3::ZERO)))
+}
+
+/// Options, then the name, which may contain spaces. `None`: there is no name.
+fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
+    let mut map =
+        MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: None };
+    let mut rest = words;
+    loop {
+        let before = rest;
+        match next_word(&mut rest) {
+            Some(b"-s") => map.scale = vector(&mut rest, 1.0),
+            Some(b"-o") => map.offset = vector(&mut rest, 0.0),
+            Some(b"-t") => drop(vector(&mut rest, 0.0)),
+            Some(b"-bm") => map.strength = Some(vector(&mut rest, 1.0).x),
+            Some(b"-clamp") => map.clamp = next_word(&mut rest) == Some(b"on"),
+            Some(b"-mm") => drop(vector(&mut rest, 0.0)),
+            Some(
+                b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-texres" | b"-boost" | b"-type" | b"-colorspace",
+            ) => {
+                next_word(&mut rest);
+            }
+            _ => {
+                map.reference = String::from_utf8_lossy(before.trim_ascii()).into_owned();
+                return Ok((!map.reference.is_empty()).then_some(map));
+            }
+        }
+    }
+}
+
+/// One to three numbers; of them the first two. Absent ones are `default`.
+fn vector(words: &mut &[u8], default: f32) -> Vec2 {
+    let mut values = [default; 3];
+    for value in &mut values {
+        let mut rest = *words;
+        let Some(number) = next_word(&mut rest).and_then(float).filter(|number| number.is_finite()) else { break };
+        *value = number;
+        *words = rest;
+    }
+    Vec2::new(values[0], values[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Vec<MtlMaterial>, SceneError> {
+        read(Path::new("a.mtl"), text.as_bytes(), &MemoryBudget::new(1 << 20))
+    }
+
+    #[test]
+    fn every_statement_is_read() {
+        let text = "# comment\nKd 1 1 1\nnewmtl a b\nKd 0.5 .25 0\nKs 0.1\nKe 1 2 3\nNs 100\nNi 1.3\nd 0.5\nillum 7\n\
+            Pr 0.3\nPm 1\nmap_Kd -s 2 3 1 -o 0.5 -clamp on my wood.png\nmap_Bump -bm 0.2 bump.png\nnorm n.png\n\
+            newmtl second\nTr 0.25\nKd spectral a.rfl 1\n";
+        let materials = read_text(text).unwrap();
+        let first = &materials[0];
+        assert_eq!((first.name.as_str(), first.line), ("a b", 3));
+        assert_eq!(first.diffuse, Some(Vec3::new(0.5, 0.25, 0.0)));
+        assert_eq!((first.specular, first.emission), (Some(Vec3::splat(0.1)), Some(Vec3::new(1.0, 2.0, 3.0))));
+        assert_eq!(
+            (first.exponent, first.ior, first.opacity, first.illum),
+            (Some(100.0), Some(1.3), Some(0.5), Some(7))
+        );
+        assert_eq!((first.roughness, first.metallic), (Some(0.3), Some(1.0)));
+        let map = first.diffuse_map.as_ref().unwrap();
+        assert_eq!((map.reference.as_str(), map.line, map.clamp), ("my wood.png", 13, true));
+        assert_eq!((map.scale, map.offset), (Vec2::new(2.0, 3.0), Vec2::new(0.5, 0.0)));
+        assert_eq!(first.bump_map.as_ref().unwrap().strength, Some(0.2));
+        assert_eq!(first.normal_map.as_ref().unwrap().reference, "n.png");
+        assert_eq!((materials[1].opacity, materials[1].diffuse), (Some(0.75), None));
+    }
+
+    #[test]
+    fn what_is_no_number_is_named_with_its_line() {
+        for text in ["newmtl a\nNs nan", "newmtl a\nKd 1 2 x", "newmtl a\nNi", "newmtl a\nKd"] {
+            let error = read_text(text).unwrap_err().to_string();
+            assert!(error.contains("line 2"), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Wavefront OBJ: polygons, their groups by material, and the names of their libraries of materials.
+//!
+//! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named.
+
+pub(super) mod materials;
+mod parse;
+mod weld;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use parse::{Parsed, Statement};
+
+use super::{Source, finish, lines};
+use crate::load::{Held, MemoryBudget};
+use crate::{Mesh, SceneError};
+
+/// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
+type Corner = [u32; 3];
+
+/// Stands for an absent index.
+const NONE: u32 = u32::MAX;
+
+/// A file as it was read.
+pub(crate) struct ObjFile<'a> {
+    source: Source<'a>,
+    positions: Vec<Vec3>,
+    /// Linear; empty where no vertex has a colour.
+    colors: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    normals: Vec<Vec3>,
+    triangles: Vec<[Corner; 3]>,
+    /// What holds from a triangle on.
+    runs: Vec<Run>,
+    /// Names of the materials, in the order of their first use.
+    materials: Vec<String>,
+    /// The libraries of materials that it names, and the line of each.
+    pub(crate) libraries: Vec<(String, usize)>,
+    /// Each keyword that was left out, and the line of the first one.
+    pub(crate) left_out: Vec<(String, usize)>,
+    /// The memory of all this.
+    _held: Vec<Held<'a>>,
+}
+
+/// Triangles that share a material and a smoothing group.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    first: usize,
+    /// Index into the names; `None`: before the first `usemtl`.
+    material: Option<usize>,
+    /// 0: flat.
+    smoothing: u32,
+}
+
+/// The triangles of one material.
+pub(crate) struct ObjPart {
+    /// The name after `usemtl`.
+    pub(crate) material: Option<String>,
+    pub(crate) mesh: Mesh,
+}
+
+/// Reads a file. Polygons become fans of triangles.
+///
+/// - `path`: for errors.
+/// - `bytes`: the file.
+pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -> Result<ObjFile<'a>, SceneError> {
+    let source = Source { path, budget };
+    let blocks = lines::blocks(bytes, 1, true);
+    let parsed = (blocks.par_iter())
+        .map(|block| {
+            let parsed = parse::parse(*block).map_err(|fault| source.at_line(fault))?;
+            // Threads take pieces as they come, so what is too much is noticed after a few of them.
+            let held = budget.hold(path, parsed.memory_bytes())?;
+            Ok((parsed, held))
+        })
+        .collect::<Vec<Result<(Parsed, Held<'a>), SceneError>>>();
+    let parsed = parsed.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
+    let (mut parsed, held): (Vec<Parsed>, Vec<Held<'a>>) = parsed.into_iter().unzip();
+    resolve(source, &blocks, &mut parsed)?;
+    Ok(ObjFile::join(source, parsed, held))
+}
+
+/// Whether a file is an OBJ file, by its name: it has no first bytes of its own.
+pub(crate) fn recognizes(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
+}
+
+/// Makes all indices absolute, and checks that they are in range.
+fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
+    let mut next = [0usize; 3];
+    let bases: Vec<[usize; 3]> = parsed
+        .iter()
+        .map(|parsed| {
+            let base = next;
+            let counts = parsed.counts();
+            next = std::array::from_fn(|kind| next[kind] + counts[kind]);
+            base
+        })
+        .collect();
+    let totals = next;
+    if totals.iter().any(|&total| total >= parse::COUNT_MAX) {
+        return Err(source.damaged("it has more vertices than can be indexed"));
+    }
+    let results: Vec<Result<(), SceneError>> = (parsed.par_iter_mut().zip(bases).zip(blocks))
+        .map(|((parsed, base), block)| {
+            parsed
+                .resolve(base, totals)
+                .map_err(|(triangle, problem)| source.at_line((parse::line_of_triangle(*block, triangle), problem)))
+        })
+        .collect();
+    results.into_iter().collect()
+}
+
+impl<'a> ObjFile<'a> {
+    fn join(source: Source<'a>, parsed: Vec<Parsed>, held: Vec<Held<'a>>) -> Self {
+        let mut file = Self {
+            source,
+            positions: Vec::new(),
+            colors: Vec::new(),
+            uvs: Vec::new(),
+            normals: Vec::new(),
+            triangles: Vec::new(),
+            runs: Vec::new(),
+            materials: Vec::new(),
+            libraries: Vec::new(),
+            left_out: Vec::new(),
+            _held: held,
+        };
+        let has_colors = parsed.iter().any(|parsed| !parsed.colors.is_empty());
+        let total = |count: fn(&Parsed) -> usize| parsed.iter().map(count).sum::<usize>();
+        file.positions.reserve_exact(total(|parsed| parsed.positions.len()));
+        file.uvs.reserve_exact(total(|parsed| parsed.uvs.len()));
+        file.normals.reserve_exact(total(|parsed| parsed.normals.len()));
+        file.triangles.reserve_exact(total(|parsed| parsed.triangles.len()));
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let mut run = Run { first: 0, material: None, smoothing: 0 };
+        for part in parsed {
+            let first = file.triangles.len();
+            for (triangle, statement) in part.statements {
+                match statement {
+                    Statement::Material(name) => {
+                        let next = known.len();
+                        run.material = Some(*known.entry(name).or_insert_with_key(|name| {
+                            file.materials.push(name.clone());
+                            next
+                        }));
+                    }
+                    Statement::Smoothing(group) => run.smoothing = group,
+                    Statement::Library(name, line) => {
+                        if !file.libraries.iter().any(|(known, _)| *known == name) {
+                            file.libraries.push((name, line));
+                        }
+                        continue;
+                    }
+                    Statement::Unknown(keyword, line) => {
+                        if !file.left_out.iter().any(|(known, _)| *known == keyword) {
+                            file.left_out.push((keyword, line));
+                        }
+                        continue;
+                    }
+                }
+                file.runs.push(Run { first: first + triangle, ..run });
+            }
+            if has_colors {
+                file.colors.extend(&part.colors);
+                file.colors.resize(file.positions.len() + part.positions.len(), Vec3::ONE);
+            }
+            file.positions.extend(part.positions);
+            file.uvs.extend(part.uvs);
+            file.normals.extend(part.normals);
+            file.triangles.extend(part.triangles);
+        }
+        file
+    }
+
+    /// One mesh for each material, in the order of their first triangles. Smoothing groups make smooth normals where the
+    /// file has none.
+    pub(crate) fn into_parts(self) -> Result<Vec<ObjPart>, SceneError> {
+        let mut parts: Vec<(Option<usize>, Vec<weld::Range>)> = Vec::new();
+        let mut part_of: BTreeMap<Option<usize>, usize> = BTreeMap::new();
+        let start = Run { first: 0, material: None, smoothing: 0 };
+        let runs: Vec<Run> = std::iter::once(start).chain(self.runs.iter().copied()).collect();
+        let ends = runs.iter().skip(1).map(|run| run.first).chain([self.triangles.len()]);
+        for (run, end) in runs.iter().zip(ends).filter(|(run, end)| run.first < *end) {
+            let part = *part_of.entry(run.material).or_insert_with(|| {
+                parts.push((run.material, Vec::new()));
+                parts.len() - 1
+            });
+            parts[part].1.push((run.first, end, run.smoothing));
+        }
+        let mut welder = weld::Welder::new(&self);
+        let weld = |(material, runs): (Option<usize>, Vec<weld::Range>)| {
+            let material = material.map(|material| self.materials[material].clone());
+            let mut mesh = finish(welder.weld(&runs, true)?);
+            mesh.name = material.clone().unwrap_or_default();
+            Ok(ObjPart { material, mesh })
+        };
+        parts.into_iter().map(weld).collect()
+    }
+
+    /// One mesh of all triangles, with the normals of the file or without any: as Mitsuba's `obj` shape takes it.
+    #[allow(dead_code, reason = "for formats that refer to OBJ files as shapes")]
+    pub(crate) fn into_single(self) -> Result<Mesh, SceneError> {
+        weld::Welder::new(&self).weld(&[(0, self.triangles.len(), 0)], false).map(finish)
+    }
+}
+
+#[cfg(test)]
+mod tests;

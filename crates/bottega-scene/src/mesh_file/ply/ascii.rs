@@ -1,0 +1,205 @@
+//! Ascii PLY: one line for each row of an element.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::super::Source;
+use super::super::lines::{self, Block, float, integer, next_word};
+use super::header::{Element, Header};
+use super::vertices::{self, Role, Slices, UNSOUND};
+use crate::text::shortened;
+use crate::{Mesh, SceneError};
+
+/// A line, and what is wrong with it.
+type Fault = (usize, String);
+
+pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Mesh, SceneError> {
+    let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
+    let counts: Vec<usize> = blocks.par_iter().map(|block| rows(*block).count()).collect();
+    let elements = Elements::new(source, header, counts.iter().sum())?;
+    let mut mesh = Mesh::default();
+    if let Some((element, _)) = &elements.vertices {
+        mesh = vertices::allocate(source, element)?;
+    }
+    let first_rows = counts.iter().scan(0, |next, count| {
+        let first = *next;
+        *next += count;
+        Some(first..*next)
+    });
+    let first_rows: Vec<Range<usize>> = first_rows.collect();
+    let vertex_rows = |rows: &Range<usize>| match &elements.vertices {
+        Some((_, vertices)) => overlap(rows, vertices).len(),
+        None => 0,
+    };
+    let slices = Slices::of(&mut mesh).split(first_rows.iter().map(vertex_rows));
+    let tasks: Vec<_> = blocks.into_iter().zip(first_rows).zip(slices).collect();
+    let decoded: Vec<Result<Vec<[u32; 3]>, Fault>> = tasks
+        .into_par_iter()
+        .map(|((block, rows), vertices)| elements.decode(block, rows, vertices, header.vertex_count))
+        .collect();
+    let decoded = decoded.into_iter().collect::<Result<Vec<_>, Fault>>().map_err(|fault| source.at_line(fault))?;
+    let total: usize = decoded.iter().map(Vec::len).sum();
+    source.budget.take(source.path, "", total * size_of::<[u32; 3]>())?;
+    mesh.triangles.reserve_exact(total);
+    decoded.into_iter().for_each(|part| mesh.triangles.extend(part));
+    Ok(mesh)
+}
+
+/// The lines that are not empty.
+fn rows(block: Block<'_>) -> impl Iterator<Item = (usize, &[u8])> {
+    block.lines().filter(|(_, line)| !line.is_empty())
+}
+
+fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+    let start = a.start.max(b.start);
+    start..a.end.min(b.end).max(start)
+}
+
+/// Which rows of the file are which element.
+struct Elements<'a> {
+    vertices: Option<(&'a Element, Range<usize>)>,
+    faces: Option<(&'a Element, Range<usize>)>,
+}
+
+impl<'a> Elements<'a> {
+    fn new(source: Source<'_>, header: &'a Header, row_count: usize) -> Result<Self, SceneError> {
+        let mut elements = Self { vertices: None, faces: None };
+        let mut next = 0usize;
+        for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
+            let rows = next..next.saturating_add(element.count);
+            next = rows.end;
+            if rows.end > row_count {
+                let row = row_count.saturating_sub(rows.start);
+                let problem = format!("it ends before row {row} of the {} of `{}`", element.count, element.name());
+                return Err(source.damaged(problem));
+            }
+            if element.is_vertices() {
+                elements.vertices = Some((element, rows));
+            } else if element.is_faces() {
+                elements.faces = Some((element, rows));
+            }
+        }
+        Ok(elements)
+    }
+
+    /// Fills the vertices that a part of the text holds, and returns its triangles.
+    fn decode(
+        &self,
+        block: Block<'_>,
+        numbers: Range<usize>,
+        mut vertices: Slices<'_>,
+        vertex_count: usize,
+    ) -> Result<Vec<[u32; 3]>, Fault> {
+        let mut triangles = Vec::new();
+        let mut lines = numbers.clone().zip(rows(block));
+        let part = |rows: &Range<usize>| overlap(&numbers, rows);
+        let mut passages = Vec::new();
+        passages.extend(self.vertices.as_ref().map(|(element, rows)| (part(rows), *element, true)));
+        passages.extend(self.faces.as_ref().map(|(element, rows)| (part(rows), *element, false)));
+        passages.sort_by_key(|(rows, ..)| rows.start);
+        for (rows, element, is_vertices) in passages {
+            if rows.is_empty() {
+                continue;
+            }
+            let mut lines =
+                (&mut lines).skip_while(|(row, _)| *row < rows.start).take(rows.len()).map(|(_, line)| line);
+            if is_vertices {
+                read_vertices(element, &mut lines, &mut vertices)?;
+            } else {
+                read_faces(element, &mut lines, vertex_count, &mut triangles)?;
+            }
+        }
+        Ok(triangles)
+    }
+}
+
+fn missing(element: &Element) -> String {
+    format!("a row of `{}` has fewer numbers than announced", element.name())
+}
+
+fn wrong(word: &[u8]) -> String {
+    format!("`{}` is not a number as announced", shortened(&String::from_utf8_lossy(word)))
+}
+
+fn read_vertices<'t>(
+    element: &Element,
+    lines: &mut impl Iterator<Item = (usize, &'t [u8])>,
+    vertices: &mut Slices<'_>,
+) -> Result<(), Fault> {
+    let roles = element.roles();
+    let mut numbers = Vec::new();
+    for (vertex, (number, mut line)) in lines.enumerate() {
+        numbers.push(number);
+        for (property, role) in element.properties.iter().zip(&roles) {
+            let word = next_word(&mut line).ok_or_else(|| (number, missing(element)))?;
+            if property.count.is_some() {
+                skip_list(word, &mut line).map_err(|problem| (number, problem))?;
+            } else if let Some(role) = *role {
+                let value = if property.kind.is_integer() {
+                    integer(word).map(|value| value as f64)
+                } else {
+                    float(word).map(f64::from)
+                };
+                let value = value.ok_or_else(|| (number, wrong(word)))?;
+                vertices.set(vertex, role, property.kind, value);
+            }
+        }
+    }
+    let has_alpha = roles.contains(&Some(Role::Color(3)));
+    vertices.complete(has_alpha).map_err(|vertex| (numbers.get(vertex).copied().unwrap_or(0), UNSOUND.into()))
+}
+
+/// Passes over the numbers of a list whose length is `word`.
+fn skip_list(word: &[u8], line: &mut &[u8]) -> Result<(), String> {
+    let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
+    for _ in 0..length {
+        next_word(line).ok_or("a list has fewer numbers than announced")?;
+    }
+    Ok(())
+}
+
+fn read_faces<'t>(
+    element: &Element,
+    lines: &mut impl Iterator<Item = (usize, &'t [u8])>,
+    vertex_count: usize,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<(), Fault> {
+    let corners = element.corners();
+    for (number, mut line) in lines {
+        for (index, property) in element.properties.iter().enumerate() {
+            let word = next_word(&mut line).ok_or_else(|| (number, missing(element)))?;
+            if Some(index) == corners {
+                read_corners(word, &mut line, vertex_count, triangles).map_err(|problem| (number, problem))?;
+                // What follows means nothing to us.
+                break;
+            } else if property.count.is_some() {
+                skip_list(word, &mut line).map_err(|problem| (number, problem))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn read_corners(
+    word: &[u8],
+    line: &mut &[u8],
+    vertex_count: usize,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<(), String> {
+    let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
+    let (mut first, mut last) = (0, 0);
+    for corner in 0..length {
+        let word = next_word(line).ok_or("a face has fewer corners than announced")?;
+        let index = integer(word).ok_or_else(|| wrong(word))?;
+        let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < vertex_count);
+        let index = in_range.ok_or_else(|| format!("refers to vertex {index}, but there are {vertex_count}"))?;
+        match corner {
+            0 => first = index,
+            1 => {}
+            _ => triangles.push([first, last, index]),
+        }
+        last = index;
+    }
+    Ok(())
+}

@@ -1,0 +1,262 @@
+//! What a PLY file says of its elements.
+
+use super::super::Source;
+use super::super::lines::{integer, next_word};
+use super::vertices::Role;
+use crate::SceneError;
+use crate::text::shortened;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// How a number is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    fn new(word: &[u8]) -> Option<Self> {
+        Some(match word {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+
+    /// What a colour of this kind is divided by.
+    pub(super) fn color_max(self) -> f64 {
+        match self {
+            Self::I8 | Self::U8 => 255.0,
+            Self::I16 | Self::U16 => 65535.0,
+            Self::I32 | Self::U32 => f64::from(u32::MAX),
+            Self::F32 | Self::F64 => 1.0,
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Property {
+    name: Vec<u8>,
+    /// Of the number, or of the elements of the list.
+    pub(super) kind: Kind,
+    /// How the length of a list is stored; `None`: a single number.
+    pub(super) count: Option<Kind>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    name: Vec<u8>,
+    pub(super) count: usize,
+    pub(super) properties: Vec<Property>,
+    /// Where the header announces it.
+    pub(super) line: usize,
+}
+
+impl Element {
+    pub(super) fn is_vertices(&self) -> bool {
+        self.name == b"vertex"
+    }
+
+    pub(super) fn is_faces(&self) -> bool {
+        self.name == b"face"
+    }
+
+    /// Its name, for messages.
+    pub(super) fn name(&self) -> String {
+        shortened(&String::from_utf8_lossy(&self.name)).into_owned()
+    }
+
+    /// Bytes of a row, where that is the same for all: without lists.
+    pub(super) fn fixed_bytes(&self) -> Option<usize> {
+        self.properties.iter().map(|property| property.count.is_none().then(|| property.kind.bytes())).sum()
+    }
+
+    /// The least bytes of a row: empty lists.
+    pub(super) fn least_bytes(&self) -> usize {
+        self.properties.iter().map(|property| property.count.unwrap_or(property.kind).bytes()).sum()
+    }
+
+    /// What the numbers of a vertex mean, one for each property.
+    pub(super) fn roles(&self) -> Vec<Option<Role>> {
+        let mut roles: Vec<Option<Role>> = Vec::new();
+        for property in &self.properties {
+            let role = Role::new(&property.name).filter(|_| property.count.is_none());
+            // Of synonyms, the first one counts.
+            roles.push(role.filter(|role| !roles.contains(&Some(*role))));
+        }
+        roles
+    }
+
+    /// Which property lists the corners of a face.
+    pub(super) fn corners(&self) -> Option<usize> {
+        self.properties.iter().position(|property| {
+            property.count.is_some() && matches!(&property.name[..], b"vertex_indices" | b"vertex_index")
+        })
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// Where the numbers begin.
+    pub(super) body: usize,
+    /// The number of the first line after the header.
+    pub(super) body_line: usize,
+    pub(super) vertex_count: usize,
+}
+
+impl Header {
+    pub(super) fn parse(source: Source<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
+        let mut encoding = None;
+        let mut elements: Vec<Element> = Vec::new();
+        let (mut at, mut number) = (0, 0);
+        loop {
+            // Old files end their lines with a carriage return alone, others with both.
+            let rest = &bytes[at..];
+            let Some(length) = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r') else {
+                return Err(source.damaged("its header has no `end_header`"));
+            };
+            let line = &rest[..length];
+            at += length + 1 + usize::from(rest[length..].starts_with(b"\r\n"));
+            number += 1;
+            let wrong = |problem: String| source.at_line((number, problem));
+            let mut words = line;
+            let keyword = next_word(&mut words);
+            if number == 1 {
+                if keyword != Some(b"ply") {
+                    return Err(wrong("a PLY file begins with `ply`".into()));
+                }
+                continue;
+            }
+            match keyword {
+                None | Some(b"comment" | b"obj_info") => {}
+                Some(b"format") => {
+                    encoding = Some(match next_word(&mut words) {
+                        Some(b"ascii") => Encoding::Ascii,
+                        Some(b"binary_little_endian") => Encoding::LittleEndian,
+                        Some(b"binary_big_endian") => Encoding::BigEndian,
+                        other => return Err(wrong(format!("unknown format `{}`", text(other)))),
+                    });
+                }
+                Some(b"element") => {
+                    let name = next_word(&mut words).unwrap_or_default().to_vec();
+                    let count = next_word(&mut words).and_then(integer).and_then(|count| usize::try_from(count).ok());
+                    let Some(count) = count else {
+                        return Err(wrong(format!("the number of `{}` is not a number", text(Some(&name)))));
+                    };
+                    if elements.iter().any(|element| element.name == name) {
+                        return Err(wrong(format!("there are two elements `{}`", text(Some(&name)))));
+                    }
+                    elements.push(Element { name, count, properties: Vec::new(), line: number });
+                }
+                Some(b"property") => {
+                    let property = property(words).map_err(wrong)?;
+                    let Some(element) = elements.last_mut() else {
+                        return Err(wrong("a property before the first element".into()));
+                    };
+                    element.properties.push(property);
+                }
+                Some(b"end_header") => break,
+                other => return Err(wrong(format!("unknown keyword `{}`", text(other)))),
+            }
+        }
+        let Some(encoding) = encoding else { return Err(source.damaged("its header does not say its format")) };
+        let mut header = Self { encoding, elements, body: at, body_line: number + 1, vertex_count: 0 };
+        header.check(source, bytes.len() - at)?;
+        Ok(header)
+    }
+
+    /// Checks that there are vertices and faces, and no more than the rest of the file can hold.
+    fn check(&mut self, source: Source<'_>, body_bytes: usize) -> Result<(), SceneError> {
+        for element in &self.elements {
+            let announced = |problem: &str| {
+                let problem = format!("{} `{}` {problem}", element.count, element.name());
+                source.at_line((element.line, problem))
+            };
+            // A number in ascii takes a digit and a space.
+            let row = match self.encoding {
+                Encoding::Ascii => element.properties.len().min(1),
+                _ => element.least_bytes(),
+            };
+            if element.count.saturating_mul(row) > body_bytes {
+                return Err(announced(&format!("do not fit into the {body_bytes} bytes that follow the header")));
+            }
+            if element.is_vertices() {
+                let roles = element.roles();
+                if !(0..3).all(|axis| roles.contains(&Some(Role::Position(axis)))) {
+                    return Err(source.at_line((element.line, "vertices need the properties x, y and z".into())));
+                }
+                if element.count > u32::MAX as usize {
+                    return Err(announced("are more than can be indexed"));
+                }
+                self.vertex_count = element.count;
+            }
+            if element.is_faces() {
+                let Some(corners) = element.corners() else {
+                    let problem = "faces need the list property vertex_indices".into();
+                    return Err(source.at_line((element.line, problem)));
+                };
+                if !element.properties[corners].kind.is_integer() {
+                    return Err(source.at_line((element.line, "indices of vertices must be whole numbers".into())));
+                }
+            }
+        }
+        if !self.elements.iter().any(Element::is_vertices) {
+            return Err(source.damaged("its header announces no `vertex`"));
+        }
+        Ok(())
+    }
+}
+
+fn property(mut words: &[u8]) -> Result<Property, String> {
+    let kind = |word: Option<&[u8]>| {
+        word.and_then(Kind::new).ok_or_else(|| format!("unknown type of property `{}`", text(word)))
+    };
+    let first = next_word(&mut words);
+    let (count, kind) = if first == Some(b"list") {
+        let count = kind(next_word(&mut words))?;
+        if !count.is_integer() {
+            return Err("the length of a list must be a whole number".into());
+        }
+        (Some(count), kind(next_word(&mut words))?)
+    } else {
+        (None, kind(first)?)
+    };
+    Ok(Property { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
+}
+
+fn text(word: Option<&[u8]>) -> String {
+    shortened(&String::from_utf8_lossy(word.unwrap_or_default())).into_owned()
+}

@@ -1,0 +1,51 @@
+//! PLY, the Stanford polygon file format: ascii, binary of either byte order, and any of them within gzip.
+//!
+//! Elements other than `vertex` and `face`, and properties without a meaning for us, are skipped. Colours that are
+//! integers are taken for sRGB codes, as the programs that write them do; colours that are floats are linear.
+
+mod ascii;
+mod binary;
+mod header;
+mod vertices;
+
+use std::path::Path;
+
+use header::{Encoding, Header};
+
+use super::{Source, finish, inflate};
+use crate::load::MemoryBudget;
+use crate::{Mesh, SceneError};
+
+/// Reads a mesh. Polygons become fans of triangles; faces with fewer than three corners are left out.
+///
+/// - `path`: for errors and for the name of the mesh.
+/// - `bytes`: the file.
+pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
+    let source = Source { path, budget };
+    let unfolded;
+    let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
+        unfolded = inflate::gunzip(source, bytes)?;
+        &unfolded.0[..]
+    } else {
+        bytes
+    };
+    let header = Header::parse(source, bytes)?;
+    let mesh = match header.encoding {
+        Encoding::Ascii => ascii::read(source, &header, bytes)?,
+        Encoding::LittleEndian => binary::read(source, &header, bytes, false)?,
+        Encoding::BigEndian => binary::read(source, &header, bytes, true)?,
+    };
+    Ok(finish(mesh))
+}
+
+/// Whether a file is one of ours, by its first bytes, or by its name where it is compressed.
+pub(crate) fn recognizes(path: &Path, bytes: &[u8]) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    bytes.starts_with(b"ply\n")
+        || bytes.starts_with(b"ply\r")
+        || name.ends_with(".ply")
+        || (bytes.starts_with(inflate::GZIP_MAGIC) && name.ends_with(".ply.gz"))
+}
+
+#[cfg(test)]
+mod tests;

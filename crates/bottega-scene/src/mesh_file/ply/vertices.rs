@@ -1,0 +1,145 @@
+//! The vertices of a PLY file, filled in place by several threads.
+
+use glam::{Vec2, Vec3, Vec4};
+
+use super::super::Source;
+use super::header::{Element, Kind};
+use crate::image::linear_of_srgb;
+use crate::model::COORDINATE_MAX;
+use crate::{Mesh, SceneError};
+
+/// What a number of a vertex means; which component of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Position(usize),
+    Normal(usize),
+    Uv(usize),
+    Color(usize),
+}
+
+impl Role {
+    /// By the names that exporters use.
+    pub(super) fn new(name: &[u8]) -> Option<Self> {
+        Some(match name {
+            b"x" => Self::Position(0),
+            b"y" => Self::Position(1),
+            b"z" => Self::Position(2),
+            b"nx" | b"normal_x" => Self::Normal(0),
+            b"ny" | b"normal_y" => Self::Normal(1),
+            b"nz" | b"normal_z" => Self::Normal(2),
+            b"u" | b"s" | b"u0" | b"u1" | b"texture_u" | b"texture_s" | b"tx" => Self::Uv(0),
+            b"v" | b"t" | b"v0" | b"v1" | b"texture_v" | b"texture_t" | b"ty" => Self::Uv(1),
+            b"red" | b"r" | b"diffuse_red" => Self::Color(0),
+            b"green" | b"g" | b"diffuse_green" => Self::Color(1),
+            b"blue" | b"b" | b"diffuse_blue" => Self::Color(2),
+            b"alpha" | b"a" | b"diffuse_alpha" => Self::Color(3),
+            _ => return None,
+        })
+    }
+}
+
+/// Part of the vertices. Absent attributes are empty.
+pub(super) struct Slices<'a> {
+    pub(super) positions: &'a mut [Vec3],
+    normals: &'a mut [Vec3],
+    uvs: &'a mut [Vec2],
+    colors: &'a mut [Vec4],
+}
+
+/// Takes memory for the vertices of an element, those attributes that it has all of.
+pub(super) fn allocate(source: Source<'_>, element: &Element) -> Result<Mesh, SceneError> {
+    let roles = element.roles();
+    let count = element.count;
+    let has = |part: &[Role]| part.iter().all(|role| roles.contains(&Some(*role)));
+    let mut mesh = Mesh { positions: source.zeroed(count)?, ..Mesh::default() };
+    if has(&[Role::Normal(0), Role::Normal(1), Role::Normal(2)]) {
+        mesh.normals = source.zeroed(count)?;
+    }
+    if has(&[Role::Uv(0), Role::Uv(1)]) {
+        mesh.uvs[0] = source.zeroed(count)?;
+    }
+    if has(&[Role::Color(0), Role::Color(1), Role::Color(2)]) {
+        mesh.colors = source.zeroed(count)?;
+    }
+    Ok(mesh)
+}
+
+impl<'a> Slices<'a> {
+    /// All vertices of a mesh.
+    pub(super) fn of(mesh: &'a mut Mesh) -> Self {
+        let Mesh { positions, normals, uvs: [uvs, _], colors, .. } = mesh;
+        Self { positions, normals, uvs, colors }
+    }
+
+    /// Takes the first vertices off.
+    fn take(&mut self, count: usize) -> Self {
+        Self {
+            positions: take(&mut self.positions, count),
+            normals: take(&mut self.normals, count),
+            uvs: take(&mut self.uvs, count),
+            colors: take(&mut self.colors, count),
+        }
+    }
+
+    /// Cuts them into parts of so many vertices each.
+    pub(super) fn split(mut self, counts: impl Iterator<Item = usize>) -> Vec<Self> {
+        counts.map(|count| self.take(count)).collect()
+    }
+
+    /// Fills one component of all vertices of the part.
+    pub(super) fn fill(&mut self, role: Role, kind: Kind, values: impl Iterator<Item = f64>) {
+        match role {
+            Role::Position(axis) => fill(bytemuck::cast_slice_mut(self.positions), 3, axis, values),
+            Role::Normal(axis) => fill(bytemuck::cast_slice_mut(self.normals), 3, axis, values),
+            Role::Uv(axis) => fill(bytemuck::cast_slice_mut(self.uvs), 2, axis, values),
+            Role::Color(channel) => {
+                let color = values.map(|value| color(value, kind, channel));
+                fill(bytemuck::cast_slice_mut(self.colors), 4, channel, color);
+            }
+        }
+    }
+
+    /// Sets one component of one vertex.
+    pub(super) fn set(&mut self, vertex: usize, role: Role, kind: Kind, value: f64) {
+        let one = vertex..vertex + 1;
+        let mut slices = Slices {
+            positions: &mut self.positions[one.clone()],
+            normals: self.normals.get_mut(one.clone()).unwrap_or_default(),
+            uvs: self.uvs.get_mut(one.clone()).unwrap_or_default(),
+            colors: self.colors.get_mut(one).unwrap_or_default(),
+        };
+        slices.fill(role, kind, std::iter::once(value));
+    }
+
+    /// Makes colours without alpha opaque, and finds the first vertex without a usable position.
+    pub(super) fn complete(&mut self, has_alpha: bool) -> Result<(), usize> {
+        if !has_alpha {
+            self.colors.iter_mut().for_each(|color| color.w = 1.0);
+        }
+        // A comparison with NaN is false.
+        let is_sound =
+            |p: &Vec3| p.x.abs() <= COORDINATE_MAX && p.y.abs() <= COORDINATE_MAX && p.z.abs() <= COORDINATE_MAX;
+        self.positions.iter().position(|p| !is_sound(p)).map_or(Ok(()), Err)
+    }
+}
+
+/// The problem of a vertex that [`Slices::complete`] finds.
+pub(super) const UNSOUND: &str = "the position is not a number, or out of reach";
+
+fn take<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    let (first, rest) = std::mem::take(slice).split_at_mut_checked(count).unwrap_or_default();
+    *slice = rest;
+    first
+}
+
+fn fill(to: &mut [f32], width: usize, component: usize, values: impl Iterator<Item = f64>) {
+    for (to, value) in to.chunks_exact_mut(width).zip(values) {
+        to[component] = value as f32;
+    }
+}
+
+/// A colour of the file as linear value.
+fn color(value: f64, kind: Kind, channel: usize) -> f64 {
+    let value = value / kind.color_max();
+    if kind.is_integer() && channel < 3 { linear_of_srgb(value.clamp(0.0, 1.0)) } else { value }
+}

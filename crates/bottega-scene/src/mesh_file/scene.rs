@@ -1,0 +1,91 @@
+//! A file that holds a mesh as a scene of its own: its surfaces, and nothing else.
+
+use std::path::Path;
+
+use super::obj::{self, materials::Library};
+use super::{ply, serialized};
+use crate::error::Warnings;
+use crate::load::{LoadOptions, Metadata, RenderHints};
+use crate::resource::Resources;
+use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
+
+/// Whether a file holds a mesh in a format of ours, by its first bytes or its name.
+pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
+    ply::recognizes(path, file) || serialized::recognizes(file) || obj::recognizes(path)
+}
+
+/// Builds the scene of a file that [`recognizes`] accepts. It has neither lights nor cameras, unless a material shines.
+pub(crate) fn import(
+    path: &Path,
+    file: &[u8],
+    options: &LoadOptions,
+    resources: &Resources<'_>,
+    warnings: &mut Warnings,
+) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+    let budget = resources.budget();
+    let mut scene = Scene::default();
+    let format = if ply::recognizes(path, file) {
+        add(&mut scene, ply::read(path, file, budget)?);
+        "PLY"
+    } else if serialized::recognizes(file) {
+        for shape in 0..serialized::count(path, file)? {
+            add(&mut scene, serialized::read(path, file, shape, budget)?);
+        }
+        "Mitsuba serialized"
+    } else {
+        add_obj(&mut scene, obj::read(path, file, budget)?, options, resources, warnings)?;
+        "Wavefront OBJ"
+    };
+    Ok((scene, Metadata { format, ..Metadata::default() }, RenderHints::default()))
+}
+
+/// Plain, light gray: for surfaces that no material is known for.
+fn default_material() -> Material {
+    Layered { base_color: Spectrum::splat(0.8).into(), roughness: 0.6.into(), ..Layered::default() }.into()
+}
+
+/// Shows a mesh with the plain material, which has no use for texture coordinates.
+fn add(scene: &mut Scene, mesh: Mesh) {
+    if mesh.triangles.is_empty() {
+        return;
+    }
+    if scene.materials.is_empty() {
+        scene.push_material(default_material());
+    }
+    scene.push_surface(Mesh { uvs: Default::default(), ..mesh });
+}
+
+fn add_obj(
+    scene: &mut Scene,
+    mut file: obj::ObjFile<'_>,
+    options: &LoadOptions,
+    resources: &Resources<'_>,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    for (keyword, line) in std::mem::take(&mut file.left_out) {
+        warnings.add(format!("line {line}"), format!("`{keyword}` is not supported and left out"));
+    }
+    let mut library = Library::open(&file.libraries, options, resources, warnings)?;
+    for part in file.into_parts()? {
+        let material = match &part.material {
+            Some(name) => library.material(name, warnings)?,
+            None => None,
+        };
+        let material = material.unwrap_or_else(default_material);
+        let mut mesh = part.mesh;
+        let needs_uvs = !material.textures().is_empty();
+        if needs_uvs && mesh.uvs[0].is_empty() {
+            let name = &material.name;
+            warnings.add("", format!("surfaces of `{name}` have no texture coordinates, its textures show one texel"));
+        }
+        if needs_uvs {
+            mesh.flip_v();
+        } else {
+            mesh.uvs = Default::default();
+        }
+        mesh.material = scene.push_material(material);
+        scene.push_surface(mesh);
+    }
+    scene.images = library.into_images(warnings)?;
+    Ok(())
+}

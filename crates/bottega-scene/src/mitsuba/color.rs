@@ -1,0 +1,177 @@
+//! Colours and numbers of properties: plain, spectral, or textures.
+
+use glam::Vec3;
+
+use super::Importer;
+use super::document::{Class, Object, ObjectId, Property};
+use super::texture::Use;
+use super::value::Value;
+use super::xml::Place;
+use crate::spectrum::{Sampled, read_spd};
+use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
+
+/// What a colour stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// A share of light, in [0, 1].
+    Reflectance,
+    /// What is emitted.
+    Radiance,
+    /// Any other spectrum, such as an index of refraction.
+    Unbounded,
+}
+
+impl Importer<'_> {
+    /// A colour, which may be a texture.
+    pub(super) fn color(
+        &mut self,
+        object: &Object,
+        name: &str,
+        role: Role,
+        default: Spectrum,
+    ) -> Result<ColorParam, SceneError> {
+        if let Some(property) = object.property(name) {
+            return Ok(self.property_color(property, role)?.into());
+        }
+        let Some(child) = object.child(name) else { return Ok(default.into()) };
+        let texture = self.texture(child.object, Use::Color(role))?;
+        let factor = self.in_range(texture.factor, role, child.at);
+        Ok(ColorParam { factor, texture: texture.map.map(|(map, _)| map) })
+    }
+
+    /// A colour that cannot be a texture: of one, the factor counts.
+    pub(super) fn plain_color(
+        &mut self,
+        object: &Object,
+        name: &str,
+        role: Role,
+        default: Spectrum,
+    ) -> Result<Spectrum, SceneError> {
+        let color = self.color(object, name, role, default)?;
+        if color.texture.is_some()
+            && let Some(child) = object.child(name)
+        {
+            self.report.warn(child.at, format!("`{name}` cannot be a texture here; 0.5 stands for it"));
+            return Ok(color.factor * 0.5);
+        }
+        Ok(color.factor)
+    }
+
+    /// A number, which may be a texture.
+    pub(super) fn scalar(&mut self, object: &Object, name: &str, default: f64) -> Result<ScalarParam, SceneError> {
+        if let Some(property) = object.property(name) {
+            let number = match property.value {
+                Value::Float(number) => number,
+                Value::Integer(number) => number as f64,
+                _ => f64::from(luminance(self.property_color(property, Role::Unbounded)?)),
+            };
+            if number < 0.0 {
+                self.report.warn(property.at, format!("`{name}` is below 0; 0 stands for it"));
+            }
+            return Ok((number.max(0.0) as f32).into());
+        }
+        let Some(child) = object.child(name) else { return Ok((default as f32).into()) };
+        let texture = self.texture(child.object, Use::Number)?;
+        let factor = self.in_range(texture.factor, Role::Unbounded, child.at);
+        Ok(ScalarParam {
+            factor: luminance(factor),
+            texture: texture.map.map(|(map, channel)| (map, channel.unwrap_or(Channel::R))),
+        })
+    }
+
+    /// The colour of a property.
+    pub(super) fn property_color(&mut self, property: &Property, role: Role) -> Result<Spectrum, SceneError> {
+        let color = match &property.value {
+            Value::Rgb(rgb) => *rgb,
+            Value::Float(number) => Vec3::splat(*number as f32),
+            Value::Integer(number) => Vec3::splat(*number as f32),
+            Value::Vector(vector) => vector.as_vec3(),
+            Value::Uniform(value) => self.uniform(*value, role),
+            Value::Spectrum(sampled) => spectrum_color(sampled, role),
+            Value::SpectrumFile(name) => {
+                let location = self.find(name, property.at)?;
+                let bytes = self.resources.read(&location)?;
+                spectrum_color(&read_spd(location.path(), &bytes)?, role)
+            }
+            _ => return self.bad(Err(property.wrong("a colour"))),
+        };
+        Ok(self.in_range(color, role, property.at))
+    }
+
+    /// The same at all wavelengths: white for surfaces. Emitted, it has the colour of equal energy, which the old line
+    /// took for white too.
+    fn uniform(&self, value: f64, role: Role) -> Spectrum {
+        if role == Role::Radiance && !self.document.is_old {
+            Sampled::constant(value).mitsuba_radiance()
+        } else {
+            Vec3::splat(value as f32)
+        }
+    }
+
+    /// The colour of a plugin for spectra. `None`: it is another texture.
+    pub(super) fn spectrum_plugin(&mut self, id: ObjectId, role: Role) -> Result<Option<Spectrum>, SceneError> {
+        let object = self.document.get(id);
+        if object.class != Class::Texture {
+            return Ok(None);
+        }
+        let wavelengths = |text: Option<&str>| text.map(super::value::numbers).transpose();
+        let invalid = |problem: String| self.report.invalid(object.at, problem);
+        Ok(Some(match object.plugin.as_str() {
+            "uniform" => {
+                let value = self.bad(object.float("value"))?.unwrap_or(1.0);
+                self.uniform(value, role)
+            }
+            "d65" => match self.bad(object.float("scale"))? {
+                Some(scale) => Vec3::splat(scale as f32),
+                None => self.color(object, "color", role, Vec3::ONE)?.factor,
+            },
+            "rgb" | "srgb" => self.color(object, "color", role, Vec3::splat(0.5))?.factor,
+            "blackbody" => {
+                let kelvin = self.number_at_least(object, "temperature", 1.0, 6500.0)?.min(1e6);
+                let scale = self.bad(object.float("scale"))?.unwrap_or(1.0);
+                object.ignore(&["wavelength_min", "wavelength_max"]);
+                spectrum_color(&Sampled::blackbody(kelvin).scaled(scale), role)
+            }
+            "regular" => {
+                let values = wavelengths(self.bad(object.string("values"))?).map_err(invalid)?.unwrap_or_default();
+                let least = self.bad(object.float("wavelength_min"))?.unwrap_or(360.0);
+                let greatest = self.bad(object.float("wavelength_max"))?.unwrap_or(830.0);
+                let step = (greatest - least) / values.len().saturating_sub(1).max(1) as f64;
+                let pairs = values.iter().enumerate().map(|(index, value)| (least + step * index as f64, *value));
+                spectrum_color(&Sampled::new(pairs.collect()).map_err(invalid)?, role)
+            }
+            "irregular" => {
+                let values = wavelengths(self.bad(object.string("values"))?).map_err(invalid)?.unwrap_or_default();
+                let at = wavelengths(self.bad(object.string("wavelengths"))?).map_err(invalid)?.unwrap_or_default();
+                if at.len() != values.len() {
+                    return Err(invalid(format!("there are {} wavelengths for {} values", at.len(), values.len())));
+                }
+                spectrum_color(&Sampled::new(at.into_iter().zip(values).collect()).map_err(invalid)?, role)
+            }
+            _ => return Ok(None),
+        }))
+    }
+
+    /// Brings a colour into the range of its role.
+    fn in_range(&mut self, color: Vec3, role: Role, at: Place) -> Vec3 {
+        let most = if role == Role::Reflectance { 1.0 } else { f32::MAX };
+        let clamped = color.clamp(Vec3::ZERO, Vec3::splat(most));
+        if clamped != color {
+            self.report.warn(at, "a colour is out of range, and brought back into it");
+        }
+        clamped
+    }
+}
+
+fn spectrum_color(sampled: &Sampled, role: Role) -> Spectrum {
+    match role {
+        Role::Reflectance => sampled.mitsuba_reflectance(),
+        Role::Radiance => sampled.mitsuba_radiance(),
+        Role::Unbounded => sampled.mitsuba_unbounded(),
+    }
+}
+
+/// Rec. 709.
+pub(super) fn luminance(color: Spectrum) -> f32 {
+    if color.x == color.y && color.y == color.z { color.x } else { color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) }
+}

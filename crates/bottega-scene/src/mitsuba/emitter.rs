@@ -1,0 +1,175 @@
+//! Emitters: those of surfaces, those without extent, and environments.
+
+use glam::{DMat3, DMat4, DVec3};
+
+use super::Importer;
+use super::color::Role;
+use super::document::{Object, ObjectId};
+use super::sensor::{fov_axis, standing, vertical_fov};
+use super::texture::Use;
+use crate::image::{Encoding, Header};
+use crate::{ColorParam, Environment, Image, Light, LightKind, SceneError, Spectrum, SpotFalloff};
+
+impl Importer<'_> {
+    /// What a surface emits, from its front.
+    pub(super) fn area_radiance(&mut self, id: ObjectId) -> Result<ColorParam, SceneError> {
+        let object = self.visit(id)?;
+        self.ignore_sampling(object);
+        self.color(object, "radiance", Role::Radiance, Spectrum::ONE)
+    }
+
+    fn ignore_sampling(&self, object: &Object) {
+        // These tell how to sample, not what is there.
+        object.ignore(&["sampling_weight", "shape", "shadow_map_resolution"]);
+    }
+
+    /// An emitter of the scene itself.
+    pub(super) fn add_emitter(&mut self, id: ObjectId) -> Result<(), SceneError> {
+        let object = self.visit(id)?;
+        self.ignore_sampling(object);
+        let to_world = self.bad(object.transform("to_world"))?;
+        match object.plugin.as_str() {
+            "constant" => {
+                let radiance = self.plain_color(object, "radiance", Role::Radiance, Spectrum::ONE)?;
+                self.set_environment(object, Environment::uniform(radiance));
+            }
+            "envmap" => self.environment_map(object, &to_world)?,
+            "sky" | "sun" | "sunsky" => self.sun_and_sky(object, &to_world)?,
+            "point" => {
+                let position = self.bad(object.vector("position"))?;
+                let position = to_world.transform_point3(position.unwrap_or(DVec3::ZERO)).as_vec3();
+                let intensity = self.plain_color(object, "intensity", Role::Radiance, Spectrum::ONE)?;
+                self.add_light(object, LightKind::Point { position, intensity });
+            }
+            "spot" => self.spot(object, &to_world)?,
+            "directional" => {
+                let direction = self.bad(object.vector("direction"))?.unwrap_or(DVec3::Z);
+                let Some(direction) = to_world.transform_vector3(direction).try_normalize() else {
+                    return Err(self.report.invalid(object.at, "the light has no direction"));
+                };
+                let irradiance = self.plain_color(object, "irradiance", Role::Radiance, Spectrum::ONE)?;
+                self.add_light(object, LightKind::Directional { direction: direction.as_vec3(), irradiance });
+            }
+            "projector" => self.projector(object, &to_world)?,
+            "area" => self.report.warn(object.at, "an area emitter outside of a shape shines nowhere"),
+            _ => {
+                self.report.warn(object.at, format!("the {} is not supported and left out", object.describe()));
+                self.accept_all(object);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_light(&mut self, object: &Object, kind: LightKind) {
+        self.scene.lights.push(Light { name: object.label(), kind });
+    }
+
+    pub(super) fn set_environment(&mut self, object: &Object, environment: Environment) {
+        if self.scene.environment.is_some() {
+            self.report.warn(object.at, "there is a second environment; the first one counts");
+            return;
+        }
+        self.scene.environment = Some(environment);
+    }
+
+    fn environment_map(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
+        let location = self.filename(object)?;
+        let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
+        object.ignore(&["mis_compensation", "cache"]);
+        let place = self.report.show(object.at);
+        let image = self.pictures.want_at(location, Encoding::Srgb, false, &place);
+        // Mitsuba's picture begins at −z, ours has −z in the middle.
+        let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
+        let world_from_environment = self.rotation(object, to_world) * half_turn;
+        self.set_environment(
+            object,
+            Environment::picture(image, Spectrum::splat(scale), world_from_environment.as_mat3()),
+        );
+        Ok(())
+    }
+
+    /// The orthonormal part of a transformation; it may mirror.
+    pub(super) fn rotation(&mut self, object: &Object, to_world: &DMat4) -> DMat3 {
+        match standing(to_world) {
+            Some((rotation, _, is_pure)) => {
+                if !is_pure {
+                    self.report.warn(object.at, format!("the scale of the {} is left out", object.describe()));
+                }
+                rotation
+            }
+            None => {
+                self.report.warn(object.at, format!("the {} has no orientation", object.describe()));
+                DMat3::IDENTITY
+            }
+        }
+    }
+
+    fn spot(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
+        let cutoff = self.number_at_least(object, "cutoff_angle", 0.01, 20.0)?.min(179.0);
+        let beam = self.number_at_least(object, "beam_width", 0.0, cutoff * 0.75)?;
+        // A sharp edge still needs some width.
+        let beam = beam.min(cutoff * 0.9999);
+        let Some(direction) = to_world.transform_vector3(DVec3::Z).try_normalize() else {
+            return Err(self.report.invalid(object.at, "the light has no direction"));
+        };
+        let intensity = self.plain_color(object, "intensity", Role::Radiance, Spectrum::ONE)?;
+        if let Some(child) = object.child("texture") {
+            self.report.warn(child.at, "the texture of a spot is left out");
+        }
+        let (cos_inner, cos_outer) = (beam.to_radians().cos() as f32, cutoff.to_radians().cos() as f32);
+        let cos_outer = cos_outer.min(cos_inner.next_down()).max(-1.0);
+        self.add_light(
+            object,
+            LightKind::Spot {
+                position: to_world.w_axis.truncate().as_vec3(),
+                direction: direction.as_vec3(),
+                intensity,
+                cos_inner,
+                cos_outer,
+                falloff: SpotFalloff::LinearAngle,
+            },
+        );
+        Ok(())
+    }
+
+    fn projector(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
+        let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
+        let mut factor = Spectrum::splat(scale);
+        let mut picture = None;
+        let mut aspect = 1.0;
+        if let Some(child) = object.child("irradiance") {
+            let texture = self.texture(child.object, Use::Color(Role::Radiance))?;
+            factor *= texture.factor;
+            picture = texture.map.map(|(map, _)| map.image);
+            let inner = self.document.get(child.object);
+            if inner.plugin == "bitmap" {
+                // Its proportions are wanted before it is decoded.
+                let bytes = self.resources.read(&self.filename(inner)?)?;
+                if let Ok(header) = Header::read(&bytes, u64::MAX) {
+                    let (width, height) = header.size();
+                    aspect = f64::from(width) / f64::from(height);
+                }
+            }
+        } else {
+            factor *= self.plain_color(object, "irradiance", Role::Radiance, Spectrum::ONE)?;
+        }
+        let image = picture.unwrap_or_else(|| self.pictures.add(Image::from_linear_rgb("white", 1, 1, vec![[1.0; 3]])));
+        let axis = fov_axis(self, object)?;
+        let fov = self.fov(object)?;
+        let Some((rotation, position, _)) = standing(to_world) else {
+            return Err(self.report.invalid(object.at, "the transformation of the projector is singular"));
+        };
+        let world_from_light = super::sensor::looking(&rotation, position);
+        self.add_light(
+            object,
+            LightKind::Projector {
+                world_from_light,
+                image,
+                intensity: factor,
+                vertical_fov: vertical_fov(fov, axis, aspect) as f32,
+                aspect: aspect as f32,
+            },
+        );
+        Ok(())
+    }
+}

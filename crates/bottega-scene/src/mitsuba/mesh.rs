@@ -1,0 +1,164 @@
+//! Meshes: from files, moved to where they belong, with their sides as Mitsuba sees them.
+
+use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::Importer;
+use super::bsdf::Needs;
+use super::document::Object;
+use crate::mesh_file::{obj, ply, serialized};
+use crate::{COORDINATE_MAX, Mesh, SceneError};
+
+/// How normals are treated.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Normals {
+    /// Those of the triangles alone count.
+    pub(super) flat: bool,
+    /// They are turned over.
+    pub(super) flipped: bool,
+}
+
+impl Importer<'_> {
+    /// The mesh of a shape that is in a file, in its own space.
+    pub(super) fn read_mesh(&mut self, object: &Object) -> Result<Mesh, SceneError> {
+        let location = self.filename(object)?;
+        let bytes = self.resources.read(&location)?;
+        let (path, budget) = (location.path(), self.resources.budget());
+        object.ignore(&["compress", "max_smooth_angle", "collapse", "srgb", "load_visibility"]);
+        let mut mesh = match object.plugin.as_str() {
+            "obj" => {
+                object.ignore(&["load_materials"]);
+                obj::read(path, &bytes, budget)?.into_single()?
+            }
+            "ply" => ply::read(path, &bytes, budget)?,
+            _ => {
+                let index = self.bad(object.integer("shape_index"))?.unwrap_or(0);
+                let index = u32::try_from(index)
+                    .map_err(|_| self.report.invalid(object.at, "`shape_index` is no index of a shape"))?;
+                serialized::read(path, &bytes, index, budget)?
+            }
+        };
+        // Of OBJ files v usually points up.
+        if self.bad(object.boolean("flip_tex_coords", object.plugin == "obj"))? {
+            mesh.flip_v();
+        }
+        mesh.name = if object.id.is_empty() { location.name.clone() } else { object.id.clone() };
+        Ok(mesh)
+    }
+
+    /// Whether normals are flat or flipped.
+    pub(super) fn normals(&self, object: &Object) -> Result<Normals, SceneError> {
+        Ok(Normals {
+            flat: self.bad(object.boolean("face_normals", false))?,
+            flipped: self.bad(object.boolean("flip_normals", false))?,
+        })
+    }
+}
+
+/// Moves a mesh, and makes the winding of its triangles say which side is the front. `None`: it would be out of reach.
+pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: Needs) -> Option<Mesh> {
+    let linear = DMat3::from_mat4(*to_world);
+    if *to_world != DMat4::IDENTITY {
+        mesh.positions.par_iter_mut().for_each(|p| *p = to_world.transform_point3(p.as_dvec3()).as_vec3());
+        // The cofactors turn normals as the inverse transposed does, but for their length and the sign.
+        let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
+        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign;
+        mesh.normals.par_iter_mut().for_each(|n| *n = (cofactors * n.as_dvec3()).normalize_or_zero().as_vec3());
+    }
+    let is_in_reach = |p: &Vec3| p.is_finite() && p.abs().max_element() <= COORDINATE_MAX;
+    if !mesh.positions.par_iter().all(is_in_reach) {
+        return None;
+    }
+    if normals.flat {
+        mesh.normals = Vec::new();
+    } else if mesh.normals.is_empty() {
+        mesh.smooth_normals();
+    } else {
+        mesh.mend_normals();
+    }
+    if normals.flipped {
+        mesh.normals.par_iter_mut().for_each(|n| *n = -*n);
+        if normals.flat {
+            mesh.triangles.par_iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+    }
+    turn_triangles(&mut mesh);
+    if !needs.uvs {
+        mesh.uvs[0] = Vec::new();
+    }
+    mesh.uvs[1] = Vec::new();
+    mesh.tangents = Vec::new();
+    if needs.tangents && !mesh.uvs[0].is_empty() {
+        add_tangents(&mut mesh);
+    }
+    if !needs.colors {
+        mesh.colors = Vec::new();
+    }
+    Some(mesh)
+}
+
+/// Turns the triangles over that disagree with their vertex normals.
+fn turn_triangles(mesh: &mut Mesh) {
+    if mesh.normals.is_empty() {
+        return;
+    }
+    let (positions, normals) = (&mesh.positions, &mesh.normals);
+    mesh.triangles.par_iter_mut().for_each(|triangle| {
+        let [a, b, c] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
+        let sum: DVec3 = triangle.iter().map(|&vertex| normals[vertex as usize].as_dvec3()).sum();
+        if (b - a).cross(c - a).dot(sum) < 0.0 {
+            triangle.swap(1, 2);
+        }
+    });
+}
+
+/// Tangents along u. Mitsuba's second axis is the vector product of normal and tangent, whichever way v runs.
+fn add_tangents(mesh: &mut Mesh) {
+    let needs_normals = mesh.normals.is_empty();
+    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        let p = triangle.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
+        let uv = triangle.map(|vertex| mesh.uvs[0].get(vertex as usize).copied().unwrap_or(Vec2::ZERO).as_dvec2());
+        let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
+        let tangent = ((p[1] - p[0]) * d2.y - (p[2] - p[0]) * d1.y) * d1.perp_dot(d2).signum();
+        triangle.iter().for_each(|&vertex| sums[vertex as usize] += tangent);
+    }
+    if needs_normals {
+        // Tangents mean nothing without normals: each triangle gets corners of its own.
+        *mesh = split(mesh);
+        let corner = |triangle: &[u32; 3]| mesh.cross(*triangle).as_dvec3().normalize_or_zero().as_vec3();
+        mesh.normals = mesh.triangles.iter().flat_map(|triangle| [corner(triangle); 3]).collect();
+        mesh.mend_normals();
+        add_tangents(mesh);
+        return;
+    }
+    let tangents = sums.iter().zip(&mesh.normals).map(|(sum, normal)| {
+        let normal = normal.as_dvec3();
+        let tangent = (*sum - normal * normal.dot(*sum)).normalize_or_zero().as_vec3();
+        Vec4::from((tangent, 1.0))
+    });
+    mesh.tangents = tangents.collect();
+    mesh.mend_tangents();
+}
+
+/// The same triangles without shared vertices.
+fn split(mesh: &Mesh) -> Mesh {
+    fn spread<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
+        if values.is_empty() {
+            return Vec::new();
+        }
+        triangles.iter().flatten().map(|&vertex| values[vertex as usize]).collect()
+    }
+    let triangles = &mesh.triangles;
+    Mesh {
+        name: mesh.name.clone(),
+        positions: spread(&mesh.positions, triangles),
+        normals: spread(&mesh.normals, triangles),
+        tangents: Vec::new(),
+        uvs: [spread(&mesh.uvs[0], triangles), Vec::new()],
+        colors: spread(&mesh.colors, triangles),
+        triangles: (0..triangles.len() as u32).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect(),
+        material: mesh.material,
+    }
+}

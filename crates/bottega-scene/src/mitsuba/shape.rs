@@ -1,0 +1,309 @@
+//! Shapes: in the scene, and in groups that instances place.
+
+use std::collections::BTreeMap;
+
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
+
+use super::Importer;
+use super::bsdf::{Needs, turned};
+use super::document::{Class, Object, ObjectId};
+use super::mesh::{Normals, place};
+use super::solids;
+use crate::model::is_placeable;
+use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
+
+/// A shape in the space of its group.
+#[derive(Clone, Debug)]
+enum Part {
+    Mesh(Mesh),
+    Sphere(Ball),
+    /// An instance of a group.
+    Group(ObjectId, DMat4),
+}
+
+/// An analytic sphere: the unit sphere, transformed.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    to_group: DMat4,
+    flipped: bool,
+    material: u32,
+    needs: Needs,
+}
+
+/// What instances of a group place: nested groups are flattened.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Group {
+    /// Mesh of the scene, and where it is.
+    meshes: Vec<(u32, DMat4)>,
+    balls: Vec<Ball>,
+    /// Mirrored copies of its meshes, where they were asked for.
+    mirrored: BTreeMap<u32, u32>,
+}
+
+impl Importer<'_> {
+    /// Shows a shape of the scene.
+    pub(super) fn add_shape(&mut self, id: ObjectId, to_world: DMat4) -> Result<(), SceneError> {
+        if self.document.get(id).plugin == "shapegroup" {
+            // Seen where it is instanced.
+            return Ok(());
+        }
+        for part in self.parts(id, to_world)? {
+            match part {
+                Part::Mesh(mesh) => self.scene.push_surface(mesh),
+                Part::Sphere(ball) => self.add_ball(ball)?,
+                Part::Group(group, matrix) => self.add_instance(group, matrix)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// What a shape is made of, in the space that `to_group` leads to.
+    fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<Part>, SceneError> {
+        let object = self.visit(id)?;
+        object.ignore(&["silhouette_sampling_weight"]);
+        let matrix = to_group * self.bad(object.transform("to_world"))?;
+        if !matrix.is_finite() || DMat3::from_mat4(matrix).determinant() == 0.0 {
+            self.report
+                .warn(object.at, format!("the {} is squeezed flat by `to_world`, and left out", object.describe()));
+            self.accept_shape(object);
+            return Ok(Vec::new());
+        }
+        let mesh = match object.plugin.as_str() {
+            "obj" | "ply" | "serialized" => self.read_mesh(object)?,
+            "rectangle" => solids::rectangle(),
+            "cube" => solids::cube(),
+            "disk" => solids::disk(),
+            "cylinder" => return self.cylinder(object, matrix),
+            "sphere" => return self.sphere(object, matrix),
+            "instance" => return self.instance(object, matrix),
+            "merge" => {
+                let mut parts = Vec::new();
+                for child in
+                    object.children.iter().filter(|child| self.document.get(child.object).class == Class::Shape)
+                {
+                    child.used.set(true);
+                    parts.extend(self.parts(child.object, matrix)?);
+                }
+                return Ok(parts);
+            }
+            _ => {
+                self.report.warn(object.at, format!("the {} is not supported and left out", object.describe()));
+                self.accept_shape(object);
+                return Ok(Vec::new());
+            }
+        };
+        let normals = self.normals(object)?;
+        let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk");
+        self.finish(object, mesh, matrix, normals, is_flat)
+    }
+
+    fn accept_shape(&self, object: &Object) {
+        self.accept_all(object);
+    }
+
+    /// The material of a shape by what stands within it.
+    fn shape_material(&mut self, object: &Object) -> Result<(u32, Needs), SceneError> {
+        let (mut bsdf, mut emitter, mut interior, mut exterior) = (None, None, None, None);
+        for child in &object.children {
+            let inner = self.document.get(child.object);
+            match inner.class {
+                Class::Bsdf if bsdf.is_none() => bsdf = Some(child.object),
+                Class::Emitter if emitter.is_none() && inner.plugin == "area" => emitter = Some(child.object),
+                Class::Medium if child.name == "interior" => interior = Some(child.object),
+                Class::Medium if child.name == "exterior" => exterior = Some(child.object),
+                Class::Medium if interior.is_none() => interior = Some(child.object),
+                _ => continue,
+            }
+            child.used.set(true);
+        }
+        let interior = interior.map(|medium| self.medium(medium)).transpose()?.flatten();
+        let exterior = exterior.map(|medium| self.medium(medium)).transpose()?.flatten();
+        self.material((bsdf, emitter, interior, exterior))
+    }
+
+    /// Gives a mesh its material and its place.
+    fn finish(
+        &mut self,
+        object: &Object,
+        mut mesh: Mesh,
+        matrix: DMat4,
+        normals: Normals,
+        is_flat: bool,
+    ) -> Result<Vec<Part>, SceneError> {
+        let (material, needs) = self.shape_material(object)?;
+        if mesh.name.is_empty() {
+            mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
+        }
+        self.resources.budget().take(self.report.path(object.at.file), "", mesh.memory_bytes())?;
+        let Some(mut mesh) = place(mesh.with_material(material), &matrix, normals, needs) else {
+            self.report.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
+            return Ok(Vec::new());
+        };
+        // The triangles say it all.
+        if is_flat && !needs.tangents {
+            mesh.normals = Vec::new();
+        }
+        Ok(vec![Part::Mesh(mesh)])
+    }
+
+    fn cylinder(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+        let p0 = self.bad(object.vector("p0"))?.unwrap_or(DVec3::ZERO);
+        let p1 = self.bad(object.vector("p1"))?.unwrap_or(DVec3::Z);
+        let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
+        let (axis, length) = ((p1 - p0).normalize_or_zero(), p0.distance(p1));
+        if axis == DVec3::ZERO || radius == 0.0 {
+            self.report.warn(object.at, "a cylinder without length or radius is left out");
+            self.accept_shape(object);
+            return Ok(Vec::new());
+        }
+        let (s, t) = axis.any_orthonormal_pair();
+        let frame = DMat3::from_cols(s * radius, t * radius, axis * length);
+        let to_object = DMat4::from(DAffine3::from_mat3_translation(frame, p0));
+        let normals = self.normals(object)?;
+        self.finish(object, solids::cylinder(), matrix * to_object, Normals { flat: false, ..normals }, false)
+    }
+
+    fn sphere(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+        let center = self.bad(object.vector("center"))?.unwrap_or(DVec3::ZERO);
+        let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
+        let normals = self.normals(object)?;
+        let to_group = matrix * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
+        if DMat3::from_mat4(to_group).determinant() == 0.0 {
+            self.report.warn(object.at, "a sphere without radius is left out");
+            self.accept_shape(object);
+            return Ok(Vec::new());
+        }
+        let (material, needs) = self.shape_material(object)?;
+        Ok(vec![Part::Sphere(Ball { to_group, flipped: normals.flipped, material, needs })])
+    }
+
+    fn instance(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+        let is_group = |id: ObjectId| self.document.get(id).plugin == "shapegroup";
+        let Some(child) = object.children.iter().find(|child| is_group(child.object)) else {
+            return Err(self.report.invalid(object.at, "an instance needs a shapegroup"));
+        };
+        child.used.set(true);
+        Ok(vec![Part::Group(child.object, matrix)])
+    }
+
+    /// Makes the meshes of a group, once.
+    fn load_group(&mut self, id: ObjectId) -> Result<(), SceneError> {
+        if self.groups.contains_key(&id) {
+            return Ok(());
+        }
+        let object = self.visit(id)?;
+        let mut group = Group::default();
+        for child in &object.children {
+            if self.document.get(child.object).class != Class::Shape {
+                continue;
+            }
+            child.used.set(true);
+            for part in self.parts(child.object, DMat4::IDENTITY)? {
+                match part {
+                    Part::Mesh(mesh) => group.meshes.push((self.scene.push_mesh(mesh), DMat4::IDENTITY)),
+                    Part::Sphere(ball) => group.balls.push(ball),
+                    Part::Group(inner, matrix) => {
+                        self.load_group(inner)?;
+                        let inner = self.groups.get(&inner).cloned().unwrap_or_default();
+                        let bytes =
+                            inner.meshes.len() * size_of::<(u32, DMat4)>() + inner.balls.len() * size_of::<Ball>();
+                        self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+                        group.meshes.extend(inner.meshes.iter().map(|&(mesh, inside)| (mesh, matrix * inside)));
+                        let moved = |ball: &Ball| Ball { to_group: matrix * ball.to_group, ..*ball };
+                        group.balls.extend(inner.balls.iter().map(moved));
+                    }
+                }
+            }
+        }
+        self.groups.insert(id, group);
+        Ok(())
+    }
+
+    fn add_instance(&mut self, id: ObjectId, matrix: DMat4) -> Result<(), SceneError> {
+        self.load_group(id)?;
+        let at = self.document.get(id).at;
+        let Some(mut group) = self.groups.remove(&id) else { return Ok(()) };
+        let bytes = group.meshes.len() * size_of::<Instance>() + group.balls.len() * size_of::<Sphere>();
+        self.resources.budget().take(self.report.path(at.file), "", bytes)?;
+        for &(mesh, inside) in &group.meshes {
+            let world_from_object = matrix * inside;
+            let mirrors = DMat3::from_mat4(world_from_object).determinant() < 0.0;
+            let (mesh, world_from_object) = if mirrors {
+                let scene = &mut self.scene;
+                let mirrored = *group.mirrored.entry(mesh).or_insert_with(|| {
+                    let copy = scene.meshes[mesh as usize].clone().mirrored();
+                    scene.push_mesh(copy)
+                });
+                (mirrored, world_from_object * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)))
+            } else {
+                (mesh, world_from_object)
+            };
+            let world_from_object = affine(&world_from_object);
+            if is_placeable(self.scene.meshes[mesh as usize].bounds(), &world_from_object) {
+                self.scene.instances.push(Instance { mesh, world_from_object });
+            } else {
+                self.report.warn(at, "an instance is squeezed flat or out of reach, and left out");
+            }
+        }
+        for &ball in &group.balls {
+            self.add_ball(Ball { to_group: matrix * ball.to_group, ..ball })?;
+        }
+        self.groups.insert(id, group);
+        Ok(())
+    }
+
+    /// Shows a sphere of world space: as it is where it is round, else as triangles.
+    fn add_ball(&mut self, ball: Ball) -> Result<(), SceneError> {
+        let linear = DMat3::from_mat4(ball.to_group);
+        let center = ball.to_group.w_axis.truncate();
+        let determinant = linear.determinant();
+        let radius = determinant.abs().cbrt();
+        let rotation = linear * (1.0 / (radius * determinant.signum()));
+        let gram = rotation.transpose() * rotation;
+        let is_round = gram.abs_diff_eq(DMat3::IDENTITY, 1e-5);
+        // A mirrored sphere looks inwards, and only a picture on it would tell it from a turned one.
+        let flipped = ball.flipped != (determinant < 0.0);
+        let is_mirrored_picture = determinant < 0.0 && ball.needs.uvs;
+        let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
+        if is_round && !is_mirrored_picture && in_reach {
+            let material = if flipped { self.turned_material(ball.material) } else { Some(ball.material) };
+            if let Some(material) = material {
+                self.scene.spheres.push(Sphere {
+                    center: center.as_vec3(),
+                    radius: radius as f32,
+                    world_from_object: orientation(&rotation),
+                    material,
+                });
+                return Ok(());
+            }
+        }
+        // Of an even stretch, mirrored or not, Mitsuba's sphere looks the way of the flag and the mirror together.
+        let normals = Normals { flat: false, flipped };
+        let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
+        let at = self.report.path(0).to_path_buf();
+        self.resources.budget().take(&at, "", mesh.memory_bytes())?;
+        if let Some(mesh) = place(mesh, &ball.to_group, normals, ball.needs) {
+            self.scene.push_surface(mesh);
+        }
+        Ok(())
+    }
+
+    /// The material for a surface that is turned inside out.
+    fn turned_material(&mut self, material: u32) -> Option<u32> {
+        let turned = turned(&self.scene.materials[material as usize])?;
+        let known = self.scene.materials.iter().position(|known| *known == turned);
+        Some(known.map_or_else(|| self.scene.push_material(turned), |index| index as u32))
+    }
+}
+
+/// The orientation of a sphere: Mitsuba's poles lie along z, ours along y.
+fn orientation(rotation: &DMat3) -> Quat {
+    // Ours runs from u = 0 at −z towards −x, Mitsuba's from +x towards +y.
+    let ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
+    DQuat::from_mat3(&(*rotation * ours)).normalize().as_quat().normalize()
+}
+
+fn affine(matrix: &DMat4) -> Affine3A {
+    let column = |index: usize| -> Vec3 { matrix.col(index).truncate().as_vec3() };
+    Affine3A::from_cols(column(0).into(), column(1).into(), column(2).into(), column(3).into())
+}

@@ -1,0 +1,62 @@
+//! Transformations: operations one after the other.
+
+use glam::{DMat4, DVec3, DVec4};
+
+use super::value::{number, numbers, triple, vector};
+use super::xml::{Element, Fault};
+use crate::text::shortened;
+
+/// The operations of a `<transform>`, the first one applied first.
+pub(super) fn read(element: &Element) -> Result<DMat4, Fault> {
+    let mut matrix = DMat4::IDENTITY;
+    for operation in &element.children {
+        let fault = |problem: String| Fault { at: operation.at, problem };
+        let next = read_operation(operation).map_err(fault)?;
+        matrix = next * matrix;
+        if !matrix.is_finite() {
+            return Err(fault("the transformation grows without limit".into()));
+        }
+    }
+    Ok(matrix)
+}
+
+fn read_operation(operation: &Element) -> Result<DMat4, String> {
+    Ok(match operation.name.as_str() {
+        "translate" => DMat4::from_translation(vector(operation, 0.0)?),
+        "scale" => DMat4::from_scale(vector(operation, 1.0)?),
+        "rotate" => {
+            let angle = operation.attribute("angle").ok_or("<rotate> has no `angle`")?;
+            let axis = vector(operation, 0.0)?.try_normalize().ok_or("<rotate> has no axis")?;
+            DMat4::from_axis_angle(axis, number(angle)?.to_radians())
+        }
+        "lookat" | "lookAt" => {
+            let point = |name: &str| operation.attribute(name).map(triple).transpose();
+            let origin = point("origin")?.ok_or("<lookat> has no `origin`")?;
+            let target = point("target")?.ok_or("<lookat> has no `target`")?;
+            look_at(origin, target, point("up")?.unwrap_or(DVec3::ZERO))?
+        }
+        "matrix" => {
+            let text = operation.attribute("value").ok_or("<matrix> has no `value`")?;
+            let m = numbers(text)?;
+            match m.len() {
+                16 => DMat4::from_cols_slice(&m).transpose(),
+                9 => DMat4::from_mat3(glam::DMat3::from_cols_slice(&m).transpose()),
+                count => return Err(format!("a matrix has 16 numbers (or 9), not {count}")),
+            }
+        }
+        other => return Err(format!("<{}> is no operation of a transformation", shortened(other))),
+    })
+}
+
+/// Moves +z to the direction of the target, +y as near to `up` as may be, and +x to the left.
+fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DMat4, String> {
+    let direction = (target - origin).try_normalize().ok_or("<lookat> looks at its own origin")?;
+    let left = match up.cross(direction).try_normalize() {
+        Some(left) => left,
+        // No `up`, or one along the line of sight: any will do.
+        None => direction.any_orthonormal_vector(),
+    };
+    let up = direction.cross(left);
+    let column = |v: DVec3, w: f64| DVec4::from((v, w));
+    Ok(DMat4::from_cols(column(left, 0.0), column(up, 0.0), column(direction, 0.0), column(origin, 1.0)))
+}

@@ -1,0 +1,153 @@
+//! The values of properties, from the attributes of their elements.
+
+use glam::{DVec3, Vec3};
+
+use super::xml::{Element, Fault};
+use crate::spectrum::Sampled;
+use crate::text::shortened;
+
+/// A value.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    Float(f64),
+    Integer(i64),
+    Boolean(bool),
+    String(String),
+    Vector(DVec3),
+    Transform(glam::DMat4),
+    /// Linear Rec. 709.
+    Rgb(Vec3),
+    /// The same at all wavelengths.
+    Uniform(f64),
+    Spectrum(Sampled),
+    /// A spectrum in a file.
+    SpectrumFile(String),
+    /// The tag means nothing to us.
+    Unknown,
+}
+
+/// Reads the element of a property.
+pub(super) fn read(element: &Element) -> Result<Value, Fault> {
+    let fault = |problem: String| Fault { at: element.at, problem };
+    let text = || {
+        let text = element.attribute("value");
+        text.map(str::trim).ok_or_else(|| fault(format!("<{}> has no `value`", shortened(&element.name))))
+    };
+    Ok(match element.name.as_str() {
+        "float" | "double" => Value::Float(number(text()?).map_err(fault)?),
+        "integer" | "int" | "long" => Value::Integer(integer(text()?).map_err(fault)?),
+        "boolean" | "bool" => match text()?.to_ascii_lowercase().as_str() {
+            "true" => Value::Boolean(true),
+            "false" => Value::Boolean(false),
+            other => return Err(fault(format!("`{}` is neither true nor false", shortened(other)))),
+        },
+        "string" => Value::String(text()?.to_owned()),
+        "point" | "vector" => Value::Vector(vector(element, 0.0).map_err(fault)?),
+        "rgb" => Value::Rgb(rgb(text()?).map_err(fault)?),
+        "srgb" => {
+            let text = text()?;
+            if text.starts_with('#') {
+                Value::Rgb(rgb(text).map_err(fault)?)
+            } else {
+                let encoded = rgb(text).map_err(fault)?;
+                Value::Rgb(encoded.map(|code| decode(f64::from(code.clamp(0.0, 1.0))) as f32))
+            }
+        }
+        "spectrum" | "color" => spectrum(element).map_err(fault)?,
+        "blackbody" => {
+            let kelvin = element.attribute("temperature").unwrap_or_default().trim();
+            let kelvin = number(kelvin.trim_end_matches(['K', 'k'])).map_err(fault)?;
+            if !(1.0..=1e6).contains(&kelvin) {
+                return Err(fault(format!("no body glows at {kelvin} K")));
+            }
+            let scale = element.attribute("scale").map_or(Ok(1.0), number).map_err(fault)?;
+            Value::Spectrum(Sampled::blackbody(kelvin).scaled(scale))
+        }
+        _ => Value::Unknown,
+    })
+}
+
+/// A finite number.
+pub(super) fn number(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    // C programs write 1.0f, some of ours would too.
+    let number = text.parse::<f64>().or_else(|error| text.strip_suffix('f').map_or(Err(error), str::parse));
+    match number {
+        Ok(number) if number.is_finite() => Ok(number.clamp(-f64::from(f32::MAX), f64::from(f32::MAX))),
+        Ok(number) if number.is_infinite() => Ok(f64::from(f32::MAX).copysign(number)),
+        _ => Err(format!("`{}` is no number", shortened(text))),
+    }
+}
+
+fn integer(text: &str) -> Result<i64, String> {
+    text.parse().map_err(|_| format!("`{}` is no whole number", shortened(text)))
+}
+
+/// Numbers between spaces or commas.
+pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    text.split(|c: char| c.is_whitespace() || c == ',' || c == ';')
+        .filter(|part| !part.is_empty())
+        .map(number)
+        .collect()
+}
+
+/// From `x`, `y`, `z`, or from `value` with one number or three.
+pub(super) fn vector(element: &Element, default: f64) -> Result<DVec3, String> {
+    if let Some(text) = element.attribute("value") {
+        return triple(text);
+    }
+    let mut vector = DVec3::splat(default);
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        if let Some(text) = element.attribute(name) {
+            vector[axis] = number(text)?;
+        }
+    }
+    Ok(vector)
+}
+
+/// One number for all three, or three of them.
+pub(super) fn triple(text: &str) -> Result<DVec3, String> {
+    match numbers(text)?.as_slice() {
+        &[all] => Ok(DVec3::splat(all)),
+        &[x, y, z] => Ok(DVec3::new(x, y, z)),
+        other => Err(format!("`{}` has {} numbers, not 3", shortened(text), other.len())),
+    }
+}
+
+/// One or three numbers, or `#rrggbb` encoded as sRGB.
+fn rgb(text: &str) -> Result<Vec3, String> {
+    let Some(digits) = text.strip_prefix('#') else { return triple(text).map(|rgb| rgb.as_vec3()) };
+    let code = (digits.len() == 6).then(|| u32::from_str_radix(digits, 16).ok()).flatten();
+    let code = code.ok_or_else(|| format!("`{}` is no colour", shortened(text)))?;
+    let channel = |shift: u32| decode(f64::from((code >> shift) & 0xff) / 255.0) as f32;
+    Ok(Vec3::new(channel(16), channel(8), channel(0)))
+}
+
+/// IEC 61966-2-1.
+fn decode(code: f64) -> f64 {
+    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
+}
+
+/// One value, three of them (the old line took them for RGB), pairs of a wavelength and a value, or the name of a file.
+fn spectrum(element: &Element) -> Result<Value, String> {
+    if let Some(name) = element.attribute("filename") {
+        return Ok(Value::SpectrumFile(name.to_owned()));
+    }
+    let text = element.attribute("value").ok_or("<spectrum> has neither `value` nor `filename`")?.trim();
+    if text.starts_with('#') {
+        return rgb(text).map(Value::Rgb);
+    }
+    if !text.contains(':') {
+        return match numbers(text)?.as_slice() {
+            &[value] => Ok(Value::Uniform(value)),
+            &[r, g, b] => Ok(Value::Rgb(DVec3::new(r, g, b).as_vec3())),
+            other => Err(format!("a spectrum of {} values says nothing of their wavelengths", other.len())),
+        };
+    }
+    let pairs = text.split(|c: char| c.is_whitespace() || c == ',').filter(|pair| !pair.is_empty());
+    let pair = |pair: &str| {
+        let (nm, value) = pair.split_once(':').ok_or_else(|| format!("`{}` is no `nm:value`", shortened(pair)))?;
+        Ok((number(nm)?, number(value)?))
+    };
+    Sampled::new(pairs.map(pair).collect::<Result<_, String>>()?).map(Value::Spectrum)
+}

@@ -1,0 +1,212 @@
+//! XML text as elements that know where they stand.
+//!
+//! Entities other than the five predefined ones and character references are errors, wherever a document type
+//! declaration may define them: nothing expands.
+
+use quick_xml::errors::Error;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+
+/// How deep elements may be nested.
+const DEPTH_MAX: usize = 64;
+
+/// A place in one of the files of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    /// Index of the file: 0 is the scene, others are included.
+    pub(super) file: u32,
+    /// Counted from 1.
+    pub(super) line: u32,
+    /// In characters, counted from 1.
+    pub(super) column: u32,
+}
+
+/// An element with all that it contains.
+#[derive(Debug, PartialEq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) attributes: Vec<(String, String)>,
+    pub(super) children: Vec<Element>,
+    /// Where its tag begins.
+    pub(super) at: Place,
+}
+
+/// What is wrong with a text, and where.
+#[derive(Debug, PartialEq)]
+pub(super) struct Fault {
+    pub(super) at: Place,
+    pub(super) problem: String,
+}
+
+impl Element {
+    /// The value of an attribute.
+    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|attribute| attribute.0 == name).map(|attribute| attribute.1.as_str())
+    }
+
+    /// Bytes that it takes, without its children.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let attribute = |(name, value): &(String, String)| name.len() + value.len() + size_of::<(String, String)>();
+        2 * size_of::<Self>() + self.name.len() + self.attributes.iter().map(attribute).sum::<usize>()
+    }
+}
+
+/// Reads a text with one outermost element.
+///
+/// - `file`: its index, for places.
+/// - `book`: books so many bytes of memory.
+pub(super) fn parse<E: From<Fault>>(
+    text: &str,
+    file: u32,
+    mut book: impl FnMut(usize) -> Result<(), E>,
+) -> Result<Element, E> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut reader = Reader::from_str(text);
+    let mut lines = Lines { text, file, offset: 0, line: 1, column: 1 };
+    let mut open: Vec<Element> = Vec::new();
+    let mut root = None;
+    loop {
+        let start = reader.buffer_position();
+        let event = reader.read_event();
+        let at = lines.place(start);
+        let fault = |problem: String| E::from(Fault { at, problem });
+        let event = event.map_err(|error| {
+            let at = lines.place(reader.error_position());
+            E::from(Fault { at, problem: explain(&error) })
+        })?;
+        let finished = match event {
+            Event::Start(tag) => {
+                if open.len() >= DEPTH_MAX {
+                    return Err(fault(format!("elements are nested more than {DEPTH_MAX} deep")));
+                }
+                let element = element(&tag, at).map_err(fault)?;
+                book(element.memory_bytes())?;
+                open.push(element);
+                continue;
+            }
+            Event::Empty(tag) => {
+                let element = element(&tag, at).map_err(fault)?;
+                book(element.memory_bytes())?;
+                element
+            }
+            // That it fits the start is checked by the reader.
+            Event::End(_) => match open.pop() {
+                Some(element) => element,
+                None => return Err(fault("an element ends that has not begun".into())),
+            },
+            Event::Text(text) if !text.xml10_content().trim().is_empty() => {
+                return Err(fault("there is text between the elements".into()));
+            }
+            Event::CData(_) | Event::GeneralRef(_) => return Err(fault("there is text between the elements".into())),
+            Event::Eof => break,
+            Event::Text(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) | Event::DocType(_) => continue,
+        };
+        match open.last_mut() {
+            Some(parent) => parent.children.push(finished),
+            None if root.is_some() => return Err(fault("there is a second outermost element".into())),
+            None => root = Some(finished),
+        }
+    }
+    let at = lines.place(text.len() as u64);
+    if let Some(element) = open.last() {
+        return Err(Fault { at, problem: format!("the file ends within <{}>", element.name) }.into());
+    }
+    root.ok_or_else(|| Fault { at, problem: "the file has no element".into() }.into())
+}
+
+fn element(tag: &BytesStart<'_>, at: Place) -> Result<Element, String> {
+    let name = tag.name().as_ref().to_owned();
+    let mut attributes: Vec<(String, String)> = Vec::new();
+    for attribute in tag.attributes() {
+        let attribute = attribute.map_err(|error| format!("in the tag <{name}>: {error}"))?;
+        let key = attribute.key.as_ref().to_owned();
+        let value = attribute
+            .normalized_value(XmlVersion::Implicit1_0)
+            .map_err(|error| format!("in the attribute {key}: {}", explain(&error)))?;
+        attributes.push((key, value.into_owned()));
+    }
+    Ok(Element { name, attributes, children: Vec::new(), at })
+}
+
+fn explain(error: &Error) -> String {
+    let text = error.to_string();
+    // The reader names its own kinds of errors first.
+    text.rsplit_once("error: ").map_or(text.as_str(), |(_, rest)| rest).to_owned()
+}
+
+/// Finds lines and columns of growing offsets.
+struct Lines<'a> {
+    text: &'a str,
+    file: u32,
+    offset: usize,
+    line: u32,
+    column: u32,
+}
+
+impl Lines<'_> {
+    fn place(&mut self, offset: u64) -> Place {
+        let offset = usize::try_from(offset).unwrap_or(usize::MAX).min(self.text.len());
+        if offset < self.offset {
+            // An error may lie before what was read last.
+            (self.offset, self.line, self.column) = (0, 1, 1);
+        }
+        for byte in &self.text.as_bytes()[self.offset..offset] {
+            if *byte == b'\n' {
+                (self.line, self.column) = (self.line.saturating_add(1), 1);
+            } else if byte & 0xc0 != 0x80 {
+                // All but the continuing bytes of UTF-8.
+                self.column = self.column.saturating_add(1);
+            }
+        }
+        self.offset = offset;
+        Place { file: self.file, line: self.line, column: self.column }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl From<Fault> for String {
+        fn from(fault: Fault) -> Self {
+            format!("{}:{}: {}", fault.at.line, fault.at.column, fault.problem)
+        }
+    }
+
+    fn read(text: &str) -> Result<Element, String> {
+        parse(text, 0, |_| Ok(()))
+    }
+
+    #[test]
+    fn elements_know_their_line_and_column() {
+        let scene = read("<?xml version='1.0'?>\n<!-- a ü -->\n<scene version=\"3.0.0\">\n\tü".trim_end_matches('ü'));
+        assert!(scene.is_err());
+        let scene =
+            read("\u{feff}<!-- ü --> <scene version=\"3.0.0\">\n\t<float name='a' value='1 &lt; 2'/>\n</scene>");
+        let scene = scene.unwrap();
+        assert_eq!((scene.at.line, scene.at.column), (1, 12));
+        assert_eq!(scene.attribute("version"), Some("3.0.0"));
+        let child = &scene.children[0];
+        assert_eq!((child.at.line, child.at.column), (2, 2));
+        assert_eq!(child.attribute("value"), Some("1 < 2"));
+    }
+
+    #[test]
+    fn what_is_no_xml_is_an_error_with_its_place() {
+        for (text, place) in [
+            ("<scene>\n<shape></scene>", "2:"),
+            ("<scene>\n  <float name=\"a\" name=\"b\"/></scene>", "2:3"),
+            ("<scene>", "1:8"),
+            ("", "1:1"),
+            ("<scene/><scene/>", "1:9"),
+            ("<scene>\n\nword</scene>", "1:8"),
+            ("<!DOCTYPE a [<!ENTITY x 'y'>]>\n<scene a=\"&x;\"/>", "2:1"),
+            ("<scene>&x;</scene>", "1:8"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.starts_with(place), "{text}: {error}");
+        }
+        let deep = "<a>".repeat(100_000);
+        assert!(read(&deep).unwrap_err().contains("nested"));
+    }
+}

@@ -1,0 +1,45 @@
+//! Files of spectra: a wavelength in nanometres and a value on each line, as Mitsuba and pbrt read them.
+
+use std::path::Path;
+
+use super::Sampled;
+use crate::SceneError;
+use crate::text::shortened;
+
+/// Reads a file such as `gold.eta.spd`. What follows a `#` is a comment.
+///
+/// - `path`: for errors.
+/// - `bytes`: the file.
+pub(crate) fn read_spd(path: &Path, bytes: &[u8]) -> Result<Sampled, SceneError> {
+    let invalid = |line: usize, problem: String| SceneError::Invalid {
+        path: path.into(),
+        place: format!("line {}", line + 1),
+        problem,
+    };
+    let text = String::from_utf8_lossy(bytes);
+    let mut samples: Vec<(f64, f64)> = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default();
+        let mut words = line.split([' ', '\t', ',', '\r']).filter(|word| !word.is_empty());
+        let Some(first) = words.next() else { continue };
+        let (Some(second), None) = (words.next(), words.next()) else {
+            return Err(invalid(number, "a line of a spectrum holds a wavelength and a value".into()));
+        };
+        let parse = |word: &str| {
+            let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+            value.ok_or_else(|| invalid(number, format!("`{}` is not a number", shortened(word))))
+        };
+        let (nm, value) = (parse(first)?, parse(second)?);
+        if nm <= 0.0 {
+            return Err(invalid(number, format!("{nm} nm is no wavelength")));
+        }
+        if value < 0.0 {
+            return Err(invalid(number, format!("the value {value} is negative")));
+        }
+        if let Some((last, _)) = samples.last().filter(|(last, _)| *last >= nm) {
+            return Err(invalid(number, format!("the wavelengths must increase, but {nm} nm follows {last} nm")));
+        }
+        samples.push((nm, value));
+    }
+    Sampled::new(samples).map_err(|problem| SceneError::Damaged { path: path.into(), problem })
+}

@@ -1,0 +1,227 @@
+//! Animations, skins and morph targets at a time: poses that can be worked out by hand.
+
+use std::f32::consts::FRAC_1_SQRT_2;
+
+use bottega_scene::{LoadOptions, Loaded, SceneError, load};
+use glam::Vec3;
+use serde_json::{Value, json};
+
+use crate::support::{File, U8, warns, write};
+
+fn try_load_with(file: &File, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let folder = tempfile::tempdir().unwrap();
+    load(&write(folder.path(), "scene.glb", &file.glb()), options)
+}
+
+fn options(at: f32) -> LoadOptions {
+    LoadOptions { at: Some(at), ..LoadOptions::default() }
+}
+
+fn load_at(file: &File, at: f32) -> Loaded {
+    try_load_with(file, &options(at)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The corners of the first triangle, in world space.
+fn corners(loaded: &Loaded) -> [Vec3; 3] {
+    let instance = &loaded.scene.instances[0];
+    let mesh = &loaded.scene.meshes[instance.mesh as usize];
+    mesh.triangles[0].map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]))
+}
+
+fn assert_near(a: Vec3, b: Vec3) {
+    assert!((a - b).length() < 1e-5, "{a} instead of {b}");
+}
+
+/// Adds an animation of one property of a node.
+fn animate(file: &mut File, node: usize, path: &str, interpolation: &str, times: &[f32], values: &[f32]) -> usize {
+    let kind = match path {
+        "rotation" => "VEC4",
+        "weights" => "SCALAR",
+        _ => "VEC3",
+    };
+    let input = file.floats("SCALAR", times);
+    let output = file.floats(kind, values);
+    file.push(
+        "animations",
+        json!({
+            "name": format!("{path} of {node}"),
+            "samplers": [{"input": input, "output": output, "interpolation": interpolation}],
+            "channels": [{"sampler": 0, "target": {"node": node, "path": path}}],
+        }),
+    )
+}
+
+#[test]
+fn linear_and_stepped_keys_move_a_node_and_hold_at_the_ends() {
+    for (interpolation, expected) in
+        [("LINEAR", [1.0, 1.0, 2.0, 3.0, 5.0, 5.0]), ("STEP", [1.0, 1.0, 1.0, 3.0, 3.0, 5.0])]
+    {
+        let mut file = File::triangle();
+        animate(&mut file, 0, "translation", interpolation, &[1., 2., 4.], &[1., 0., 0., 3., 0., 0., 5., 0., 0.]);
+        for (time, x) in [0.0, 1.0, 1.5, 2.0, 4.0, 9.0].into_iter().zip(expected) {
+            // At the last key itself, its value holds.
+            let x = if time == 4.0 { 5.0 } else { x };
+            assert_near(corners(&load_at(&file, time))[0], Vec3::X * x);
+        }
+    }
+}
+
+#[test]
+fn splines_leave_and_arrive_with_their_tangents() {
+    let mut file = File::triangle();
+    // Keys of value 0 and 1 two seconds apart; tangents 3 out of the first and −1 into the second.
+    let key = |tangent_in: f32, value: f32, tangent_out: f32| {
+        [[0.0, tangent_in, 0.0], [0.0, value, 0.0], [0.0, tangent_out, 0.0]].concat()
+    };
+    let values = [key(9.0, 0.0, 3.0), key(-1.0, 1.0, 9.0)].concat();
+    animate(&mut file, 0, "translation", "CUBICSPLINE", &[0.0, 2.0], &values);
+    let height = |time: f32| corners(&load_at(&file, time))[0].y;
+    // s = 1/2: (v₀ + v₁)/2 + t(b₀ − a₁)/8; s = 1/4: 10/64 v₁ + t(9/64 b₀ − 3/64 a₁).
+    assert!((height(1.0) - (0.5 + 2.0 * 4.0 / 8.0)).abs() < 1e-6, "{}", height(1.0));
+    assert!((height(0.5) - (10.0 + 2.0 * (27.0 + 3.0)) / 64.0).abs() < 1e-6, "{}", height(0.5));
+    assert_eq!((height(0.0), height(2.0), height(-1.0), height(3.0)), (0.0, 1.0, 0.0, 1.0));
+}
+
+#[test]
+fn rotations_take_the_shortest_arc_at_constant_speed() {
+    let half = FRAC_1_SQRT_2;
+    // A quarter turn about z, spelled with either sign.
+    for sign in [1.0, -1.0] {
+        let mut file = File::triangle();
+        animate(&mut file, 0, "rotation", "LINEAR", &[0., 3.], &[0., 0., 0., 1., 0., 0., half * sign, half * sign]);
+        let angle = 30f32.to_radians();
+        assert_near(corners(&load_at(&file, 1.0))[1], Vec3::new(angle.cos(), angle.sin(), 0.0));
+        assert_near(corners(&load_at(&file, 3.0))[1], Vec3::Y);
+    }
+    // Splines are brought to unit length.
+    let mut file = File::triangle();
+    let zero = [0.0; 4];
+    let values = [zero, [0., 0., 0., 1.], zero, zero, [0., 0., half, half], zero].concat();
+    animate(&mut file, 0, "rotation", "CUBICSPLINE", &[0.0, 1.0], &values);
+    assert_near(corners(&load_at(&file, 0.5))[1], Vec3::new(half, half, 0.0));
+}
+
+#[test]
+fn normalized_integers_are_decoded() {
+    let mut file = File::triangle();
+    animate(&mut file, 0, "rotation", "STEP", &[0.0], &[0.0, 0.0, 0.0, 1.0]);
+    let turned: Vec<u8> = [0i16, 0, 23170, 23170].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let output = file.accessor("VEC4", 5122, 1, &turned);
+    file.json["accessors"][output]["normalized"] = json!(true);
+    file.json["animations"][0]["samplers"][0]["output"] = json!(output);
+    assert_near(corners(&load_at(&file, 0.0))[1], Vec3::Y);
+}
+
+#[test]
+fn weights_morph_every_target_for_itself() {
+    let mut file = File::triangle();
+    let up = file.floats("VEC3", &[0., 0., 1.].repeat(3));
+    let right = file.floats("VEC3", &[1., 0., 0.].repeat(3));
+    file.json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}, {"POSITION": right}]);
+    file.json["meshes"][0]["weights"] = json!([9.0, 9.0]);
+    animate(&mut file, 0, "weights", "LINEAR", &[0., 1.], &[0., 1., 1., 3.]);
+    assert_near(corners(&load_at(&file, 0.0))[0], Vec3::new(1.0, 0.0, 0.0));
+    assert_near(corners(&load_at(&file, 0.5))[0], Vec3::new(2.0, 0.0, 0.5));
+    assert_near(corners(&file.load())[0], Vec3::new(9.0, 0.0, 9.0));
+    // Keys of a spline hold all tangents, then all values, then all tangents.
+    file.json["animations"] = json!([]);
+    animate(&mut file, 0, "weights", "CUBICSPLINE", &[0.], &[7., 7., 2., 4., 7., 7.]);
+    assert_near(corners(&load_at(&file, 0.0))[0], Vec3::new(4.0, 0.0, 2.0));
+}
+
+/// A triangle whose corners hang on a joint at the origin, on one at (0, 0, 4), and on both.
+fn skinned() -> File {
+    let mut file = File::triangle();
+    let joints = file.accessor("VEC4", U8, 3, &[0, 1, 0, 0].repeat(3));
+    let weights = file.floats("VEC4", &[1., 0., 0., 0., 0., 1., 0., 0., 0.5, 0.5, 0., 0.]);
+    let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = json!(joints);
+    attributes["WEIGHTS_0"] = json!(weights);
+    file.json["skins"] = json!([{"joints": [1, 2]}]);
+    file.json["scenes"][0]["nodes"] = json!([0, 1]);
+    file.json["nodes"] = json!([{"mesh": 0, "skin": 0}, {"children": [2]}, {"translation": [0, 0, 4]}]);
+    file
+}
+
+#[test]
+fn animated_joints_carry_their_vertices() {
+    let mut file = skinned();
+    let half = FRAC_1_SQRT_2;
+    animate(&mut file, 1, "rotation", "LINEAR", &[0., 1.], &[0., 0., 0., 1., 0., 0., half, half]);
+    animate(&mut file, 2, "translation", "LINEAR", &[0., 1.], &[0., 0., 4., 0., 0., 6.]);
+    let at_rest = [Vec3::ZERO, Vec3::new(1.0, 0.0, 4.0), Vec3::new(0.0, 1.0, 2.0)];
+    for (corner, expected) in corners(&load_at(&file, 0.0)).into_iter().zip(at_rest) {
+        assert_near(corner, expected);
+    }
+    // A quarter turn takes x to y and y to −x, for the child too; the child stands at 6.
+    let turned = [Vec3::ZERO, Vec3::new(0.0, 1.0, 6.0), Vec3::new(-1.0, 0.0, 3.0)];
+    for (corner, expected) in corners(&load_at(&file, 1.0)).into_iter().zip(turned) {
+        assert_near(corner, expected);
+    }
+}
+
+#[test]
+fn the_first_animation_of_a_property_holds_and_others_can_be_chosen() {
+    let mut file = File::triangle();
+    animate(&mut file, 0, "translation", "STEP", &[0.], &[1., 0., 0.]);
+    animate(&mut file, 0, "translation", "STEP", &[0.], &[2., 0., 0.]);
+    animate(&mut file, 0, "scale", "STEP", &[0.], &[3., 3., 3.]);
+    file.json["animations"][1]["name"] = json!("walk");
+    let shown = |animation: Option<&str>, at: Option<f32>| {
+        let options = LoadOptions { at, animation: animation.map(Into::into), ..LoadOptions::default() };
+        try_load_with(&file, &options).map(|loaded| corners(&loaded)[1].x)
+    };
+    assert_eq!(shown(None, None).unwrap(), 1.0, "the node as it stands");
+    assert_eq!(shown(None, Some(0.0)).unwrap(), 4.0);
+    assert_eq!(shown(Some("walk"), Some(0.0)).unwrap(), 3.0);
+    assert_eq!(shown(Some("walk"), None).unwrap(), 3.0);
+    assert_eq!(shown(Some("2"), Some(0.0)).unwrap(), 3.0);
+    let error = shown(Some("run"), None).unwrap_err();
+    assert!(matches!(error, SceneError::NoSuch { .. }) && error.to_string().contains("1 `walk`"), "{error}");
+    assert!(warns(&file.load(), &["animations", "name a time"]));
+    assert!(warns(&load_at(&File::triangle(), 1.0), &["no animations"]));
+}
+
+#[test]
+fn cameras_and_digests_follow_the_time() {
+    let mut file = File::triangle();
+    file.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}]);
+    file.json["nodes"][0]["camera"] = json!(0);
+    animate(&mut file, 0, "translation", "LINEAR", &[0., 1.], &[0., 0., 0., 0., 0., 8.]);
+    let (before, after) = (load_at(&file, 0.25), load_at(&file, 0.5));
+    assert_eq!(Vec3::from(before.scene.cameras[0].world_from_camera.translation), Vec3::Z * 2.0);
+    assert_eq!(Vec3::from(after.scene.cameras[0].world_from_camera.translation), Vec3::Z * 4.0);
+    assert_ne!(before.scene.digest, after.scene.digest);
+    assert_eq!(before.scene.digest, load_at(&file, 0.25).scene.digest);
+}
+
+#[test]
+fn an_animated_matrix_is_taken_apart() {
+    let mut file = File::triangle();
+    file.json["nodes"][0]["matrix"] = json!([0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 5, 0, 0, 1]);
+    animate(&mut file, 0, "translation", "STEP", &[0.], &[0., 0., 7.]);
+    assert_near(corners(&load_at(&file, 0.0))[1], Vec3::new(0.0, 2.0, 7.0));
+}
+
+#[test]
+fn what_cannot_be_animated_is_named() {
+    let mut file = File::triangle();
+    animate(&mut file, 0, "translation", "LINEAR", &[0., 1.], &[0., 0., 0., 4., 0., 0.]);
+    let target = |file: &mut File, target: Value| file.json["animations"][0]["channels"][0]["target"] = target;
+    target(&mut file, json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": "/materials/0"}}}));
+    assert!(warns(&load_at(&file, 0.0), &["animations[0]", "KHR_animation_pointer"]));
+    target(&mut file, json!({"path": "mood", "node": 0}));
+    assert!(warns(&load_at(&file, 0.0), &["animations[0]", "`mood`"]));
+    let error = |file: &File| try_load_with(file, &options(0.0)).unwrap_err().to_string();
+    target(&mut file, json!({"path": "scale", "node": 5}));
+    assert!(error(&file).contains("animations[0].channels[0].target.node"));
+    target(&mut file, json!({"path": "rotation", "node": 0}));
+    assert!(error(&file).contains("instead of 4"));
+    target(&mut file, json!({"path": "translation", "node": 0}));
+    file.json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
+    assert!(error(&file).contains("2 values for 2 times, not 3 for each"));
+    file.json["animations"][0]["samplers"][0]["interpolation"] = json!("WOBBLE");
+    assert!(error(&file).contains("`WOBBLE`"));
+    file.json["animations"][0]["channels"][0]["sampler"] = json!(1);
+    assert!(error(&file).contains("sampler 1"));
+}

@@ -1,0 +1,168 @@
+//! Whatever the bytes are, the readers return: they do not panic, hang, or take more memory than they may.
+//!
+//! Deterministic: mutation i of a file is a function of i. `BOTTEGA_FUZZ` multiplies the number of mutations.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use bottega_scene::{LoadOptions, load};
+
+use crate::scenes::real_scenes;
+use crate::support::{MTL, OBJ, PLY, binary_ply, gzip, png, serialized, write};
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit.max(1) as u64) as usize
+    }
+}
+
+/// Words that are at the edges of something.
+const WORDS: [&str; 20] = [
+    "0",
+    "1",
+    "-1",
+    "2",
+    "255",
+    "65536",
+    "2147483648",
+    "4294967295",
+    "18446744073709551616",
+    "1e39",
+    "nan",
+    "inf",
+    "",
+    "\\\n",
+    "double",
+    "uchar",
+    "list int int",
+    "vertex 3000000000",
+    "../a",
+    "f 1 2 3",
+];
+
+fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut file = file.to_vec();
+    for _ in 0..=random.below(3) {
+        if file.is_empty() {
+            break;
+        }
+        // Headers are short, and what they say matters most.
+        let reach = if random.below(2) == 0 { file.len().min(300) } else { file.len() };
+        let at = random.below(reach);
+        match random.below(8) {
+            0 => file[at] = random.next() as u8,
+            1 => file[at] ^= 1 << random.below(8),
+            2 => file.truncate(at),
+            3 => drop(file.remove(at)),
+            // A word becomes another one.
+            4..=6 => {
+                let Some(start) = (at..file.len()).find(|&i| file[i].is_ascii_graphic()) else { continue };
+                let end = (start..file.len()).find(|&i| !file[i].is_ascii_graphic()).unwrap_or(file.len());
+                file.splice(start..end, WORDS[random.below(WORDS.len())].bytes());
+            }
+            // A piece is repeated somewhere else.
+            _ => {
+                let end = (at + random.below(64)).min(file.len());
+                let piece = file[at..end].to_vec();
+                let to = random.below(file.len());
+                file.splice(to..to, piece);
+            }
+        }
+    }
+    file
+}
+
+fn factor() -> u64 {
+    std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1)
+}
+
+/// Loads `scene` of a folder while another file of it, or the scene itself, is mutated.
+fn check(folder: &Path, scene: &str, mutated: &str, count: u64, change: impl Fn(&mut Random) -> Vec<u8>) {
+    let options =
+        LoadOptions { add_sky: false, max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
+    let mut good = 0;
+    for index in 0..count * factor() {
+        let bytes = change(&mut Random(index));
+        write(folder, mutated, &bytes);
+        match catch_unwind(AssertUnwindSafe(|| load(&folder.join(scene), &options))) {
+            Ok(result) => good += u64::from(result.is_ok()),
+            Err(_) => {
+                let kept = std::env::temp_dir().join(format!("bottega-fuzz-{index}-{}", mutated.replace('/', "-")));
+                std::fs::write(&kept, &bytes).unwrap();
+                panic!("mutation {index} of {mutated} panics; it is kept as {}", kept.display());
+            }
+        }
+    }
+    eprintln!("{mutated}: {good} of {} mutations were still scenes", count * factor());
+    assert!(good > 0, "no mutation of {mutated} was a scene: too much is refused, or too much is broken");
+}
+
+#[test]
+fn mutated_files_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let files = [
+        ("ascii.ply", PLY.as_bytes().to_vec()),
+        ("little.ply", binary_ply(false)),
+        ("big.ply", binary_ply(true)),
+        ("a.ply.gz", gzip(&binary_ply(false))),
+        ("a.serialized", serialized(2)),
+    ];
+    for (name, file) in &files {
+        check(folder, name, name, 600, |random| mutate(file, random));
+    }
+    // Through the compression.
+    check(folder, "b.ply.gz", "b.ply.gz", 300, |random| gzip(&mutate(&files[1].1, random)));
+    write(folder, "sub/wood 1.png", &png([1, 2, 3, 4]));
+    write(folder, "sub/a b.mtl", MTL.as_bytes());
+    check(folder, "a.obj", "a.obj", 800, |random| mutate(OBJ.as_bytes(), random));
+    write(folder, "a.obj", OBJ.as_bytes());
+    check(folder, "a.obj", "sub/a b.mtl", 400, |random| mutate(MTL.as_bytes(), random));
+}
+
+#[test]
+fn mutated_meshes_of_others_never_panic() {
+    let Some(scenes) = real_scenes() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["meshes/spot.ply", "meshes/teapot.obj"] {
+        let file = std::fs::read(scenes.join(name)).unwrap();
+        let name = name.rsplit('/').next().unwrap();
+        check(folder.path(), name, name, 60, |random| mutate(&file, random));
+    }
+}
+
+#[test]
+fn mutated_pictures_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = write(folder.path(), "scene.ply", PLY.as_bytes());
+    let picture =
+        image::DynamicImage::ImageRgb8(image::RgbImage::from_fn(16, 9, |x, y| image::Rgb([x as u8 * 9, y as u8, 5])));
+    let mut pictures = vec![("a.pfm".to_owned(), [b"PF\n2 1\n-1\n".to_vec(), vec![63; 24]].concat())];
+    for format in ["tga", "bmp", "pnm", "tiff", "webp"] {
+        let mut file = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut file, image::ImageFormat::from_extension(format).unwrap()).unwrap();
+        pictures.push((format!("a.{format}"), file.into_inner()));
+    }
+    let options =
+        LoadOptions { add_sky: false, max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
+    for (name, file) in pictures {
+        let path = write(folder.path(), &name, &file);
+        let options = LoadOptions { environment: Some(path.clone()), ..options.clone() };
+        assert!(load(&scene, &options).is_ok(), "{name}: {:?}", load(&scene, &options).err());
+        for index in 0..200 * factor() {
+            std::fs::write(&path, mutate(&file, &mut Random(index))).unwrap();
+            let result = catch_unwind(AssertUnwindSafe(|| load(&scene, &options).is_ok()));
+            assert!(result.is_ok(), "mutation {index} of {name}");
+        }
+    }
+}

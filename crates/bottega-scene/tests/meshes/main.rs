@@ -1,0 +1,5 @@
+//! Files that hold a mesh, loaded as scenes: PLY, OBJ with MTL, Mitsuba's serialized meshes.
+
+mod fuzz;
+mod scenes;
+mod support;
