@@ -9,7 +9,7 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bottega_kernels::{Aabb, math};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{NO_LIGHT, Receiver, bounds::LightBounds};
 use crate::bsdf::warp::ONE_MINUS_EPSILON;
@@ -78,53 +78,62 @@ impl Importance for Receiver {
 
 /// cos max(0, a − b) for two angles in [0, π].
 #[inline(always)]
-fn cos_difference(cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32) -> f32 {
-    if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+fn cos_difference(cos_a: Vec4, sin_a: Vec4, cos_b: Vec4, sin_b: Vec4) -> Vec4 {
+    Vec4::select(cos_a.cmpgt(cos_b), Vec4::ONE, cos_a * cos_b + sin_a * sin_b)
 }
 
 /// sin max(0, a − b).
 #[inline(always)]
-fn sin_difference(cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32) -> f32 {
-    if cos_a > cos_b { 0.0 } else { sin_a * cos_b - cos_a * sin_b }
+fn sin_difference(cos_a: Vec4, sin_a: Vec4, cos_b: Vec4, sin_b: Vec4) -> Vec4 {
+    Vec4::select(cos_a.cmpgt(cos_b), Vec4::ZERO, sin_a * cos_b - cos_a * sin_b)
 }
 
-/// Intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3). Without branches, so that all
-/// children are computed at once.
+#[inline(always)]
+fn sqrt(v: Vec4) -> Vec4 {
+    Vec4::from_array(v.to_array().map(f32::sqrt))
+}
+
+/// √(1 − x²).
+#[inline(always)]
+fn co(x: Vec4) -> Vec4 {
+    sqrt((Vec4::ONE - x * x).max(Vec4::ZERO))
+}
+
+/// Intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3). Without branches, for all children
+/// at once.
 #[inline(always)]
 fn facing<const ONE_SIDED: bool>(node: &Node, receiver: &Receiver) -> Lanes {
     let (p, n) = (receiver.p, receiver.n);
-    let mut importance = [0.0; WIDTH];
-    for (i, value) in importance.iter_mut().enumerate() {
-        let (x, y, z) = (node.center[0][i] - p.x, node.center[1][i] - p.y, node.center[2][i] - p.z);
-        let squared = (x * x + y * y + z * z).max(DISTANCE_SQUARED_MIN);
-        let inverse = 1.0 / squared.sqrt();
-        let radius = node.radius[i];
-        // The ball around the box, as an angle; the whole sphere from within.
-        let is_inside = radius * radius >= squared;
-        let sin_box = radius * inverse;
-        let cos_box = (1.0 - sin_box * sin_box).max(0.0).sqrt();
-        let cos_axis = -(x * node.axis[0][i] + y * node.axis[1][i] + z * node.axis[2][i]) * inverse;
-        let cos_axis = if node.two_sided[i] > 0.0 { cos_axis.abs() } else { cos_axis };
-        let sin_axis = (1.0 - cos_axis * cos_axis).max(0.0).sqrt();
-        let cos_beyond = cos_difference(cos_axis, sin_axis, node.cos_spread[i], node.sin_spread[i]);
-        let sin_beyond = sin_difference(cos_axis, sin_axis, node.cos_spread[i], node.sin_spread[i]);
-        let cos_least = cos_difference(cos_beyond, sin_beyond, cos_box, sin_box);
-        let cos_least = if is_inside { 1.0 } else { cos_least };
-        let mut seen = node.intensity[i] * cos_least / squared.max(radius * radius);
-        let is_lit = cos_least > node.cos_emission[i];
-        seen = if is_lit { seen } else { 0.0 };
-        if ONE_SIDED {
-            let above = x * n.x + y * n.y + z * n.z;
-            let reach = node.half[0][i] * n.x.abs() + node.half[1][i] * n.y.abs() + node.half[2][i] * n.z.abs();
-            let cos_receiver = above * inverse;
-            let sin_receiver = (1.0 - cos_receiver * cos_receiver).max(0.0).sqrt();
-            let cos_receiver = cos_difference(cos_receiver, sin_receiver, cos_box, sin_box);
-            seen *= if is_inside { 1.0 } else { cos_receiver.max(0.0) };
-            seen = if above + reach > 0.0 { seen } else { 0.0 };
-        }
-        *value = seen;
+    let lanes = Vec4::from_array;
+    let (x, y, z) = (lanes(node.center[0]) - p.x, lanes(node.center[1]) - p.y, lanes(node.center[2]) - p.z);
+    let squared = (x * x + y * y + z * z).max(Vec4::splat(DISTANCE_SQUARED_MIN));
+    let inverse = Vec4::ONE / sqrt(squared);
+    let radius = lanes(node.radius);
+    // The ball around the box, as an angle; the whole sphere from within.
+    let is_inside = (radius * radius).cmpge(squared);
+    let sin_box = radius * inverse;
+    let cos_box = co(sin_box);
+    let [axis_x, axis_y, axis_z] = node.axis.map(lanes);
+    let cos_axis = -(x * axis_x + y * axis_y + z * axis_z) * inverse;
+    let cos_axis = Vec4::select(lanes(node.two_sided).cmpgt(Vec4::ZERO), cos_axis.abs(), cos_axis);
+    let sin_axis = co(cos_axis);
+    let (cos_spread, sin_spread) = (lanes(node.cos_spread), lanes(node.sin_spread));
+    let cos_beyond = cos_difference(cos_axis, sin_axis, cos_spread, sin_spread);
+    let sin_beyond = sin_difference(cos_axis, sin_axis, cos_spread, sin_spread);
+    let cos_least = cos_difference(cos_beyond, sin_beyond, cos_box, sin_box);
+    let cos_least = Vec4::select(is_inside, Vec4::ONE, cos_least);
+    let seen = lanes(node.intensity) * cos_least / squared.max(radius * radius);
+    let seen = Vec4::select(cos_least.cmpgt(lanes(node.cos_emission)), seen, Vec4::ZERO);
+    if !ONE_SIDED {
+        return seen.to_array();
     }
-    importance
+    let above = x * n.x + y * n.y + z * n.z;
+    let [half_x, half_y, half_z] = node.half.map(lanes);
+    let reach = half_x * n.x.abs() + half_y * n.y.abs() + half_z * n.z.abs();
+    let cos_receiver = above * inverse;
+    let cos_receiver = cos_difference(cos_receiver, co(cos_receiver), cos_box, sin_box).max(Vec4::ZERO);
+    let seen = seen * Vec4::select(is_inside, Vec4::ONE, cos_receiver);
+    Vec4::select((above + reach).cmpgt(Vec4::ZERO), seen, Vec4::ZERO).to_array()
 }
 
 /// A part of a ray, along which a medium may scatter.

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use bottega_image::Tile;
-use bottega_render::{DirectLight, PathSettings};
+use bottega_render::{DirectLight, Filter, PathSettings};
 use bottega_scene::{
     Environment, Layered, Light, LightKind, Material, Medium, MediumId, Scene, Sides, Spectrum, Surface,
 };
@@ -187,8 +187,11 @@ fn smoke_looks_as_another_renderer_paints_it() {
     let colored = Medium { absorption: Vec3::new(0.1, 0.0, 0.5), ..scattering(Vec3::new(2.0, 1.0, 0.3), 0.6) };
     for (medium, expected) in [clear, colored].into_iter().zip(QUARTERS) {
         let scene = prepare(smoke(medium));
+        let filter = Filter::Box { radius: 0.5 };
         let pictures: Vec<Tile> = (0..SEEDS)
-            .map(|seed| paint(&scene, (8, 8), 512, PathSettings { seed, max_depth: 6, ..PathSettings::default() }))
+            .map(|seed| {
+                paint(&scene, (8, 8), 512, PathSettings { seed, max_depth: 6, filter, ..PathSettings::default() })
+            })
             .collect();
         for (block, expected) in pictures[0].rect().blocks(4).zip(expected) {
             let means: Vec<Vec3> = pictures
