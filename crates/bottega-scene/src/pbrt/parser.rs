@@ -298,7 +298,7 @@ impl<'c, 'a> Parser<'c, 'a> {
                 let _times: [f64; 2] = numbers(tokens, at, word)?;
             }
         }
-        if self.state.ctm.iter().all(|ctm| ctm.is_finite()) {
+        if self.state.ctm.iter().all(DAffine3::is_finite) {
             Ok(())
         } else {
             Err(at.fault("the transformation exceeds all bounds").into())
