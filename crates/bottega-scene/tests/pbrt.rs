@@ -386,6 +386,7 @@ fn mutations_of_the_corpus_are_survived() {
     let original = original.as_bytes();
     let words: Vec<&[u8]> = original.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
     let odd: [&[u8]; 8] = [b"nan", b"-1", b"1e308", b"[", b"]", b"\"", b"4294967296", b"\xff\xfe"];
+    let extreme: [&[u8]; 8] = [b"0", b"-1", b"1e30", b"1e-30", b"1e308", b"2", b"7", b"0.5"];
     let options = LoadOptions { max_memory_bytes: 64 << 20, ..LoadOptions::default() };
     // SplitMix64 (Steele, Lea and Flood 2014).
     let mut state = 0u64;
@@ -400,12 +401,20 @@ fn mutations_of_the_corpus_are_survived() {
         let mut text = words.clone();
         for _ in 0..=random(3) {
             let at = random(text.len());
-            match random(5) {
+            match random(10) {
                 0 => text[at] = odd[random(odd.len())],
                 1 => text[at] = words[random(words.len())],
                 2 => drop(text.remove(at)),
                 3 => text.insert(at, words[random(words.len())]),
-                _ => text.truncate(at.max(1)),
+                4 => text.truncate(at.max(1)),
+                // Numbers that are wrong leave a file that can be read so far.
+                _ => {
+                    let is_number = |word: &&[u8]| word.iter().all(|byte| b"0123456789.-".contains(byte));
+                    let places: Vec<usize> = (0..text.len()).filter(|&index| is_number(&text[index])).collect();
+                    if !places.is_empty() {
+                        text[places[random(places.len())]] = extreme[random(extreme.len())];
+                    }
+                }
             }
         }
         let mut bytes = text.join(&b' ');
