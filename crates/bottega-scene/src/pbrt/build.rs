@@ -351,6 +351,12 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         if inside_out {
             turn_inside_out(&mut material);
         }
+        if !is_sound(&material) {
+            let at = self.world.materials[key.material].at;
+            return Err(at
+                .fault("a number of this material, or of its light, is negative or exceeds all bounds")
+                .into());
+        }
         let index = self.scene.push_material(material);
         self.take(shape.at, size_of::<Material>())?;
         if by_power {
@@ -475,6 +481,18 @@ fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: bool) -> Opt
     let is_in_reach = center.abs().max_element() < crate::COORDINATE_MAX && radius < crate::COORDINATE_MAX;
     let rotation: Quat = rotation.as_quat().normalize();
     (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
+}
+
+/// Whether all numbers of a material can be computed with.
+fn is_sound(material: &Material) -> bool {
+    let (colors, scalars) = material.surface.params();
+    let is_sound = |factor: f32| factor.is_finite() && factor >= 0.0;
+    colors.into_iter().chain([&material.emission]).all(|color| color.factor.to_array().into_iter().all(is_sound))
+        && scalars.into_iter().chain([&material.opacity]).all(|scalar| is_sound(scalar.factor))
+        && match &material.relief {
+            Some(crate::Relief::Bump(height)) => height.factor.is_finite(),
+            _ => true,
+        }
 }
 
 /// Makes a material behave on the outside as it would on the inside.

@@ -75,9 +75,20 @@ impl World {
         if !(lens_radius >= 0.0 && focus_distance > 0.0) {
             return Err(at.fault("the lens has a negative radius, or its focus is behind it").into());
         }
+        if lens_radius > 1e18 || !world_from_camera.translation.as_vec3().is_finite() {
+            return Err(at.fault("the camera is out of reach, or its lens too large").into());
+        }
         context.report_unused(params);
         // pbrt looks along +z, we look along −z.
         let axes = axes * DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        let is_sound = match projection {
+            Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
+            Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+        };
+        let lens_shift = Vec2::new((-center.x * flip.x / half.x) as f32, (-center.y * flip.y / half.y) as f32);
+        if !is_sound || !lens_shift.is_finite() {
+            return Err(at.fault("the camera shows nothing, or everything").into());
+        }
         Ok(Camera {
             name: String::new(),
             world_from_camera: Affine3A {
@@ -87,8 +98,8 @@ impl World {
             projection,
             aspect: Some(film_aspect as f32),
             lens_radius: lens_radius as f32,
-            focus_distance: focus_distance.min(1e30) as f32,
-            lens_shift: Vec2::new((-center.x * flip.x / half.x) as f32, (-center.y * flip.y / half.y) as f32),
+            focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
+            lens_shift,
             medium,
         })
     }

@@ -149,11 +149,8 @@ impl Context<'_> {
                 Color::Rgb(rgb, params.color_space_of(param))
             }
             ("blackbody", Values::Numbers(numbers)) => {
-                let kelvin = match numbers.as_slice() {
-                    &[kelvin] => kelvin,
-                    // pbrt-v3 had a scale as second number.
-                    _ => return Err(count(numbers.len()).into()),
-                };
+                // pbrt-v3 had a scale as second number.
+                let &[kelvin] = numbers.as_slice() else { return Err(count(numbers.len()).into()) };
                 let radiation = Sampled::blackbody(kelvin);
                 let peak = (360..=830).map(|nm| radiation.at(f64::from(nm))).fold(0.0, f64::max);
                 if peak <= 0.0 {

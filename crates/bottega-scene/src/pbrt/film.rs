@@ -116,8 +116,8 @@ impl World {
         // Early versions had a factor of its own for the time.
         let seconds = params.float("exposuretime")?.unwrap_or(1.0);
         let ratio = shutter * seconds * iso / 100.0;
-        if !ratio.is_normal() || ratio < 0.0 {
-            return Err(params.place_of("iso").fault(format!("the exposure {ratio} is no positive number")).into());
+        if !(1e-18..1e18).contains(&ratio) {
+            return Err(params.place_of("iso").fault(format!("the exposure {ratio:e} is out of reach")).into());
         }
         let sensor = params.text("sensor")?.unwrap_or("cie1931");
         if sensor != "cie1931" {
@@ -221,6 +221,9 @@ impl World {
             "mitchell" => {
                 let third = 1.0 / 3.0;
                 let (b, c) = (params.float("B")?.unwrap_or(third), params.float("C")?.unwrap_or(third));
+                if b.abs().max(c.abs()) > 10.0 {
+                    return Err(filter.at.fault("`B` and `C` are out of reach").into());
+                }
                 FilmFilter::Mitchell { radius, b: b as f32, c: c as f32 }
             }
             kind => {

@@ -144,6 +144,13 @@ impl Lights {
                 return Ok(());
             }
         };
+        let (LightKind::Point { intensity: power, .. }
+        | LightKind::Spot { intensity: power, .. }
+        | LightKind::Projector { intensity: power, .. }
+        | LightKind::Directional { irradiance: power, .. }) = &kind;
+        if !power.is_finite() {
+            return Err(at.fault("the light is brighter than can be computed with").into());
+        }
         self.list.push(Light { name: String::new(), kind });
         Ok(())
     }
@@ -165,6 +172,9 @@ impl Lights {
         let Some(file) = params.text("filename")? else {
             let strength = scale * illuminance.map_or(1.0, |illuminance| illuminance / PI);
             self.constant += exposure.apply(color.unwrap_or(Spectrum::ONE)) * strength as f32;
+            if !self.constant.is_finite() {
+                return Err(at.fault("the light is brighter than can be computed with").into());
+            }
             return Ok(());
         };
         if color.is_some() {
@@ -230,6 +240,9 @@ impl EnvironmentPicture {
             if there > 0.0 {
                 factor *= (wanted / there) as f32;
             }
+        }
+        if !factor.is_finite() {
+            return Err(self.at.fault("the light is brighter than can be computed with").into());
         }
         let mut id = self.image;
         if constant != Spectrum::ZERO && factor.min_element() > 0.0 {

@@ -373,10 +373,8 @@ fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Ent
     params.ignore(&["alpha"]);
     let pigment = |name| params.float(name);
     let (eumelanin, pheomelanin) = (pigment("eumelanin")?, pigment("pheomelanin")?);
-    let mut sigma_a = match context.color(params, "sigma_a")? {
-        Some(color) => Some(color.to_rec709(Meaning::Unbounded).as_dvec3()),
-        None => None,
-    };
+    let sigma_a = context.color(params, "sigma_a")?;
+    let mut sigma_a = sigma_a.map(|color| color.to_rec709(Meaning::Unbounded).as_dvec3());
     let color = textures.color(context, params, "color", Meaning::Reflectance)?;
     if sigma_a.is_none() && color.is_none() {
         let is_given = eumelanin.is_some() || pheomelanin.is_some();

@@ -131,6 +131,16 @@ impl Params {
         self.color_space
     }
 
+    /// Bytes that it takes.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let values = |param: &Rc<Param>| match &param.values {
+            Values::Numbers(numbers) => size_of_val(&numbers[..]),
+            Values::Texts(texts) => texts.iter().map(|text| size_of::<String>() + text.len()).sum(),
+            Values::Bools(bools) => bools.len(),
+        };
+        self.list.iter().map(|param| size_of::<Param>() + param.name.len() + param.kind.len() + values(param)).sum()
+    }
+
     /// Where the parameter stands, or else the list.
     pub(super) fn place_of(&self, name: &str) -> Place {
         self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)

@@ -298,7 +298,7 @@ impl<'c, 'a> Parser<'c, 'a> {
                 let _times: [f64; 2] = numbers(tokens, at, word)?;
             }
         }
-        if self.state.ctm.iter().all(|ctm| ctm.is_finite()) {
+        if self.state.ctm.iter().all(DAffine3::is_finite) {
             Ok(())
         } else {
             Err(at.fault("the transformation exceeds all bounds").into())
@@ -338,6 +338,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         }
         if word == "ObjectInstance" {
             self.note_motion(at);
+            self.book(at, size_of::<ObjectInstance>() + name.len())?;
             let world_from_instance = self.state.ctm[0];
             self.world.instances.push(ObjectInstance { name, world_from_instance, at });
             return Ok(());
@@ -363,6 +364,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         let geometry = shape::read(self.context, &entity)?;
         self.context.report_unused(params);
         let Some(geometry) = geometry else { return Ok(()) };
+        self.book(at, size_of::<super::world::Shape>())?;
         let mut area_light = self.state.area_light;
         if area_light.is_some() && self.object.is_some() {
             self.context.warn(at, "a light within an object does not shine, as in pbrt");
@@ -452,7 +454,14 @@ impl<'c, 'a> Parser<'c, 'a> {
         let (kind, kind_at) = text(tokens, at, word)?;
         dialect::check(word, &kind, kind_at)?;
         let params = Params::read(tokens, at, self.state.color_space)?;
-        let params = target.map_or_else(|| params.clone(), |target| self.state.complete(params.clone(), target));
+        let params = match target {
+            Some(target) => self.state.complete(params, target),
+            None => params,
+        };
+        // Shapes book what they become.
+        if word != "Shape" {
+            self.book(at, size_of::<Entity>() + params.memory_bytes())?;
+        }
         Ok(Entity { kind, params, at, ctm: self.state.ctm[0] })
     }
 
@@ -463,7 +472,14 @@ impl<'c, 'a> Parser<'c, 'a> {
             return Err(at.fault(format!("{word} needs the parameter \"string type\"")).into());
         };
         dialect::check(word, kind, params.place_of("type"))?;
+        self.book(at, size_of::<Entity>() + params.memory_bytes())?;
         Ok(Entity { kind: kind.into(), params, at, ctm: self.state.ctm[0] })
+    }
+
+    /// Books memory for what is kept of a directive.
+    fn book(&self, at: Place, bytes: usize) -> Outcome<()> {
+        let (path, place) = (self.context.path(at.file), self.context.place(at));
+        Ok(self.context.resources.budget().take(path, &place, bytes)?)
     }
 
     fn note_motion(&mut self, at: Place) {

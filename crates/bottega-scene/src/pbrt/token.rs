@@ -174,7 +174,9 @@ impl<'a> Tokens<'a> {
 mod tests {
     use super::*;
 
-    fn all(text: &str) -> Result<Vec<(Token<'_>, (u32, u32))>, Fault> {
+    type Placed<'a> = (Token<'a>, (u32, u32));
+
+    fn all(text: &str) -> Result<Vec<Placed<'_>>, Fault> {
         let mut tokens = Tokens::new(0, text.as_bytes())?;
         let mut list = Vec::new();
         while let Some((token, at)) = tokens.next()? {

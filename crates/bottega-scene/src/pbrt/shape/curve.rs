@@ -80,7 +80,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Out
 
 /// Cubic Bézier segments of a curve whose segments share their ends.
 fn bezier_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
-    if points.len() <= degree || (points.len() - 1) % degree != 0 {
+    if points.len() <= degree || !(points.len() - 1).is_multiple_of(degree) {
         return None;
     }
     let segment = |index: usize| match &points[index * degree..=(index + 1) * degree] {

@@ -50,6 +50,9 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Out
     Ok(Geometry::Mesh { mesh: Box::new(mesh), primitive_count })
 }
 
+/// Edges by their ends, the lower one first.
+type Edges = HashMap<(u32, u32), Edge>;
+
 /// A control net.
 struct Net {
     points: Vec<DVec3>,
@@ -78,8 +81,8 @@ struct Edge {
 
 impl Net {
     /// The edges by their ends, and in the order in which triangles meet them.
-    fn edges(&self) -> (HashMap<(u32, u32), Edge>, Vec<(u32, u32)>) {
-        let mut edges: HashMap<(u32, u32), Edge> = HashMap::with_capacity(self.triangles.len() * 3 / 2);
+    fn edges(&self) -> (Edges, Vec<(u32, u32)>) {
+        let mut edges: Edges = HashMap::with_capacity(self.triangles.len() * 3 / 2);
         let mut order = Vec::with_capacity(self.triangles.len() * 3 / 2);
         for triangle in &self.triangles {
             for side in 0..3 {
@@ -95,7 +98,7 @@ impl Net {
         (edges, order)
     }
 
-    fn rings(&self, edges: &HashMap<(u32, u32), Edge>, order: &[(u32, u32)]) -> Vec<Ring> {
+    fn rings(&self, edges: &Edges, order: &[(u32, u32)]) -> Vec<Ring> {
         let mut rings = vec![Ring::default(); self.points.len()];
         for key in order {
             let is_boundary = edges[key].triangle_count != 2;
