@@ -350,7 +350,7 @@ impl Path<'_> {
         if radiance == Spectrum::ZERO {
             return;
         }
-        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, &hit, from, point.p));
+        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
         self.radiance += self.throughput * radiance * weight;
     }
 

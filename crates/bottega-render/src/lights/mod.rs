@@ -178,7 +178,7 @@ impl Lights {
                 lights.add_instance(scene, index as u32, &mut collected);
             }
         }
-        lights.hang(collected);
+        lights.hang(&collected);
         lights
     }
 
@@ -199,7 +199,7 @@ impl Lights {
     }
 
     /// Builds the tree, and numbers all lights as it does.
-    fn hang(&mut self, collected: Collected) {
+    fn hang(&mut self, collected: &Collected) {
         let (tree, order) = LightTree::new(&collected.bounds);
         let mut number = vec![NO_LIGHT; order.len()];
         for (new, &old) in (0..).zip(&order) {

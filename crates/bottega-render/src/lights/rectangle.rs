@@ -35,7 +35,7 @@ impl SphericalRectangle {
         let high = [low[0] + width, low[1] + depth];
         let height = to_corner.dot(x.cross(y)).abs();
         let size = width.max(depth);
-        if !(height > 1e-4 * size) {
+        if height.is_nan() || height <= 1e-4 * size {
             return None;
         }
         // Normals of the planes through the point and each side: only their z is not 0 or ±1.
