@@ -133,7 +133,8 @@ impl Options {
     fn scenes(&self) -> Vec<BenchScene> {
         let wanted = |name: &str| self.scene.as_deref().is_none_or(|want| name.contains(want));
         let mut scenes = Vec::new();
-        let built_in: [(&str, fn() -> BenchScene); 4] =
+        type Maker = fn() -> BenchScene;
+        let built_in: [(&str, Maker); 4] =
             [("noisy sphere", noisy_sphere), ("interior", interior), ("pot in stadium", stadium), ("hall", hall)];
         scenes.extend(built_in.iter().filter(|(name, _)| wanted(name)).map(|(_, make)| make()));
         match std::env::var("BOTTEGA_SCENES") {

@@ -207,7 +207,7 @@ impl Ahead {
         const NODE: usize = size_of::<Node>();
         const MORE: usize = size_of::<TriangleBlock>() - NODE;
         let (index, kind) = (child.index(), (child.0 >> 31) as usize);
-        s.prefetch::<5>(self.0[kind].wrapping_add(index * NODE + (index * MORE & kind.wrapping_neg())));
+        s.prefetch::<5>(self.0[kind].wrapping_add(index * NODE + ((index * MORE) & kind.wrapping_neg())));
     }
 }
 

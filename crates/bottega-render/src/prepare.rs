@@ -44,9 +44,12 @@ pub struct PreparedScene {
     has_boundaries: bool,
     needs_volume: bool,
     threads: usize,
-    guides: Mutex<Vec<(View, Arc<OnceLock<Arc<Guide>>>)>>,
+    guides: Mutex<Vec<(View, GuidePlace)>>,
     id: DataId,
 }
+
+/// Where the guide of a view is put by the first who needs it, while others wait.
+type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
 
 /// What is known of an instance beside the scene's own record.
 #[derive(Clone, Copy, Debug)]

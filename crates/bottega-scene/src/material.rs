@@ -75,9 +75,10 @@ impl From<f32> for ScalarParam {
 }
 
 /// How opacity is read.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
+    #[default]
     Opaque,
     /// Alpha at or above the cutoff is opaque, below it the surface is not there.
     Mask {
@@ -171,12 +172,6 @@ pub struct Material {
     pub interior: Option<MediumId>,
     /// What fills the space before the front; `None`: vacuum.
     pub exterior: Option<MediumId>,
-}
-
-impl Default for AlphaMode {
-    fn default() -> Self {
-        Self::Opaque
-    }
 }
 
 impl From<Surface> for Material {

@@ -140,6 +140,7 @@ pub struct Plastic {
 
 /// What lies below a coat.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "it lies in a box as it is")]
 pub enum CoatedBase {
     /// Matte.
     Diffuse(Diffuse),

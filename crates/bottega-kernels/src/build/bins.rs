@@ -235,12 +235,12 @@ fn best_split<const BINS: usize>(items: &[Item], binning: &Binning) -> Option<(u
             right_cost[i] = if right.count == 0 { f32::INFINITY } else { cost(&right) };
         }
         let mut left = EMPTY_BIN;
-        for i in 1..binning.bins {
+        for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
             left.lower = left.lower.min(bins(i - 1).lower);
             left.upper = left.upper.max(bins(i - 1).upper);
             left.count += bins(i - 1).count;
             if left.count != 0 {
-                let total = cost(&left) + right_cost[i];
+                let total = cost(&left) + right_cost;
                 if total < best.0 {
                     best = (total, axis, i);
                 }

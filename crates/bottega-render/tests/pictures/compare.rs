@@ -17,34 +17,40 @@ pub(crate) struct Comparison {
 }
 
 impl Comparison {
-    pub(crate) fn new(film: &Film, full: &Picture, shrink: u32) -> Self {
-        let painted = film.to_picture();
-        let (width, height) = painted.size();
+    /// - `films`: of several seeds.
+    pub(crate) fn new(films: &[Film], full: &Picture, shrink: u32) -> Self {
+        let pictures: Vec<Picture> = films.iter().map(Film::to_picture).collect();
+        let (width, height) = pictures[0].size();
         let block = |x: u32, y: u32| {
             let pixels = (0..shrink * shrink).map(move |i| (x * shrink + i % shrink, y * shrink + i / shrink));
             pixels.map(|(x, y)| full.pixel(x, y))
         };
+        let reference = Picture::from_fn(width, height, |x, y| mean(block(x, y)));
+        let painted = Picture::from_fn(width, height, |x, y| mean(pictures.iter().map(|picture| picture.pixel(x, y))));
+        let of_films: Vec<Vec<Moments>> = films.iter().map(Moments::of_film).collect();
         let count = f64::from(shrink * shrink);
-        let mean = |x: u32, y: u32| {
-            let sum = block(x, y).fold([0.0; 3], |sum, pixel| [0, 1, 2].map(|i| sum[i] + f64::from(pixel[i])));
-            sum.map(|sum| (sum / count) as f32)
-        };
-        let reference = Picture::from_fn(width, height, mean);
-        let ours = Moments::of_film(film);
-        let theirs: Vec<Moments> = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .map(|(x, y)| {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let (ours, theirs): (Vec<Moments>, Vec<Moments>) = pixels
+            .enumerate()
+            .map(|(index, (x, y))| {
+                let at = || of_films.iter().map(|film| film[index]);
+                let variance = at().map(|m| m.variance).sum::<f64>() / films.len() as f64;
+                let samples = at().map(|m| m.samples).sum::<f64>();
+                let ours = Moments { mean: luminance(painted.pixel(x, y)), variance, samples };
                 // What the block's pixels differ by is their noise, and what the scene shows there: an upper bound.
                 let mean = luminance(reference.pixel(x, y));
                 let variance = block(x, y).map(|pixel| (luminance(pixel) - mean).powi(2)).sum::<f64>() / (count - 1.0);
-                Moments { mean, variance, samples: count }
+                (ours, Moments { mean, variance, samples: count })
             })
-            .collect();
+            .unzip();
         let total = |moments: &[Moments]| moments.iter().map(|m| m.mean).sum::<f64>();
-        let variance = ours.iter().map(|m| m.variance / m.samples).sum::<f64>();
+        let (mine, expected) = (total(&ours), total(&theirs));
+        // The samples of one picture are no independent ones; pictures of several seeds are.
+        let n = films.len() as f64;
+        let spread = of_films.iter().map(|film| (total(film) - mine).powi(2)).sum::<f64>() / (n - 1.0);
         Self {
-            mean_error: total(&ours) / total(&theirs) - 1.0,
-            standard_error: variance.sqrt() / total(&theirs),
+            mean_error: mine / expected - 1.0,
+            standard_error: (spread / n).sqrt() / expected,
             rejected: rejected_share(&ours, &theirs, 0.01),
             painted,
             reference,
@@ -87,6 +93,12 @@ impl fmt::Display for Comparison {
         let (mean, error) = (100.0 * self.mean_error, 100.0 * self.standard_error);
         write!(f, "mean off by {mean:.3} % (standard error {error:.3} %), {:.4} of the pixels differ", self.rejected)
     }
+}
+
+fn mean(pixels: impl ExactSizeIterator<Item = [f32; 3]>) -> [f32; 3] {
+    let count = pixels.len() as f64;
+    let sum = pixels.fold([0.0; 3], |sum, pixel| [0, 1, 2].map(|i| sum[i] + f64::from(pixel[i])));
+    sum.map(|sum: f64| (sum / count) as f32)
 }
 
 fn luminance(color: [f32; 3]) -> f64 {

@@ -9,26 +9,39 @@ use bottega_scene::LoadOptions;
 /// Threads that paint; the picture does not depend on it.
 const THREADS: u32 = 2;
 
-/// Paints a scene so that one pixel covers `shrink` × `shrink` pixels of a picture of the size `full`.
-pub(crate) fn paint(path: &Path, full: (u32, u32), shrink: u32, samples: u32) -> Film {
+/// Pictures of each scene, whose differences tell of their noise.
+pub(crate) const SEEDS: u32 = 4;
+
+/// Paints a scene with several seeds so that one pixel covers `shrink` × `shrink` pixels of a picture of the size `full`.
+pub(crate) fn paint(path: &Path, full: (u32, u32), shrink: u32, samples: u32) -> Vec<Film> {
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     let loaded = bottega_scene::load(path, &options).expect("a scene");
     let options = PrepareOptions { threads: THREADS as usize, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options).expect("a sound scene"));
-    let settings = Arc::new(PathSettings {
+    let settings = |seed: u32| PathSettings {
+        seed: seed.into(),
         max_depth: loaded.hints.max_depth.unwrap_or(64).min(64),
         // The mean over a block of the reference's pixels, whose own filter is small against it.
         filter: Filter::PIXEL,
         ..PathSettings::default()
-    });
-    let (width, height) = (full.0 / shrink, full.1 / shrink);
+    };
+    let size = (full.0 / shrink, full.1 / shrink);
+    (0..SEEDS).map(|seed| paint_once(&prepared, &Arc::new(settings(seed)), size, samples)).collect()
+}
+
+fn paint_once(
+    prepared: &Arc<PreparedScene>,
+    settings: &Arc<PathSettings>,
+    (width, height): (u32, u32),
+    samples: u32,
+) -> Film {
     let frame = Rect::of_size(width, height);
     let layout = Layout::new(AovSet::NONE);
     let mut film = Film::new(frame, layout);
     let bands: Vec<Rect> = (0..height).step_by(4).map(|y| Rect::new(0, y, width, (y + 4).min(height))).collect();
     let paint_band = |rect: &Rect| -> Tile {
         let view = View { camera: 0, width, height };
-        let (scene, settings) = (Arc::clone(&prepared), Arc::clone(&settings));
+        let (scene, settings) = (Arc::clone(prepared), Arc::clone(settings));
         let work = BlockWork { scene, view, settings, tile: Tile::new(*rect, layout), samples: 0..samples };
         work.perform().expect("a picture").tile
     };

@@ -116,7 +116,7 @@ pub(super) fn triple(text: &str) -> Result<DVec3, String> {
 
 /// One or three numbers, or `#rrggbb` encoded as sRGB.
 fn rgb(text: &str) -> Result<Vec3, String> {
-    let Some(digits) = text.strip_prefix('#') else { return triple(text).map(|rgb| rgb.as_vec3()) };
+    let Some(digits) = text.strip_prefix('#') else { return triple(text).map(glam::DVec3::as_vec3) };
     let code = (digits.len() == 6).then(|| u32::from_str_radix(digits, 16).ok()).flatten();
     let code = code.ok_or_else(|| format!("`{}` is no colour", shortened(text)))?;
     let channel = |shift: u32| decode(f64::from((code >> shift) & 0xff) / 255.0) as f32;

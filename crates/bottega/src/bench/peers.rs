@@ -259,8 +259,12 @@ fn read_raw(path: &PathBuf, scene: &NeutralScene) -> Result<Picture, String> {
     Ok(Picture { data, ..Picture::new(scene.width, scene.height) })
 }
 
-/// Ratios of our efficiency to the best of the others, by number of threads: one a scene, and their geometric mean.
-fn ratios(rows: &[Row]) -> Vec<(usize, Vec<(String, f64)>, f64)> {
+/// Ratios of our efficiency to the best of the others: number of threads, one ratio for each scene, and their geometric
+/// mean.
+type Ratios = (usize, Vec<(String, f64)>, f64);
+
+/// The ratios by number of threads.
+fn ratios(rows: &[Row]) -> Vec<Ratios> {
     let mut threads: Vec<usize> = rows.iter().map(|row| row.threads).collect();
     threads.sort_unstable();
     threads.dedup();
