@@ -191,7 +191,8 @@ impl Base {
     }
 
     fn used(&self) -> Uses {
-        let diffuse = !(self.diffuse.is_black() && self.diffuse_through.is_black()) && !self.cover.is_constant();
+        let is_diffuse = !self.diffuse.is_black() || self.is_translucent();
+        let diffuse = is_diffuse && !self.cover.is_constant();
         Uses {
             single: diffuse || !(self.multiple.is_black() && self.multiple_through.is_black()),
             rise: diffuse,
