@@ -175,7 +175,7 @@ impl Accel {
     }
 
     /// Fits the structure to geometry that has moved: other positions, transforms and spheres, but as many of each, and the
-    /// same triangles. Some ten times faster than a build; rays get slower the farther things have moved from how they were
+    /// same triangles. Rays get slower the farther things have moved from how they were
     /// built. What could not be hit then (a triangle without area, a sphere of radius 0) cannot be hit now.
     ///
     /// On an error nothing has changed.

@@ -291,6 +291,7 @@ pub fn run(scenes: Vec<BenchScene>, side: u32, repetitions: usize, threads: usiz
             |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
         let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
         let rays = RaySets::new(&robust.accel, &scene, side);
+        #[cfg_attr(not(feature = "embree"), expect(unused_mut, reason = "only Embree is added"))]
         let mut kernels: Vec<Box<dyn RayKernel>> = vec![Box::new(robust), Box::new(fast)];
         #[cfg(feature = "embree")]
         if let Ok(embree) = &embree {

@@ -45,7 +45,10 @@ impl Conductor {
 
 impl Scatter for Conductor {
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, _mode: TransportMode) -> (Spectrum, f32) {
-        match self.facets.mirrored(wo, wi).filter(|_| !self.is_smooth()) {
+        if self.is_smooth() {
+            return (Spectrum::ZERO, 0.0);
+        }
+        match self.facets.mirrored(wo, wi) {
             Some(bounce) => (self.reflectance(bounce.cos) * bounce.value, bounce.pdf),
             None => (Spectrum::ZERO, 0.0),
         }

@@ -98,14 +98,14 @@ fn glasses_silver_and_a_coat_of_pbrt() {
 
 #[test]
 fn rough_metals_and_spherical_lights_of_mitsuba() {
-    let case = Case::new("veach-mis/mitsuba/scene_v3.xml", "veach-mis/reference/TungstenRender.exr", 8, 128);
+    let case = Case::new("veach-mis/mitsuba/scene_v3.xml", "veach-mis/reference/TungstenRender.exr", 8, 512);
     case.but("the edges of bright lamps, which the reference's filter blurs", 0.01, 0.03).check();
 }
 
 #[test]
 fn a_bright_small_lamp_of_mitsuba() {
     let case = Case::new("veach-bidir/mitsuba/scene_v3.xml", "veach-bidir/reference/TungstenRender.exr", 8, 256);
-    case.but("Mitsuba's own picture, whose mean is 0.9 % off the reference's", 0.01, 0.03).check();
+    case.but("caustics that paths find rarely, and Mitsuba's own mean, which is 0.9 % off", 0.04, 0.03).check();
 }
 
 #[test]
