@@ -150,6 +150,9 @@ pub(crate) struct RenderArgs {
     /// How light is followed.
     #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
     pub(crate) integrator: IntegratorArg,
+    /// Let paths go where materials send them, and do not learn beforehand where light comes from.
+    #[arg(long, help_heading = "Quality")]
+    pub(crate) no_guiding: bool,
     /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
     #[arg(long, value_enum, help_heading = "Quality")]
     pub(crate) filter: Option<FilterArg>,

@@ -76,6 +76,7 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("light-samples={}", args.light_samples),
         format!("seed={}", args.seed),
         format!("integrator={:?}", args.integrator),
+        format!("guiding={}", !args.no_guiding),
         format!("filter={:?}", filter(args, subject)),
         format!("optimize={}", settings.optimization),
         format!("env={:?}", args.scene.env),

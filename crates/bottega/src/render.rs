@@ -133,6 +133,7 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
         max_depth: max_depth(args, subject),
         light_samples: args.light_samples,
         filter: filter(args, subject),
+        guiding: !args.no_guiding,
         ..PathSettings::default()
     };
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };

@@ -38,6 +38,8 @@ const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
 /// samples.
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
+/// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
+const GUIDED_PIXELS_MIN: u64 = 128 * 128;
 /// Growth of the beam after a scattering that spreads over one steradian.
 const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -87,7 +89,8 @@ impl<'a> PathIntegrator<'a> {
             wanted: Wanted::default(),
             guide: None,
         };
-        if settings.guiding {
+        let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
+        if settings.guiding && is_worth_it && !prepared.needs_volume() {
             integrator.guide = Some(prepared.guide(view, || integrator.learn(view)));
         }
         Ok(integrator)

@@ -21,7 +21,7 @@ fn paths_that_lead_to_no_scene_are_errors() {
     assert!(matches!(error_of(&write(folder.path(), "empty.gltf", b"")), SceneError::Json { .. }));
     let picture = error_of(&write(folder.path(), "scene.glb", &png(1, 1, &[[0; 4]])));
     assert!(picture.to_string().contains("a picture"), "{picture}");
-    assert!(matches!(error_of(&write(folder.path(), "scene.obj", b"v 0 0 0")), SceneError::UnknownFormat { .. }));
+    assert!(matches!(error_of(&write(folder.path(), "scene.dae", b"v 0 0 0")), SceneError::UnknownFormat { .. }));
 }
 
 #[test]

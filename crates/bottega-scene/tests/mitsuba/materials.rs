@@ -1,6 +1,6 @@
 //! What surfaces are made of.
 
-use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, Relief, Surface, Wrap};
+use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, Relief, Shadowing, Surface, Wrap};
 use glam::{Vec2, Vec3};
 
 use crate::support::{Folder, bare, read, read_old, silent, told};
@@ -26,7 +26,8 @@ fn a_bsdf_is_black_behind_unless_it_is_two_sided_or_transmits() {
 fn defaults_are_those_of_mitsuba() {
     let Surface::Dielectric(glass) = material("<bsdf type='roughdielectric'/>").surface else { panic!() };
     assert!((glass.eta - 1.504_183_3).abs() < 1e-6);
-    assert_eq!(glass.facets, Facets { distribution: Distribution::Beckmann, ..Facets::from(0.1) });
+    let (distribution, shadowing) = (Distribution::Beckmann, Shadowing::Separable);
+    assert_eq!(glass.facets, Facets { distribution, shadowing, ..Facets::from(0.1) });
     let Surface::Plastic(plastic) = material("<bsdf type='plastic'/>").surface else { panic!() };
     assert!((plastic.eta - 1.489_587_3).abs() < 1e-6);
     assert_eq!((plastic.diffuse.factor, plastic.nonlinear), (Vec3::splat(0.5), false));
