@@ -67,7 +67,7 @@ fn the_sun_stands_where_the_file_says() {
             }
         }
         let expected = if version_is_old { Vec3::new(0.6, 0.8, 0.0) } else { Vec3::new(0.0, 0.6, 0.8) };
-        assert!(brightest.1.dot(expected) > 0.9999, "{:?}", brightest);
+        assert!(brightest.1.dot(expected) > 0.9999, "{brightest:?}");
     }
 }
 

@@ -1,5 +1,7 @@
 //! Where surfaces are, and which side of them is the front.
 
+use std::f64::consts::PI;
+
 use bottega_scene::{Mesh, Scene, Sides, Surface};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
@@ -48,7 +50,7 @@ fn the_front_of_a_mesh_is_that_of_its_shading_normals() {
 
 #[test]
 fn solids_look_outwards_also_when_they_are_mirrored() {
-    for (plugin, area) in [("rectangle", 4.0), ("cube", 24.0), ("disk", 3.14159), ("cylinder", 6.28318)] {
+    for (plugin, area) in [("rectangle", 4.0), ("cube", 24.0), ("disk", PI), ("cylinder", 2.0 * PI)] {
         for (transform, z) in [("", 1.0), ("<scale x='-1'/>", 1.0), ("<scale z='-1'/>", -1.0)] {
             let text = format!("<shape type='{plugin}'><transform name='to_world'>{transform}</transform></shape>");
             let loaded = silent(&text);
