@@ -27,7 +27,6 @@ mod pbrt;
 mod resource;
 mod shapes;
 mod sky;
-#[allow(dead_code, unused_imports, reason = "for formats whose scenes hold spectra")]
 mod spectrum;
 mod summary;
 mod surface;

@@ -194,7 +194,7 @@ pub struct Principled {
     pub clearcoat: ScalarParam,
     /// Its gloss: 1 is sharp.
     pub clearcoat_gloss: ScalarParam,
-    /// Of a sheet: share of diffuse light that goes through, in [0, 2] (half of the parameter).
+    /// Of a sheet: in [0, 2]; half of it is the share of diffuse light that goes through.
     pub diff_trans: ScalarParam,
     /// Whether it is a sheet without volume.
     pub thin: bool,

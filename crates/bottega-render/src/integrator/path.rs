@@ -24,15 +24,15 @@ use crate::{
 };
 
 /// Greatest probability with which a path survives Russian roulette.
-const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
+pub(super) const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
 /// How far from its target a shadow ray ends, as a share of its length.
-const SHADOW_MARGIN: f32 = 1e-4;
+pub(super) const SHADOW_MARGIN: f32 = 1e-4;
 /// Cost of a vertex, in traversal steps.
 const VERTEX_STEPS: f32 = 8.0;
 /// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
 /// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
-const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+pub(super) const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
@@ -41,7 +41,7 @@ const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
 const GUIDED_PIXELS_MIN: u64 = 128 * 128;
 /// Growth of the beam after a scattering that spreads over one steradian.
-const SCATTERED_SPREAD: f32 = 0.05;
+pub(super) const SCATTERED_SPREAD: f32 = 0.05;
 
 /// Which values beside radiance a sample is asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

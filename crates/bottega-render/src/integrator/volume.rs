@@ -12,7 +12,7 @@ use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::Vec3;
 
-use super::path::{PathIntegrator, PathRecord, bsdf_at};
+use super::path::{BLEND, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at};
 use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
@@ -24,18 +24,10 @@ use crate::{
     settings::DirectLight,
 };
 
-/// Greatest probability with which a path survives Russian roulette.
-const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
-/// How far from its target a shadow ray ends, as a share of its length.
-const SHADOW_MARGIN: f32 = 1e-4;
 /// Boundaries of media that a path or a shadow ray may cross without being scattered.
 const BOUNDARIES_MAX: u32 = 256;
 /// Cost of a vertex, and of a shadow ray, in traversal steps.
 const STEPS: f32 = 8.0;
-/// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
-const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
-/// Growth of the beam after a scattering that spreads over one steradian.
-const SCATTERED_SPREAD: f32 = 0.05;
 
 /// Follows one path. The integrator gives the camera and the settings.
 pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {

@@ -8,7 +8,6 @@ use crate::Mesh;
 impl Mesh {
     /// Gives every vertex the mean of the normals of the triangles around it, weighted by their angles there (Thürmer and
     /// Wüthrich, Computing vertex normals from polygonal facets, 1998), whatever its normals were.
-    #[allow(dead_code, reason = "for formats that smooth by default")]
     pub(crate) fn smooth_normals(&mut self) {
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         for triangle in &self.triangles {

@@ -224,8 +224,7 @@ impl EnvironmentPicture {
         let image = &scene.images[self.image.0 as usize];
         let (width, height) = image.size();
         let (mapping, light_from_environment) = if width == height {
-            // pbrt's rows go towards +y.
-            (EnvironmentMapping::EqualArea, DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0)))
+            (EnvironmentMapping::EqualArea, DMat3::IDENTITY)
         } else {
             let message = "the picture is not square, so it is taken for one by latitude and longitude with +z up, as \
                            pbrt's `imgtool makeequiarea` takes it; pbrt itself wants a square one of equal areas";

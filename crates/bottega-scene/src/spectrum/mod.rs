@@ -130,11 +130,6 @@ impl Sampled {
     }
 }
 
-/// The colour of a black body in Rec. 709, with the luminance 1: for pbrt-v4's `blackbody L` and for lamps.
-pub(crate) fn blackbody(kelvin: f64) -> Spectrum {
-    Sampled::blackbody(kelvin).pbrt_illuminant()
-}
-
 /// Spectral radiance in W·m⁻²·sr⁻¹·nm⁻¹ (constants of the SI, 2019).
 fn planck(nm: f64, kelvin: f64) -> f64 {
     const C: f64 = 299_792_458.0;

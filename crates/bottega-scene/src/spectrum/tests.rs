@@ -70,15 +70,18 @@ fn every_named_metal_can_be_read() {
 fn lights_of_pbrt_have_luminance_one() {
     let luminance = |color: Spectrum| color.dot(Vec3::new(0.212_671, 0.715_160, 0.072_169));
     for kelvin in [2000.0, 2856.0, 6500.0, 10_000.0] {
-        assert!((luminance(blackbody(kelvin)) - 1.0).abs() < 1e-4 || blackbody(kelvin).min_element() == 0.0);
+        assert!(
+            (luminance(Sampled::blackbody(kelvin).pbrt_illuminant()) - 1.0).abs() < 1e-4
+                || Sampled::blackbody(kelvin).pbrt_illuminant().min_element() == 0.0
+        );
     }
     // The CIE defines A as a black body of 2856 K (with an older constant of Planck's law: 2855.5).
-    assert_close(blackbody(2855.5), illuminant("stdillum-A").unwrap().to_array(), 2e-3);
+    assert_close(Sampled::blackbody(2855.5).pbrt_illuminant(), illuminant("stdillum-A").unwrap().to_array(), 2e-3);
     assert_close(illuminant("D65").unwrap(), [1.0; 3], 2e-3);
     assert!(illuminant("stdillum-F11").is_some() && illuminant("F13").is_none());
     assert_close(sampled(&[(400.0, 7.0), (700.0, 7.0)]).pbrt_illuminant(), [1.2048, 0.9483, 0.9089], 2e-3);
-    assert_eq!(blackbody(0.0), Spectrum::ZERO);
-    assert_eq!(blackbody(f64::NAN), Spectrum::ZERO);
+    assert_eq!(Sampled::blackbody(0.0).pbrt_illuminant(), Spectrum::ZERO);
+    assert_eq!(Sampled::blackbody(f64::NAN).pbrt_illuminant(), Spectrum::ZERO);
 }
 
 #[test]

@@ -202,7 +202,6 @@ impl<'a> ObjFile<'a> {
     }
 
     /// One mesh of all triangles, with the normals of the file or without any: as Mitsuba's `obj` shape takes it.
-    #[allow(dead_code, reason = "for formats that refer to OBJ files as shapes")]
     pub(crate) fn into_single(self) -> Result<Mesh, SceneError> {
         weld::Welder::new(&self).weld(&[(0, self.triangles.len(), 0)], false).map(finish)
     }
