@@ -152,14 +152,15 @@ fn a_stopped_job_goes_on_to_the_same_bits() {
         let stop = StopSwitch::new();
         let journal = JournalWriter::create(paper.clone(), "fake").unwrap();
         let observer = Arc::new(StopAfter(after, stop.clone()));
-        let engine = Arc::new(FakeEngine::new(2, 40));
+        let all = 97 * 61 * 24;
+        // Three quarters are enough for three zones; without the hold the job could be done before it is stopped.
+        let engine = Arc::new(FakeEngine::new(2, 40).hold_from(all * 3 / 4));
         let report = run(&settings, engine, observer, &stop, Some(Box::new(journal)), None).unwrap();
         assert!(report.stopped, "stopped after {after}");
         let kept = paper.kept();
         let done_before = kept.iter().flat_map(|kept| &kept.rows).filter(|row| row.state == ZoneState::Done).count();
         assert!(done_before >= after && done_before < report.rows.len().max(1), "{done_before} {after}");
         let (engine, journal) = (Arc::new(FakeEngine::new(2, 40)), JournalWriter::append(paper.clone()));
-        let all = 97 * 61 * 24;
         let resumed =
             run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), Some(Box::new(journal)), kept).unwrap();
         assert!(!resumed.stopped);

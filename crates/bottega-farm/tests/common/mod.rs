@@ -9,7 +9,7 @@ use std::{
         atomic::{AtomicU64, AtomicUsize, Ordering},
     },
     thread::{self, JoinHandle},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneTask};
@@ -28,6 +28,24 @@ struct Shared {
     samples: AtomicU64,
     /// Work a sample, to make painting take its time.
     weight: u32,
+    /// So many samples are painted; the rest waits to be cancelled.
+    held_from: AtomicU64,
+}
+
+/// A test whose stop never comes fails, instead of waiting for ever.
+const LONGEST_HOLD: Duration = Duration::from_secs(60);
+
+impl Shared {
+    /// Waits until the task is called off, if enough is painted.
+    fn hold(&self, generation: u64) {
+        let since = Instant::now();
+        while self.samples.load(Ordering::Relaxed) >= self.held_from.load(Ordering::Relaxed)
+            && self.cancelled.load(Ordering::Relaxed) == generation
+            && since.elapsed() < LONGEST_HOLD
+        {
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
 }
 
 /// The fake.
@@ -95,6 +113,7 @@ fn work(shared: &Shared) {
             let (rect, reason) = (task.rect, "it was told to".to_owned());
             done(Err(EngineError::Zone { engine: "fake".to_owned(), rect, reason }));
         } else {
+            shared.hold(generation);
             done(Ok(paint(shared, task, generation)));
         }
     }
@@ -109,6 +128,7 @@ impl FakeEngine {
             failures: AtomicUsize::new(0),
             samples: AtomicU64::new(0),
             weight,
+            held_from: AtomicU64::new(u64::MAX),
         });
         let spawn = |_| {
             let shared = Arc::clone(&shared);
@@ -119,6 +139,12 @@ impl FakeEngine {
 
     pub(crate) fn fail(self, tasks: usize) -> Self {
         self.shared.failures.store(tasks, Ordering::Relaxed);
+        self
+    }
+
+    /// Paints so many samples and then waits to be stopped, however late that comes.
+    pub(crate) fn hold_from(self, samples: u64) -> Self {
+        self.shared.held_from.store(samples, Ordering::Relaxed);
         self
     }
 
