@@ -18,6 +18,7 @@ pub mod math;
 mod accel;
 mod arena;
 mod build;
+pub mod compiled;
 mod instance;
 mod ray;
 mod traverse;

@@ -19,7 +19,7 @@ pub struct RayCone {
 impl RayCone {
     /// The cone farther along its ray.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn at(self, distance: f32) -> Self {
         Self { width: self.width + self.spread * distance, spread: self.spread }
     }
@@ -78,7 +78,7 @@ impl CameraRays {
     ///
     /// - `place`: in pixels from the upper left corner; the center of pixel (x, y) is (x + ½, y + ½).
     /// - `lens`: two uniform numbers, used where the lens has a radius.
-    #[inline]
+    #[inline(always)]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;

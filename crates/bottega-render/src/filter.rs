@@ -97,7 +97,7 @@ impl FilterSampler {
 
     /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1), and the factor with which the
     /// sample counts.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let table = match &self.shape {
             Shape::Uniform => return (u.map(|u| self.radius * (2.0 * u - 1.0)), 1.0),

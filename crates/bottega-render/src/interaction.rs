@@ -56,7 +56,7 @@ impl Interaction {
     ///
     /// - `origin`, `direction`: the ray; unit length.
     /// - `cone`: its width at the hit.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(prepared: &PreparedScene, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
         match hit.sphere() {
             Some(sphere) => Self::on_sphere(prepared, sphere, hit, origin, direction, cone),
@@ -114,7 +114,7 @@ impl Interaction {
         point
     }
 
-    #[inline]
+    #[inline(always)]
     fn on_triangle(prepared: &PreparedScene, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
         let scene = &**prepared.scene();
         let instance = &scene.instances[hit.instance as usize];
@@ -178,7 +178,7 @@ impl Interaction {
     }
 
     /// Makes the shading frame and the coat's normal from the smooth normal `ns` and the maps of normals and heights.
-    #[inline]
+    #[inline(always)]
     fn set_frames<T, D>(
         &mut self,
         scene: &Scene,
@@ -228,7 +228,7 @@ impl Interaction {
 
     /// Makes the shading frame around `ns`, which may be on either side: turned to that of `wo`, and bent so that `wo`
     /// sees it.
-    #[inline]
+    #[inline(always)]
     fn set_frame(&mut self, ns: Vec3) {
         /// Least cosine between `wo` and the shading normal.
         const COSINE_MIN: f32 = 1e-3;
@@ -243,25 +243,25 @@ impl Interaction {
     }
 
     /// A world-space direction in the shading frame.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn to_local(&self, w: Vec3) -> Vec3 {
         Vec3::new(w.dot(self.frame[0]), w.dot(self.frame[1]), w.dot(self.frame[2]))
     }
 
     /// A direction of the shading frame in world space.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn to_world(&self, w: Vec3) -> Vec3 {
         self.frame[0] * w.x + self.frame[1] * w.y + self.frame[2] * w.z
     }
 
     /// Whether a direction is on the side of `wo` of the real surface.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn is_reflection(&self, wi: Vec3) -> bool {
         (wi.dot(self.ng) > 0.0) == self.front
     }
 
     /// Where a ray starts that leaves in direction `wi`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ray_origin(&self, wi: Vec3) -> Vec3 {
         let p = if self.is_reflection(wi) { self.p_outside } else { self.p };
         p + self.ng * self.clearance.copysign(wi.dot(self.ng))
@@ -279,7 +279,7 @@ struct Sides<T, D> {
 /// How far a point of a facet lies below the curved surface that its vertex normals tell of, as an offset.
 ///
 /// Source: Hanika 2021, *Hacking the Shadow Terminator*, Ray Tracing Gems II, chapter 4.
-#[inline]
+#[inline(always)]
 fn lift_off_facets(p: Vec3, corners: &[Vec3; 3], normals: &[Vec3; 3], weights: [f32; 3], front: bool) -> Vec3 {
     let side = if front { 1.0 } else { -1.0 };
     let mut lift = Vec3::ZERO;
@@ -291,7 +291,7 @@ fn lift_off_facets(p: Vec3, corners: &[Vec3; 3], normals: &[Vec3; 3], weights: [
 }
 
 /// A value per vertex at barycentric coordinates; `None` where the mesh has none.
-#[inline]
+#[inline(always)]
 fn interpolate<T>(values: &[T], triangle: [u32; 3], u: f32, v: f32) -> Option<T>
 where
     T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
@@ -303,7 +303,7 @@ where
     Some(a * (1.0 - u - v) + b * u + c * v)
 }
 
-#[inline]
+#[inline(always)]
 fn uvs_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32) -> [Vec2; 2] {
     let first = interpolate(&mesh.uvs[0], triangle, u, v).unwrap_or_default();
     [first, interpolate(&mesh.uvs[1], triangle, u, v).unwrap_or(first)]
@@ -404,7 +404,7 @@ pub(crate) fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
 }
 
 /// What a triangle emits at barycentric coordinates.
-#[inline]
+#[inline(always)]
 pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), footprint: f32) -> Spectrum {
     let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
     let emission = &scene.materials[mesh.material as usize].emission;

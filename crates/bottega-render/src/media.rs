@@ -123,7 +123,7 @@ impl Phase {
             ((1.0 + g * g - root * root) / (2.0 * g)).clamp(-1.0, 1.0)
         };
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        let (sin, cos) = math::sin_cos(2.0 * PI * u[1]);
+        let (sin, cos) = math::sin_cos_of_turns(u[1]);
         let (s, t) = orthonormal_basis(direction);
         let wi = (s * (sine * cos) + t * (sine * sin) + direction * cosine).normalize();
         (wi, self.eval(cosine))

@@ -122,11 +122,13 @@ impl PreparedScene {
     }
 
     /// The scene as it was imported.
+    #[inline(always)]
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
     /// The acceleration structure.
+    #[inline(always)]
     pub fn accel(&self) -> &Accel {
         &self.accel
     }
@@ -137,12 +139,14 @@ impl PreparedScene {
     }
 
     /// Whether some surface may let rays pass, so that hits must be asked.
+    #[inline(always)]
     pub fn has_opacity(&self) -> bool {
         self.has_opacity
     }
 
     /// Whether something is more than surfaces: a medium that scatters or emits, or one that does not begin and end where
     /// light is refracted.
+    #[inline(always)]
     pub(crate) fn needs_volume(&self) -> bool {
         self.needs_volume
     }
@@ -163,6 +167,7 @@ impl PreparedScene {
             + size_of_val(&*self.materials)
     }
 
+    #[inline(always)]
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
     }
@@ -194,10 +199,12 @@ impl PreparedScene {
         Arc::clone(place.get_or_init(|| Arc::new(learn())))
     }
 
+    #[inline(always)]
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
         &self.instances[index as usize]
     }
 
+    #[inline(always)]
     pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
         (&self.scene.materials[index as usize], &self.materials[index as usize])
     }

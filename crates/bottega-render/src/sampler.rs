@@ -54,20 +54,21 @@ pub struct PixelSampler {
 
 impl PixelSampler {
     /// The numbers of sample `sample_index` of the pixel (x, y) of the picture.
+    #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
         Self { pixel_key: mix(mix(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
     }
 
     /// The four numbers of a dimension set.
-    #[inline]
+    #[inline(always)]
     pub fn quad(&self, set: DimensionSet) -> Quad {
         self.scrambled_point(set, self.reversed_index)
     }
 
     /// The numbers of part `part` of `part_count`, where this sample splits into several in that set. The parts of
     /// all samples together make one sequence, so they are stratified against each other as well.
-    #[inline]
+    #[inline(always)]
     pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
         debug_assert!(part < part_count);
         let index = self.sample_index.wrapping_mul(part_count).wrapping_add(part);
@@ -87,16 +88,16 @@ impl PixelSampler {
 
     /// Uniform in [0, 1), from the sample and `key` alone: for decisions that have no dimension, such as whether a
     /// half-transparent surface is there.
+    #[inline(always)]
     pub fn hashed(&self, key: u64) -> f32 {
         let bits = mix(mix(self.pixel_key ^ key) ^ u64::from(self.sample_index));
         unit_interval((bits >> 32) as u32)
     }
 
-    #[inline]
+    #[inline(always)]
     fn scrambled_point(&self, set: DimensionSet, reversed_index: u32) -> Quad {
         let set_key = mix(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-        let second = mix(set_key);
-        let third = mix(second);
+        let (second, third) = (mix(set_key), mix(!set_key));
         let scrambles = [second as u32, (second >> 32) as u32, third as u32, (third >> 32) as u32];
         // Shuffle the order of the points, differently for each set, or sets would be correlated.
         let shuffled = owen_scramble_reversed(reversed_index, set_key as u32);
@@ -110,13 +111,13 @@ impl PixelSampler {
 }
 
 /// The 24 high bits as a number in [0, 1).
-#[inline]
+#[inline(always)]
 fn unit_interval(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
 /// A bijection of 64 bits that mixes well (the finalizer of SplitMix64, Steele et al. 2014).
-#[inline]
+#[inline(always)]
 pub(crate) fn mix(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -124,7 +125,7 @@ pub(crate) fn mix(mut x: u64) -> u64 {
 }
 
 /// Owen scrambling of a number whose bits are reversed: a bit is flipped depending on those below it only.
-#[inline]
+#[inline(always)]
 fn owen_scramble_reversed(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);

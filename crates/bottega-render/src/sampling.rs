@@ -2,10 +2,10 @@
 
 use bottega_kernels::math;
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// A point of the unit disk, uniform by area: the concentric map (Shirley and Chiu 1997), which keeps strata compact.
-#[inline]
+#[inline(always)]
 pub(crate) fn uniform_disk(u: [f32; 2]) -> Vec2 {
     let [a, b] = u.map(|u| 2.0 * u - 1.0);
     if a == 0.0 && b == 0.0 {
@@ -18,17 +18,17 @@ pub(crate) fn uniform_disk(u: [f32; 2]) -> Vec2 {
 }
 
 /// A direction uniform over the sphere.
-#[inline]
+#[inline(always)]
 pub(crate) fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];
     let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = math::sin_cos(2.0 * PI * u[1]);
+    let (sin, cos) = math::sin_cos_of_turns(u[1]);
     Vec3::new(r * cos, r * sin, z)
 }
 
 /// Barycentric coordinates (of the second and third vertex) uniform over a triangle, by a map that keeps strata
 /// compact (Heitz 2019, *A Low-Distortion Map Between Triangle and Square*).
-#[inline]
+#[inline(always)]
 pub(crate) fn uniform_triangle(u: [f32; 2]) -> (f32, f32) {
     let [mut x, mut y] = u;
     if y > x {
@@ -43,7 +43,7 @@ pub(crate) fn uniform_triangle(u: [f32; 2]) -> (f32, f32) {
 
 /// Two unit vectors that make a right-handed frame with the unit vector `n` (Duff et al. 2017, *Building an
 /// Orthonormal Basis, Revisited*).
-#[inline]
+#[inline(always)]
 pub(crate) fn orthonormal_basis(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0_f32.copysign(n.z);
     let a = -1.0 / (sign + n.z);

@@ -4,13 +4,16 @@ use std::{fmt, ops::Range, sync::Arc};
 
 use bottega_hra::{DataId, Primitive, RayQuery, RayWork, Work};
 use bottega_image::{Aov, Rect, Tile};
-use bottega_kernels::{Hit, Ray};
+use bottega_kernels::{Hit, Ray, compiled};
 
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
-    integrator::{PathIntegrator, Wanted},
+    integrator::{Painting, PathIntegrator, Wanted},
     survey::{SurveyPixel, probe},
 };
+
+/// Samples whose paths are followed before they are added to their pixels.
+const SAMPLES_AT_ONCE: usize = 256;
 
 /// A unit of rendering work. It refers to the scene and never carries it.
 #[derive(Clone)]
@@ -132,9 +135,16 @@ impl BlockWork {
         let wanted = Wanted { albedo: layout.offset(Aov::Albedo).is_some(), cost: layout.offset(Aov::Cost).is_some() };
         let integrator = PathIntegrator::new(&scene, view, &settings)?.with_wanted(wanted);
         let mut dropped_count = 0;
-        for (x, y) in tile.rect().pixels() {
-            for sample in samples.clone() {
-                let record = integrator.trace(x, y, sample);
+        let (mut some, mut records) = (Vec::new(), Vec::new());
+        let mut all = tile.rect().pixels().flat_map(|(x, y)| samples.clone().map(move |sample| (x, y, sample)));
+        loop {
+            some.clear();
+            some.extend(all.by_ref().take(SAMPLES_AT_ONCE));
+            if some.is_empty() {
+                break;
+            }
+            compiled::run(Painting { integrator: &integrator, samples: &some, records: &mut records });
+            for (&(x, y, _), record) in some.iter().zip(&records) {
                 dropped_count += u64::from(record.is_dropped);
                 tile.add(x, y, &record.values);
             }

@@ -1,6 +1,6 @@
 //! The Beckmann microfacet distribution: Smith shadowing, visible normals.
 
-use std::f32::consts::{FRAC_2_SQRT_PI, PI, TAU};
+use std::f32::consts::{FRAC_2_SQRT_PI, PI};
 
 use bottega_kernels::math;
 use glam::Vec3;
@@ -72,7 +72,7 @@ impl Beckmann {
         let s = self.stretched(wo);
         let (x, y) = if s.sin < 1e-4 {
             let radius = (-math::ln(1.0 - u[0])).max(0.0).sqrt();
-            let (sin, cos) = math::sin_cos(TAU * u[1]);
+            let (sin, cos) = math::sin_cos_of_turns(u[1]);
             (radius * cos, radius * sin)
         } else {
             let (along, across) = (visible_slope(&s, u[0]), inverse_erf(2.0 * u[1] - 1.0));
@@ -185,7 +185,7 @@ mod tests {
         for i in 0..1000 {
             let part = |prime: u32| (i * prime % 1009) as f32 / 1009.0;
             let cos = part(3).max(1e-4);
-            let (sin_phi, cos_phi) = math::sin_cos(TAU * part(17));
+            let (sin_phi, cos_phi) = math::sin_cos_of_turns(part(17));
             let sin = (1.0 - cos * cos).sqrt();
             let wo = Vec3::new(sin * cos_phi, sin * sin_phi, cos);
             let h = facets.sample_visible_normal(wo, [part(101), part(331)]);

@@ -360,7 +360,7 @@ fn sample_henyey_greenstein(g: f32, w: Vec3, u: [f32; 2]) -> Vec3 {
     };
     let cos = cos.clamp(-1.0, 1.0);
     let sin = (1.0 - cos * cos).sqrt();
-    let (sin_phi, cos_phi) = math::sin_cos(TAU * u[1]);
+    let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[1]);
     Frame::from_normal(w).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos)).normalize()
 }
 

@@ -1,6 +1,6 @@
 //! The GGX microfacet distribution: Smith shadowing, visible normals.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use bottega_kernels::math;
 use glam::Vec3;
@@ -109,7 +109,7 @@ impl Ggx {
     pub fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         let [ax, ay] = self.alpha;
         let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize();
-        let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+        let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
         let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
         let radius = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(radius * cos_phi, radius * sin_phi, z) + w;

@@ -1,6 +1,6 @@
 //! Disney's material, as Mitsuba has it.
 
-use std::f32::consts::{FRAC_1_PI, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use bottega_kernels::math;
 use bottega_scene::{Distribution, Shadowing, Spectrum};
@@ -191,7 +191,7 @@ impl Principled {
         let a2 = self.coat_alpha * self.coat_alpha;
         let cos2 = (1.0 - math::powf(a2, 1.0 - u[1])) / (1.0 - a2);
         let (cos, sin) = (cos2.max(0.0).sqrt(), (1.0 - cos2).max(0.0).sqrt());
-        let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+        let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
         fresnel::reflect(wo, Vec3::new(sin * cos_phi, sin * sin_phi, cos))
     }
 }

@@ -132,7 +132,7 @@ impl Bsdf {
     }
 
     /// What is seen from `wo`; nothing unless wo is above the surface.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, wo: Vec3) -> BsdfAt<'_> {
         if !is_above(wo) {
             return BsdfAt(KindAt::Nothing);
@@ -198,7 +198,7 @@ impl Bsdf {
     }
 
     /// Whether all light goes into single directions, so that connecting to a light is of no use.
-    #[inline]
+    #[inline(always)]
     pub fn is_delta_only(&self) -> bool {
         match &self.kind {
             Kind::Lambert(_) | Kind::Black => false,
@@ -233,7 +233,7 @@ impl Bsdf {
 impl BsdfAt<'_> {
     /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones, and the density in sr⁻¹ with which
     /// [`Self::sample`] draws `wi`.
-    #[inline]
+    #[inline(always)]
     pub fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
         match &self.0 {
             KindAt::Lambert(color) if wi.z > 0.0 => {
@@ -246,7 +246,7 @@ impl BsdfAt<'_> {
     }
 
     /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         match &self.0 {
             KindAt::Nothing => None,
@@ -276,6 +276,7 @@ fn is_lambert(p: &SurfaceParams) -> bool {
     is_bare && p.specular == 0.0 && p.metallic == 0.0 && p.transmission == 0.0 && p.base_color != Spectrum::ZERO
 }
 
+#[inline(always)]
 fn is_above(wo: Vec3) -> bool {
     wo.z > 0.0
 }

@@ -9,20 +9,22 @@ use glam::Vec3;
 pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// A direction of the upper hemisphere (+z) with density cos θ / π. Never below the horizon; z may be 0.
+#[inline(always)]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
-    let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+    let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
     let radius = u[1].sqrt();
     Vec3::new(radius * cos_phi, radius * sin_phi, (1.0 - u[1]).max(0.0).sqrt())
 }
 
 /// Density of [`cosine_hemisphere`], in sr⁻¹.
+#[inline(always)]
 pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) / PI
 }
 
 /// A direction of the upper hemisphere (+z) with constant density 1 / 2π.
 pub fn uniform_hemisphere(u: [f32; 2]) -> Vec3 {
-    let (sin_phi, cos_phi) = math::sin_cos(TAU * u[0]);
+    let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
     let z = 1.0 - u[1];
     let radius = (1.0 - z * z).max(0.0).sqrt();
     Vec3::new(radius * cos_phi, radius * sin_phi, z)

@@ -8,26 +8,27 @@ use super::octahedron::{direction_from_square, square_from_direction};
 pub(super) const SIDE: usize = 16;
 /// Cells of the square.
 pub(super) const CELLS: usize = SIDE * SIDE;
-/// Strides of a search among them.
-const STEPS: [usize; SIDE.ilog2() as usize] = {
-    let mut steps = [0; SIDE.ilog2() as usize];
-    let mut i = 0;
-    while i < steps.len() {
-        steps[i] = SIDE >> (i + 1);
-        i += 1;
-    }
-    steps
-};
 /// What the weights of all cells add up to.
 const TOTAL: u16 = u16::MAX;
 /// Area of a cell within [−1, 1]².
 const CELL_AREA: f32 = 4.0 / CELLS as f32;
 
 /// A piecewise constant density over the square, in whole numbers so that sums are exact.
+///
+/// A search counts how many of sixteen numbers in a row are not above another: a load and a comparison for a vector unit.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(super) struct Directions {
+    /// Weights of all cells up to the end of each row.
+    rows: [u16; SIDE],
     /// Weights of all cells before, row by row.
     cumulative: [u16; CELLS + 1],
+}
+
+/// How many of the numbers, which ascend, are not above another; all but the last at most.
+#[inline(always)]
+fn not_above(ends: &[u16; SIDE], target: u16) -> usize {
+    usize::from(ends.iter().map(|&end| u16::from(end <= target)).sum::<u16>()).min(SIDE - 1)
 }
 
 /// A density over the square that is refined level by level: each square in four, in the order of Morton.
@@ -107,7 +108,7 @@ pub(super) fn place_of(w: Vec3) -> (u16, f32) {
     (cell_at(place) as u16, s * s * s)
 }
 
-#[inline]
+#[inline(always)]
 fn cell_at(place: Vec2) -> usize {
     let along = |x: f32| (((x + 1.0) * (0.5 * SIDE as f32)) as usize).min(SIDE - 1);
     along(place.y) * SIDE + along(place.x)
@@ -134,11 +135,11 @@ impl Directions {
             cumulative[cell + 1] = (before / sum * f64::from(TOTAL) + 0.5) as u16;
         }
         cumulative[CELLS] = TOTAL;
-        Some(Self { cumulative })
+        Some(Self { rows: std::array::from_fn(|row| cumulative[(row + 1) * SIDE]), cumulative })
     }
 
     /// Density per solid angle of a unit direction.
-    #[inline]
+    #[inline(always)]
     pub(super) fn pdf(&self, w: Vec3) -> f32 {
         let (place, s) = square_from_direction(w);
         let cell = cell_at(place);
@@ -146,29 +147,27 @@ impl Directions {
     }
 
     /// The probability of a cell per area of the square.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weight(&self, cell: usize) -> f32 {
         f32::from(self.cumulative[cell + 1] - self.cumulative[cell]) * (1.0 / (TOTAL as f32 * CELL_AREA))
     }
 
     /// Draws a direction, and tells its density. Strata of `u` stay together: the first number picks the row and the
     /// place in it, the second the column.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         // A target below the total is below the end of some cell that is not empty.
         let target = (u[0] * f32::from(TOTAL)).min(f32::from(TOTAL) - 0.01);
-        let mut row = 0;
-        for step in STEPS {
-            row += if f32::from(self.cumulative[(row + step) * SIDE]) <= target { step } else { 0 };
-        }
+        let row = not_above(&self.rows, target as u16);
         let (low, high) = (f32::from(self.cumulative[row * SIDE]), f32::from(self.cumulative[(row + 1) * SIDE]));
         let y = (target - low) / (high - low);
         let target = (low + u[1] * (high - low)).min(high - 0.01);
-        let mut cell = row * SIDE;
-        for step in STEPS {
-            cell += if f32::from(self.cumulative[cell + step]) <= target { step } else { 0 };
-        }
-        let (low, high) = (f32::from(self.cumulative[cell]), f32::from(self.cumulative[cell + 1]));
+        let (before, ends) = self.cumulative[row * SIDE..].split_at(1);
+        let ends: &[u16; SIDE] = ends.first_chunk().unwrap_or(&self.rows);
+        let column = not_above(ends, target as u16);
+        let cell = row * SIDE + column;
+        let low = f32::from(if column == 0 { before[0] } else { ends[column - 1] });
+        let high = f32::from(ends[column]);
         let x = (target - low) / (high - low);
         let along = |i: usize, part: f32| (i as f32 + part) * (2.0 / SIDE as f32) - 1.0;
         let (w, s) = direction_from_square(Vec2::new(along(cell % SIDE, x), along(row, y)));

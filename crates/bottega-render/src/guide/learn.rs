@@ -1,5 +1,7 @@
 //! From the vertices of paths to a guide.
 
+use std::{cmp::Ordering, ops::Range};
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -61,93 +63,152 @@ struct Sample {
     has_next: bool,
 }
 
+/// A vertex where it is.
+#[derive(Clone, Copy)]
+struct Place {
+    p: Vec3,
+    vertex: u32,
+}
+
+/// Space cut into regions.
+struct Grown {
+    nodes: Vec<Node>,
+    /// Where the places of each node are among all of them.
+    ranges: Vec<Range<usize>>,
+    /// Region by region; within one in the order of the paths.
+    places: Vec<Place>,
+    low: Vec3,
+    high: Vec3,
+}
+
 /// Learns from the vertices of paths, each path's in its order.
 pub(super) fn learn(vertices: &[Vertex]) -> Guide {
-    let of_face: Vec<Vec<u32>> = (0..FACES)
-        .map(|face| (0..vertices.len() as u32).filter(|&v| usize::from(vertices[v as usize].face) == face).collect())
-        .collect();
-    let grown: Vec<(Tree, Vec<(u32, f32)>)> = of_face.par_iter().map(|part| grow(vertices, part.clone())).collect();
+    let mut of_face: [Vec<Place>; FACES] = Default::default();
+    for (vertex, index) in vertices.iter().zip(0..) {
+        of_face[usize::from(vertex.face)].push(Place { p: vertex.p, vertex: index });
+    }
+    let grown: Vec<Grown> = of_face.into_par_iter().map(Grown::new).collect();
     // What leaves a vertex is known from one path, and badly; what leaves its region, from many, but blurred.
     let mut leaving = vec![0.0; vertices.len()];
-    for &(vertex, mean) in grown.iter().flat_map(|(_, leaving)| leaving) {
-        leaving[vertex as usize] = 0.5 * (mean + vertices[vertex as usize].leaving);
+    for region in grown.iter().flat_map(Grown::regions) {
+        let own = |place: &Place| vertices[place.vertex as usize].leaving;
+        let mean = region.iter().map(|place| f64::from(own(place))).sum::<f64>() / region.len() as f64;
+        for place in region {
+            leaving[place.vertex as usize] = 0.5 * (mean as f32 + own(place));
+        }
     }
-    let sample = |(index, vertex): (usize, &Vertex)| {
+    let sample = |place: &Place| {
+        let index = place.vertex as usize;
+        let vertex = &vertices[index];
         let next = if vertex.has_next { leaving[index + 1] } else { 0.0 };
         let found = vertex.emitted + vertex.weight * next;
         let taken = vertex.taken?;
         let square = found * found * taken.pdf;
         square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
     };
-    let samples: Vec<Option<Sample>> = vertices.iter().enumerate().map(sample).collect();
-    let mut trees = grown.into_iter().map(|(tree, _)| tree).zip(of_face).collect::<Vec<_>>();
-    trees.par_iter_mut().for_each(|(tree, part)| {
-        if !tree.nodes.is_empty() {
-            fill(tree, 0, vertices, &samples, std::mem::take(part), &Learnt::nothing());
-        }
-    });
+    let trees = grown.into_par_iter().map(|grown| grown.filled(sample)).collect::<Vec<_>>();
     let mut guide = Guide::default();
-    for (place, (tree, _)) in guide.trees.iter_mut().zip(trees) {
+    for (place, tree) in guide.trees.iter_mut().zip(trees) {
         *place = tree;
     }
     guide
 }
 
-/// Cuts space until each part has few vertices. Also returns for each vertex the mean of what leaves its part.
-fn grow(vertices: &[Vertex], part: Vec<u32>) -> (Tree, Vec<(u32, f32)>) {
-    let (mut tree, mut leaving) = (Tree::default(), Vec::with_capacity(part.len()));
-    if !part.is_empty() {
-        tree.nodes.push(Node::Unguided);
-        split(&mut tree, 0, vertices, part, &mut leaving);
+impl Grown {
+    /// Cuts space until each part has few vertices.
+    fn new(places: Vec<Place>) -> Self {
+        let (low, high) = bounds(&places);
+        let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, low, high };
+        if !grown.places.is_empty() {
+            let all = 0..grown.places.len();
+            grown.push(all.clone());
+            grown.split(0, all, &mut Vec::new());
+        }
+        grown
     }
-    (tree, leaving)
-}
 
-fn split(tree: &mut Tree, at: usize, vertices: &[Vertex], part: Vec<u32>, leaving: &mut Vec<(u32, f32)>) {
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &vertex in &part {
-        let p = vertices[vertex as usize].p;
-        (low, high) = (low.min(p), high.max(p));
+    fn push(&mut self, range: Range<usize>) {
+        self.nodes.push(Node::UNGUIDED);
+        self.ranges.push(range);
     }
-    let axis = (high - low).max_position();
-    if part.len() > VERTICES_PER_REGION && low[axis] < high[axis] {
-        let mut places: Vec<f32> = part.iter().map(|&vertex| vertices[vertex as usize].p[axis]).collect();
-        let middle = places.len() / 2;
-        let (_, &mut median, _) = places.select_nth_unstable_by(middle, f32::total_cmp);
+
+    fn split(&mut self, at: usize, range: Range<usize>, scratch: &mut Vec<Place>) {
+        /// Of so many the middle one is taken for that of all.
+        const MEDIAN_OF: usize = 511;
+        let part = &mut self.places[range.clone()];
+        let (low, high) = bounds(part);
+        let axis = (high - low).max_position();
+        // The second condition: not a number, or all in one place.
+        if part.len() <= VERTICES_PER_REGION || low[axis].partial_cmp(&high[axis]) != Some(Ordering::Less) {
+            return;
+        }
+        let mut some: Vec<f32> = part.iter().step_by(part.len() / MEDIAN_OF + 1).map(|place| place.p[axis]).collect();
+        let middle = some.len() / 2;
+        let (_, &mut median, _) = some.select_nth_unstable_by(middle, f32::total_cmp);
         // Where half of them lie in one plane, it is the others that are cut off.
         let plane = if median > low[axis] { median } else { 0.5 * (low[axis] + high[axis]) };
-        let (before, after) = halves(vertices, part, axis, plane);
-        let first = tree.nodes.len();
-        tree.nodes[at] = Node::Split { axis: axis as u8, plane, first: first as u32 };
-        tree.nodes.extend([Node::Unguided; 2]);
-        if !before.is_empty() {
-            split(tree, first, vertices, before, leaving);
+        // The order is kept, so that sums do not depend on how a part was found.
+        scratch.clear();
+        let mut before = 0;
+        for i in 0..part.len() {
+            if part[i].p[axis] < plane {
+                part[before] = part[i];
+                before += 1;
+            } else {
+                scratch.push(part[i]);
+            }
         }
-        split(tree, first + 1, vertices, after, leaving);
-        return;
+        part[before..].copy_from_slice(scratch);
+        let (middle, first) = (range.start + before, self.nodes.len());
+        self.nodes[at] = Node::split(axis, plane, first);
+        self.push(range.start..middle);
+        self.push(middle..range.end);
+        self.split(first, range.start..middle, scratch);
+        self.split(first + 1, middle..range.end, scratch);
     }
-    let sum: f64 = part.iter().map(|&vertex| f64::from(vertices[vertex as usize].leaving)).sum();
-    let mean = (sum / part.len() as f64) as f32;
-    leaving.extend(part.into_iter().map(|vertex| (vertex, mean)));
+
+    /// The places of each leaf.
+    fn regions(&self) -> impl Iterator<Item = &[Place]> {
+        let leaves = self.nodes.iter().zip(&self.ranges).filter(|(node, _)| node.as_split().is_none());
+        leaves.map(|(_, range)| &self.places[range.clone()]).filter(|places| !places.is_empty())
+    }
+
+    /// Makes the regions, each from its own samples and from what is known around it.
+    fn filled(mut self, sample: impl Fn(&Place) -> Option<Sample>) -> Tree {
+        if self.nodes.is_empty() {
+            return Tree::default();
+        }
+        // How many samples there are up to each place.
+        let (mut samples, mut counts) = (Vec::with_capacity(self.places.len()), vec![0]);
+        for place in &self.places {
+            samples.extend(sample(place));
+            counts.push(samples.len());
+        }
+        for range in &mut self.ranges {
+            *range = counts[range.start]..counts[range.end];
+        }
+        let mut regions = Vec::new();
+        self.fill(0, &samples, &Learnt::nothing(), &mut regions);
+        Tree::new(self.nodes, regions, self.low, self.high)
+    }
+
+    /// `ranges` are those of the samples by now.
+    fn fill(&mut self, at: usize, samples: &[Sample], around: &Learnt, regions: &mut Vec<Region>) {
+        let seen = &samples[self.ranges[at].clone()];
+        let here = around.within(seen);
+        if let Some((_, _, first)) = self.nodes[at].as_split() {
+            self.fill(first, samples, &here, regions);
+            self.fill(first + 1, samples, &here, regions);
+        } else if let Some(region) = region(&here, seen) {
+            self.nodes[at] = Node::region(regions.len());
+            regions.push(region);
+        }
+    }
 }
 
-/// Those before a plane and the others; the order is kept, so that sums do not depend on how a part was found.
-fn halves(vertices: &[Vertex], part: Vec<u32>, axis: usize, plane: f32) -> (Vec<u32>, Vec<u32>) {
-    part.into_iter().partition(|&vertex| vertices[vertex as usize].p[axis] < plane)
-}
-
-/// Makes the regions of a tree, each from its own samples and from what is known `around`.
-fn fill(tree: &mut Tree, at: usize, vertices: &[Vertex], samples: &[Option<Sample>], part: Vec<u32>, around: &Learnt) {
-    let seen: Vec<Sample> = part.iter().filter_map(|&vertex| samples[vertex as usize]).collect();
-    let here = around.within(&seen);
-    if let Node::Split { axis, plane, first } = tree.nodes[at] {
-        let (before, after) = halves(vertices, part, usize::from(axis), plane);
-        fill(tree, first as usize, vertices, samples, before, &here);
-        fill(tree, first as usize + 1, vertices, samples, after, &here);
-    } else if let Some(region) = region(&here, &seen) {
-        tree.nodes[at] = Node::Region(tree.regions.len() as u32);
-        tree.regions.push(region);
-    }
+fn bounds(places: &[Place]) -> (Vec3, Vec3) {
+    let around = |(low, high): (Vec3, Vec3), place: &Place| (low.min(place.p), high.max(place.p));
+    places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around)
 }
 
 /// What is known of a region from all samples, and from each half of them.

@@ -4,4 +4,5 @@ mod path;
 mod volume;
 
 pub use path::PathIntegrator;
+pub(crate) use path::Painting;
 pub(crate) use path::{Wanted, bsdf_at};

@@ -6,7 +6,11 @@
 use std::sync::Arc;
 
 use bottega_image::SampleValues;
-use bottega_kernels::{Hit, Ray, math};
+use bottega_kernels::{
+    Hit, Ray,
+    compiled::{self, Task},
+    math,
+};
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
@@ -40,6 +44,8 @@ const LEARNING_DEPTH: u32 = 24;
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
 const GUIDED_PIXELS_MIN: u64 = 128 * 128;
+/// Paths that are followed in turn.
+const LANES: usize = 8;
 /// Growth of the beam after a scattering that spreads over one steradian.
 pub(super) const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -112,8 +118,8 @@ impl<'a> PathIntegrator<'a> {
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
             let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
-            let record = integrator.follow(sampler, &ray, guide, Some(trail));
-            record.values.radiance.into()
+            let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
+            compiled::run(path).values.radiance.into()
         })
     }
 
@@ -145,13 +151,14 @@ impl<'a> PathIntegrator<'a> {
     }
 
     /// Where a sample's path begins, and the factor with which the sample counts.
+    #[inline(always)]
     pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
         let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
         (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
         let (ray, factor) = self.camera_ray(&sampler, x, y);
@@ -164,7 +171,55 @@ impl<'a> PathIntegrator<'a> {
         record
     }
 
-    #[inline]
+    /// The paths of several samples, each a pixel and an index, in their order. They go on in turn: what one waits for of
+    /// memory is under way while the others are worked on.
+    #[inline(always)]
+    pub(crate) fn trace_all(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
+        records.clear();
+        if self.prepared.needs_volume() || self.wanted.cost {
+            records.extend(samples.iter().map(|&(x, y, sample)| self.trace(x, y, sample)));
+            return;
+        }
+        records.resize(samples.len(), PathRecord::default());
+        let start = |&(x, y, sample): &(u32, u32, u32)| {
+            let sampler = PixelSampler::new(self.settings.seed, x, y, sample);
+            let (ray, factor) = self.camera_ray(&sampler, x, y);
+            (self.begin(sampler, &ray, self.guide.as_deref(), None), factor)
+        };
+        let mut next = 0;
+        let mut paths: Vec<(Path<'_>, f32, usize, Hit)> = Vec::with_capacity(LANES);
+        while paths.len() < LANES && next < samples.len() {
+            let (path, factor) = start(&samples[next]);
+            paths.push((path, factor, next, Hit::NONE));
+            next += 1;
+        }
+        while !paths.is_empty() {
+            for (path, _, _, hit) in &mut paths {
+                *hit = path.intersect();
+            }
+            let mut lane = 0;
+            while lane < paths.len() {
+                let (path, factor, index, hit) = &mut paths[lane];
+                if path.meet(hit) {
+                    lane += 1;
+                    continue;
+                }
+                let mut record = path.finish();
+                record.values.radiance = record.values.radiance.map(|value| value * *factor);
+                records[*index] = record;
+                if next < samples.len() {
+                    let (path, factor) = start(&samples[next]);
+                    paths[lane] = (path, factor, next, Hit::NONE);
+                    paths[lane].3 = paths[lane].0.intersect();
+                    next += 1;
+                } else {
+                    paths.swap_remove(lane);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
     fn follow(
         &self,
         sampler: PixelSampler,
@@ -172,7 +227,24 @@ impl<'a> PathIntegrator<'a> {
         guide: Option<&Guide>,
         trail: Option<&mut Trail>,
     ) -> PathRecord {
-        let mut path = Path {
+        let mut path = self.begin(sampler, ray, guide, trail);
+        loop {
+            let hit = path.intersect();
+            if !path.meet(&hit) {
+                return path.finish();
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn begin<'b>(
+        &'b self,
+        sampler: PixelSampler,
+        ray: &CameraRay,
+        guide: Option<&'b Guide>,
+        trail: Option<&'b mut Trail>,
+    ) -> Path<'b> {
+        Path {
             integrator: self,
             sampler,
             guide,
@@ -188,9 +260,43 @@ impl<'a> PathIntegrator<'a> {
             previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None },
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
-        };
-        while path.advance() {}
-        path.finish()
+        }
+    }
+}
+
+/// Samples to paint.
+pub(crate) struct Painting<'a> {
+    pub(crate) integrator: &'a PathIntegrator<'a>,
+    /// Pixels, each with the index of a sample.
+    pub(crate) samples: &'a [(u32, u32, u32)],
+    /// What comes of them, in their order.
+    pub(crate) records: &'a mut Vec<PathRecord>,
+}
+
+impl Task for Painting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.integrator.trace_all(self.samples, self.records);
+    }
+}
+
+/// A path that leaves a trail.
+struct Followed<'a> {
+    integrator: &'a PathIntegrator<'a>,
+    sampler: PixelSampler,
+    ray: &'a CameraRay,
+    guide: Option<&'a Guide>,
+    trail: &'a mut Trail,
+}
+
+impl Task for Followed<'_> {
+    type Output = PathRecord;
+
+    #[inline(always)]
+    fn run(self) -> PathRecord {
+        self.integrator.follow(self.sampler, self.ray, self.guide, Some(self.trail))
     }
 }
 
@@ -227,11 +333,10 @@ struct Path<'a> {
 }
 
 impl Path<'_> {
-    /// Goes to the next surface and scatters there. False when the path is at its end.
-    #[inline]
-    fn advance(&mut self) -> bool {
+    /// Comes to the next surface and scatters there. False when the path is at its end.
+    #[inline(always)]
+    fn meet(&mut self, hit: &Hit) -> bool {
         let prepared = self.integrator.prepared;
-        let hit = self.intersect();
         if hit.is_none() {
             self.add_environment();
             return false;
@@ -241,7 +346,7 @@ impl Path<'_> {
             self.throughput *= exp(-self.absorption * hit.t);
         }
         self.cone = self.cone.at(hit.t);
-        let point = Interaction::new(prepared, &hit, self.origin, self.direction, self.cone);
+        let point = Interaction::new(prepared, hit, self.origin, self.direction, self.cone);
         if self.depth == 0 {
             self.record_first(&point, hit.t);
         }
@@ -284,7 +389,7 @@ impl Path<'_> {
         self.scatter(&point, &bsdf, region)
     }
 
-    #[inline]
+    #[inline(always)]
     fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
         let ray = Ray::new(self.origin, self.direction);
@@ -305,6 +410,7 @@ impl Path<'_> {
 
     /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
     /// candidates of one ray may be asked in any order and more than once.
+    #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
         is_there(self.integrator.prepared, ray, hit, || {
             let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
@@ -312,7 +418,7 @@ impl Path<'_> {
         })
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_occluded(&mut self, ray: &Ray) -> bool {
         let prepared = self.integrator.prepared;
         if self.integrator.wanted.cost && !prepared.has_opacity() {
@@ -329,6 +435,7 @@ impl Path<'_> {
         }
     }
 
+    #[inline(always)]
     fn add_environment(&mut self) {
         let prepared = self.integrator.prepared;
         let radiance = prepared.lights().environment_radiance(prepared.scene(), self.direction);
@@ -339,6 +446,7 @@ impl Path<'_> {
     }
 
     /// Adds what a surface emits towards the path.
+    #[inline(always)]
     fn add_emission(&mut self, point: &Interaction) {
         let prepared = self.integrator.prepared;
         let scene = &**prepared.scene();
@@ -359,7 +467,7 @@ impl Path<'_> {
 
     /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
     /// found it from the point before.
-    #[inline]
+    #[inline(always)]
     fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
         let Some(pdf) = self.previous.pdf else { return 1.0 };
@@ -373,7 +481,7 @@ impl Path<'_> {
     }
 
     /// Next-event estimation.
-    #[inline]
+    #[inline(always)]
     fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) {
         let settings = self.integrator.settings;
         let prepared = self.integrator.prepared;
@@ -393,7 +501,7 @@ impl Path<'_> {
     }
 
     /// What one of `count` light samples adds if nothing is between.
-    #[inline]
+    #[inline(always)]
     fn light_contribution(
         &self,
         point: &Interaction,
@@ -419,7 +527,7 @@ impl Path<'_> {
     }
 
     /// Chooses where the path goes on. False when it ends here.
-    #[inline]
+    #[inline(always)]
     fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) -> bool {
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         let drawn = match region {
@@ -463,7 +571,7 @@ impl Path<'_> {
 
     /// Russian roulette: a path goes on with the square root of what it still carries as its probability. With that part
     /// itself, error times vertices is up to an eighth larger (`bench/runs/2026-11-21-paths.txt`).
-    #[inline]
+    #[inline(always)]
     fn survives(&mut self, u: f32) -> bool {
         let carried = self.throughput.max_element() * self.roulette_scale;
         if carried <= 0.0 || carried.is_nan() {
@@ -477,6 +585,7 @@ impl Path<'_> {
         u < survival
     }
 
+    #[inline(always)]
     fn record_first(&mut self, point: &Interaction, distance: f32) {
         let values = &mut self.record.values;
         values.alpha = 1.0;
@@ -484,6 +593,7 @@ impl Path<'_> {
         values.normal = point.frame[2].to_array();
     }
 
+    #[inline(always)]
     fn record_albedo(&mut self, albedo: Spectrum) {
         if self.wants_albedo {
             self.record.values.albedo = albedo.to_array();
@@ -491,8 +601,8 @@ impl Path<'_> {
         }
     }
 
-    #[inline]
-    fn finish(mut self) -> PathRecord {
+    #[inline(always)]
+    fn finish(&mut self) -> PathRecord {
         self.record.is_dropped = !self.radiance.is_finite();
         if !self.record.is_dropped {
             self.record.values.radiance = self.radiance.to_array();
@@ -502,7 +612,7 @@ impl Path<'_> {
 }
 
 /// The scattering at a point; `chance` is asked for a number in [0, 1) where surfaces are blended. It is put into `place` if it was not known before.
-#[inline]
+#[inline(always)]
 pub(crate) fn bsdf_at<'a>(
     prepared: &'a PreparedScene,
     point: &Interaction,
@@ -527,14 +637,14 @@ pub(crate) fn bsdf_at<'a>(
 }
 
 /// A surface's point as the lights see it.
-#[inline]
+#[inline(always)]
 fn receiver(prepared: &PreparedScene, point: &Interaction) -> Receiver {
     let n = if prepared.material(point.material).1.transmits { Vec3::ZERO } else { point.frame[2] };
     Receiver { p: point.p_outside, n }
 }
 
 /// The ray that asks whether a light is seen.
-#[inline]
+#[inline(always)]
 fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     let origin = point.ray_origin(light.wi);
     if light.distance.is_infinite() {
@@ -546,7 +656,7 @@ fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
 }
 
 /// Draws a direction by the guide or the BSDF, with the density of both together, and tells that of the BSDF as well.
-#[inline]
+#[inline(always)]
 fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Quad) -> Option<(BsdfSample, f32)> {
     let share = region.share();
     if u[0] < share {
@@ -564,19 +674,20 @@ fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Qua
 }
 
 /// Density of a choice between the guide and the BSDF.
-#[inline]
+#[inline(always)]
 fn mixed(share: f32, guide_pdf: f32, bsdf_pdf: f32) -> f32 {
     share * guide_pdf + (1.0 - share) * bsdf_pdf
 }
 
 /// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
-#[inline]
+#[inline(always)]
 fn power_heuristic(chosen: f32, other: f32) -> f32 {
     // By the ratio, so that squares of large densities do not overflow.
     let ratio = other / chosen;
     1.0 / (1.0 + ratio * ratio)
 }
 
+#[inline(always)]
 fn exp(v: Vec3) -> Vec3 {
     Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
 }

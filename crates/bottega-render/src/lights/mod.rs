@@ -232,7 +232,7 @@ impl Lights {
     }
 
     /// Draws one light and a place on it. `None`: these numbers give no light.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn sample(&self, prepared: &PreparedScene, receiver: &Receiver, u: Quad) -> Option<LightSample> {
         let share = self.far_share(receiver);
         if u[0] < share {
@@ -246,7 +246,7 @@ impl Lights {
     }
 
     /// Draws a place on one light, whose number is taken as given: `pdf` is the density of the place alone.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn sample_place(
         &self,
         prepared: &PreparedScene,
@@ -272,7 +272,7 @@ impl Lights {
     }
 
     /// The probability of asking for light from infinitely far away.
-    #[inline]
+    #[inline(always)]
     fn far_share(&self, receiver: &Receiver) -> f32 {
         if !self.has_far() {
             return 0.0;
@@ -367,7 +367,7 @@ impl Lights {
     }
 
     /// The probability with which [`Self::sample`] draws a light of the tree.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pmf(&self, receiver: &Receiver, light: u32) -> f32 {
         let near = 1.0 - self.far_share(receiver);
         if near > 0.0 { near * self.tree.pmf(receiver, light) } else { 0.0 }
@@ -405,7 +405,7 @@ impl Lights {
 }
 
 impl Parallel {
-    #[inline]
+    #[inline(always)]
     fn importance(&self, receiver: &Receiver) -> f32 {
         if receiver.n == Vec3::ZERO {
             self.illuminance

@@ -27,6 +27,7 @@ impl SphericalRectangle {
     /// `None` where the rectangle is seen edge-on, or so small that single precision fails.
     ///
     /// - `x`, `y`: the sides from `corner`, at a right angle.
+    #[inline(always)]
     pub(super) fn new(corner: Vec3, x: Vec3, y: Vec3, from: Vec3) -> Option<Self> {
         let (width, depth) = (x.length(), y.length());
         let to_corner = corner - from;
@@ -57,11 +58,13 @@ impl SphericalRectangle {
     }
 
     /// Density per solid angle of [`Self::sample`].
+    #[inline(always)]
     pub(super) fn pdf(&self) -> f32 {
         1.0 / self.area
     }
 
     /// Coordinates in [0, 1] along both sides of a place whose direction is uniform over the projection.
+    #[inline(always)]
     pub(super) fn sample(&self, u: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = math::sin_cos(u[0] * self.area + self.far_angles);
         let f = (cos * self.low_normal - self.high_normal) / sin;

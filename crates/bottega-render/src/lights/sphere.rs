@@ -94,7 +94,7 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
 fn sample_cone(cone: &Cone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
     let one_minus_cos = u[0] * cone.one_minus_cos;
     let sine_squared = one_minus_cos * (2.0 - one_minus_cos);
-    let (sin_phi, cos_phi) = math::sin_cos(2.0 * PI * u[1]);
+    let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[1]);
     let (s, t) = orthonormal_basis(cone.axis);
     let sine = sine_squared.sqrt();
     let wi = (s * (sine * cos_phi) + t * (sine * sin_phi) + cone.axis * (1.0 - one_minus_cos)).normalize();

@@ -136,7 +136,7 @@ impl Panel {
     }
 
     /// The triangle and its barycentric coordinates (of the second and third vertex) at a place along the sides.
-    #[inline]
+    #[inline(always)]
     fn triangle_at(&self, s: f32, t: f32) -> (u32, (f32, f32)) {
         let Shape::Rectangle { corner, opposite } = self.shape else { return (self.triangle, (s, t)) };
         let mut weights = [0.0; 3];
@@ -247,7 +247,7 @@ impl SurfaceLight {
     }
 
     /// Corner and sides of the part.
-    #[inline]
+    #[inline(always)]
     fn extent(&self) -> (Vec3, Vec3, Vec3) {
         let (panel, part) = (&self.panel, &self.part);
         if part.size == 1.0 {
@@ -257,7 +257,7 @@ impl SurfaceLight {
     }
 
     /// Where a place in [0, 1]² of the part is along the panel's sides.
-    #[inline]
+    #[inline(always)]
     fn on_panel(&self, [s, t]: [f32; 2]) -> (f32, f32) {
         (self.part.s + s * self.part.size, self.part.t + t * self.part.size)
     }
@@ -313,7 +313,7 @@ impl SurfaceLight {
         sum / (SIDE * SIDE) as f32
     }
 
-    #[inline]
+    #[inline(always)]
     fn strategy(&self, (corner, x, y): (Vec3, Vec3, Vec3), double_area: f32, from: Vec3) -> Strategy {
         // An upper bound of the solid angle, good enough from afar.
         if self.is_rectangle() {
@@ -335,13 +335,13 @@ impl SurfaceLight {
     }
 
     /// The area, from twice that of the triangle between both sides.
-    #[inline]
+    #[inline(always)]
     fn area(&self, double_area: f32) -> f32 {
         if self.is_rectangle() { double_area } else { 0.5 * double_area }
     }
 
     /// Draws a place on the light for the point `from`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, prepared: &PreparedScene, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let (corner, x, y) = self.extent();
         let normal = x.cross(y);
@@ -388,7 +388,7 @@ impl SurfaceLight {
     }
 
     /// Density per solid angle with which [`Self::sample`] draws the place `p` from `from`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> f32 {
         let (corner, x, y) = self.extent();
         let normal = x.cross(y);

@@ -68,7 +68,7 @@ pub(super) trait Importance {
 pub(super) struct Children<'a>(&'a Node);
 
 impl Importance for Receiver {
-    #[inline]
+    #[inline(always)]
     fn of(&self, children: &Children<'_>) -> Lanes {
         let node = children.0;
         // One side of an opaque surface is lit: what is below its horizon counts for nothing.
@@ -150,7 +150,7 @@ pub(crate) struct Segment {
 impl Importance for Segment {
     /// The integral of intensity over squared distance along the segment, as if all light came from the middle and went
     /// everywhere.
-    #[inline]
+    #[inline(always)]
     fn of(&self, children: &Children<'_>) -> Lanes {
         let node = children.0;
         std::array::from_fn(|i| {
@@ -233,13 +233,13 @@ impl LightTree {
     }
 
     /// An estimate of the illuminance that all lights together make, if nothing is between; 0 only where none arrives.
-    #[inline]
+    #[inline(always)]
     pub(super) fn total(&self, receiver: &impl Importance) -> f32 {
         self.nodes.first().map_or(0.0, |root| receiver.of(&Children(root)).iter().sum::<f32>() * self.intensity)
     }
 
     /// A light, by a number in [0, 1), and its probability.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, receiver: &impl Importance, mut u: f32) -> Option<(u32, f32)> {
         if self.light_count <= 1 {
             // One light needs no choice.
@@ -282,7 +282,7 @@ impl LightTree {
     }
 
     /// The probability with which [`Self::sample`] draws a light.
-    #[inline]
+    #[inline(always)]
     pub(super) fn pmf(&self, receiver: &impl Importance, light: u32) -> f32 {
         if self.light_count <= 1 {
             return 1.0;

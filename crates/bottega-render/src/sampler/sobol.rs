@@ -10,7 +10,7 @@ static NIBBLES: [[[u32; 4]; 16]; 8] = nibble_tables();
 
 /// A point of the sequence as four 32-bit fractions; these and its index **with their bits reversed** (the lowest bit of
 /// a fraction is the half).
-#[inline]
+#[inline(always)]
 pub(super) fn reversed_point(reversed_index: u32) -> [u32; 4] {
     let mut point = [0; 4];
     for (group, table) in NIBBLES.iter().enumerate() {

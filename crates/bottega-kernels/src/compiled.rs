@@ -1,0 +1,58 @@
+//! Work that is compiled for each vector unit of the processor, and done by the best that is there.
+#![cfg_attr(target_arch = "x86_64", allow(unsafe_code))]
+
+/// Something to do. Whatever of it is to be compiled for each vector unit must be `#[inline(always)]`, all the way down
+/// from [`Task::run`]; what is not is the same code for all.
+///
+/// Which unit does it changes no bit: nothing is contracted or reordered behind the source's back.
+pub trait Task {
+    /// What comes of it.
+    type Output;
+
+    /// Does it.
+    fn run(self) -> Self::Output;
+}
+
+/// Does a task with the best vector unit of this processor.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn run<T: Task>(task: T) -> T::Output {
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn compiled<T: Task>(task: T) -> T::Output {
+        task.run()
+    }
+    match crate::traverse::avx2::Avx2::detect() {
+        // SAFETY: that there is an `Avx2` proves that the processor has these features.
+        Some(_) => unsafe { compiled(task) },
+        None => task.run(),
+    }
+}
+
+/// Does a task with the best vector unit of this processor.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline]
+pub fn run<T: Task>(task: T) -> T::Output {
+    task.run()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Sum<'a>(&'a [f32]);
+
+    impl Task for Sum<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run(self) -> f32 {
+            self.0.iter().fold(0.0, |sum, x| sum.mul_add(0.9, x * 1.1))
+        }
+    }
+
+    #[test]
+    fn every_unit_gives_the_same_bits() {
+        let numbers: Vec<f32> = (0..100).map(|i| (i as f32).sqrt()).collect();
+        assert_eq!(run(Sum(&numbers)).to_bits(), Sum(&numbers).run().to_bits());
+    }
+}
