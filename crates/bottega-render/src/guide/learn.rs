@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::directions::{Directions, Pyramid, solid_angle};
-use super::tree::{FACES, Guide, Node, Region, Tree};
+use super::tree::{FACES, Guide, Lattice, Node, Region, Tree};
 
 /// Vertices from which one region learns, at most.
 const VERTICES_PER_REGION: usize = 1200;
@@ -77,8 +77,7 @@ struct Grown {
     ranges: Vec<Range<usize>>,
     /// Region by region; within one in the order of the paths.
     places: Vec<Place>,
-    low: Vec3,
-    high: Vec3,
+    lattice: Lattice,
 }
 
 /// Learns from the vertices of paths, each path's in its order.
@@ -118,7 +117,8 @@ impl Grown {
     /// Cuts space until each part has few vertices.
     fn new(places: Vec<Place>) -> Self {
         let (low, high) = bounds(&places);
-        let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, low, high };
+        let lattice = Lattice::new(low, high);
+        let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, lattice };
         if !grown.places.is_empty() {
             let all = 0..grown.places.len();
             grown.push(all.clone());
@@ -147,6 +147,8 @@ impl Grown {
         let (_, &mut median, _) = some.select_nth_unstable_by(middle, f32::total_cmp);
         // Where half of them lie in one plane, it is the others that are cut off.
         let plane = if median > low[axis] { median } else { 0.5 * (low[axis] + high[axis]) };
+        let snapped = self.lattice.nearest(axis, plane);
+        let plane = if snapped > low[axis] && snapped <= high[axis] { snapped } else { plane };
         // The order is kept, so that sums do not depend on how a part was found.
         scratch.clear();
         let mut before = 0;
@@ -189,7 +191,7 @@ impl Grown {
         }
         let mut regions = Vec::new();
         self.fill(0, &samples, &Learnt::nothing(), &mut regions);
-        Tree::new(self.nodes, regions, self.low, self.high)
+        Tree::new(self.lattice, self.nodes, regions)
     }
 
     /// `ranges` are those of the samples by now.

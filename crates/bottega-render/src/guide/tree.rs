@@ -6,8 +6,9 @@ use super::directions::Directions;
 
 /// Ways that a surface may face.
 pub(super) const FACES: usize = 6;
-/// Cells of an [`Entry`] along its longest side, at most.
-const ENTRY_SIDE_MAX: f32 = 32.0;
+/// Cells of a [`Lattice`] along a side, and of all of it, at most.
+const LATTICE_SIDE_MAX: f32 = 64.0;
+const LATTICE_CELLS_MAX: f32 = 32768.0;
 
 /// Which of the six axes a normal is nearest to.
 #[inline(always)]
@@ -64,61 +65,77 @@ impl Node {
     }
 }
 
-/// Where to enter a tree: a grid, each cell of which knows the deepest node that holds all of it.
-#[derive(Clone, Debug, Default)]
-struct Entry {
+/// A grid over bounds, on whose planes trees prefer to be cut.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lattice {
     low: Vec3,
     /// Cells per unit of length.
     scale: Vec3,
     /// Cells along each axis.
     size: [u32; 3],
-    nodes: Vec<u32>,
 }
 
-impl Entry {
-    /// What lies outside the bounds counts to the cell next to it.
-    fn new(nodes: &[Node], low: Vec3, high: Vec3) -> Self {
-        let extent = high - low;
-        let side = (nodes.len() as f32).sqrt().ceil().min(ENTRY_SIDE_MAX);
-        let cell = (extent.max_element() / side).max(f32::MIN_POSITIVE);
-        let size = extent.to_array().map(|extent| (extent / cell).ceil().clamp(1.0, side) as u32);
-        let scale = Vec3::from_array(std::array::from_fn(|axis| size[axis] as f32 / extent[axis].max(f32::MIN_POSITIVE)));
+impl Lattice {
+    pub(super) fn new(low: Vec3, high: Vec3) -> Self {
+        let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
+        let size_of = |cell: f32| extent.to_array().map(|extent| (extent / cell).ceil().clamp(1.0, LATTICE_SIDE_MAX));
+        let mut cell = extent.max_element() / LATTICE_SIDE_MAX;
+        while size_of(cell).iter().product::<f32>() > LATTICE_CELLS_MAX {
+            cell *= 1.25;
+        }
+        let size = size_of(cell);
+        Self { low, scale: Vec3::from_array(size) / extent, size: size.map(|size| size as u32) }
+    }
+
+    fn plane(&self, axis: usize, i: f32) -> f32 {
+        self.low[axis] + i / self.scale[axis]
+    }
+
+    /// The plane of the grid that is nearest to a place.
+    pub(super) fn nearest(&self, axis: usize, place: f32) -> f32 {
+        self.plane(axis, ((place - self.low[axis]) * self.scale[axis]).round())
+    }
+
+    /// The cell of a place; of one outside, that next to it.
+    #[inline(always)]
+    fn cell(&self, p: Vec3) -> usize {
+        let place = (p - self.low) * self.scale;
+        let along = |axis: usize| (place[axis] as u32).min(self.size[axis].wrapping_sub(1));
+        ((along(2) * self.size[1] + along(1)) * self.size[0] + along(0)) as usize
+    }
+
+    /// For each cell the deepest node that holds all of it.
+    fn entries(&self, nodes: &[Node]) -> Vec<Node> {
         let edge = |axis: usize, i: u32| match i {
             0 => f32::NEG_INFINITY,
-            i if i == size[axis] => f32::INFINITY,
-            i => low[axis] + i as f32 / scale[axis],
+            i if i == self.size[axis] => f32::INFINITY,
+            i => self.plane(axis, i as f32),
         };
         let deepest = |cell: [u32; 3]| {
-            let mut at = 0;
-            while let Some((axis, plane, first)) = nodes[at].as_split() {
+            let mut node = nodes[0];
+            while let Some((axis, plane, first)) = node.as_split() {
                 if edge(axis, cell[axis] + 1) <= plane {
-                    at = first;
+                    node = nodes[first];
                 } else if edge(axis, cell[axis]) >= plane {
-                    at = first + 1;
+                    node = nodes[first + 1];
                 } else {
                     break;
                 }
             }
-            at as u32
+            node
         };
-        let count = size[0] * size[1] * size[2];
-        let cell = |i: u32| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
-        Self { low, scale, size, nodes: (0..count).map(|i| deepest(cell(i))).collect() }
-    }
-
-    #[inline(always)]
-    fn at(&self, p: Vec3) -> Option<usize> {
-        let place = (p - self.low) * self.scale;
-        let along = |axis: usize| (place[axis] as u32).min(self.size[axis].wrapping_sub(1));
-        let cell = (along(2) * self.size[1] + along(1)) * self.size[0] + along(0);
-        self.nodes.get(cell as usize).map(|&node| node as usize)
+        let [columns, rows, layers] = self.size;
+        let cell = |i: u32| [i % columns, i / columns % rows, i / (columns * rows)];
+        (0..columns * rows * layers).map(|i| deepest(cell(i))).collect()
     }
 }
 
 /// All surfaces that face one way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    entry: Entry,
+    lattice: Lattice,
+    /// Where to enter, by the cell of the lattice.
+    entries: Vec<Node>,
     nodes: Vec<Node>,
     regions: Vec<Region>,
 }
@@ -153,9 +170,8 @@ impl Region {
 
 impl Tree {
     /// - `nodes`: the root first.
-    /// - `low`, `high`: bounds of the places that it knows of.
-    pub(super) fn new(nodes: Vec<Node>, regions: Vec<Region>, low: Vec3, high: Vec3) -> Self {
-        Self { entry: Entry::new(&nodes, low, high), nodes, regions }
+    pub(super) fn new(lattice: Lattice, nodes: Vec<Node>, regions: Vec<Region>) -> Self {
+        Self { lattice, entries: lattice.entries(&nodes), nodes, regions }
     }
 }
 
@@ -171,7 +187,7 @@ impl Guide {
     #[inline(always)]
     pub(crate) fn at(&self, p: Vec3, normal: Vec3) -> Option<&Region> {
         let tree = &self.trees[face_of(normal)];
-        let mut node = *tree.nodes.get(tree.entry.at(p)?)?;
+        let mut node = *tree.entries.get(tree.lattice.cell(p))?;
         while let Some((axis, plane, first)) = node.as_split() {
             node = *tree.nodes.get(first + usize::from(p[axis] >= plane))?;
         }
@@ -181,7 +197,7 @@ impl Guide {
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
         let of_tree = |tree: &Tree| {
-            size_of_val(&*tree.entry.nodes) + size_of_val(&*tree.nodes) + size_of_val(&*tree.regions)
+            size_of_val(&*tree.entries) + size_of_val(&*tree.nodes) + size_of_val(&*tree.regions)
         };
         self.trees.iter().map(of_tree).sum()
     }
