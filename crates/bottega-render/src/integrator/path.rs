@@ -376,6 +376,8 @@ impl Path<'_> {
             return false;
         }
         let bsdf = bsdf.at(wo);
+        let [u_light, u_scattering] =
+            self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
         let mut region = None;
         if !is_delta_only {
             if !known.transmits {
@@ -384,9 +386,9 @@ impl Path<'_> {
             if let Some(trail) = &mut self.trail {
                 trail.come(point.p, point.frame[2], self.throughput, self.radiance);
             }
-            self.add_direct_light(&point, &bsdf, region);
+            self.add_direct_light(&point, &bsdf, region, u_light);
         }
-        self.scatter(&point, &bsdf, region)
+        self.scatter(&point, &bsdf, region, u_scattering)
     }
 
     #[inline(always)]
@@ -480,9 +482,9 @@ impl Path<'_> {
         }
     }
 
-    /// Next-event estimation.
+    /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
     #[inline(always)]
-    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) {
+    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>, first: Quad) {
         let settings = self.integrator.settings;
         let prepared = self.integrator.prepared;
         if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
@@ -491,7 +493,8 @@ impl Path<'_> {
         let count = settings.light_samples.max(1);
         let receiver = receiver(prepared, point);
         for part in 0..count {
-            let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+            let set = DimensionSet::light(self.depth);
+            let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
             let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
             let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
             if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
@@ -528,8 +531,7 @@ impl Path<'_> {
 
     /// Chooses where the path goes on. False when it ends here.
     #[inline(always)]
-    fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>) -> bool {
-        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+    fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>, u: Quad) -> bool {
         let drawn = match region {
             Some(region) => guided_sample(point, bsdf, region, u),
             None => bsdf.sample(u[0], [u[1], u[2]]).map(|sample| (sample, sample.pdf)),
