@@ -20,9 +20,11 @@ mod arena;
 mod build;
 pub mod compiled;
 mod instance;
+mod memory;
 mod ray;
 mod traverse;
 mod tree;
 
 pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+pub use memory::prefetch;
 pub use ray::{Aabb, Hit, Ray};

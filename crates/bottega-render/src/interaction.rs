@@ -1,6 +1,6 @@
 //! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
 
-use bottega_kernels::{Hit, Ray, math};
+use bottega_kernels::{Hit, Ray, math, prefetch};
 use bottega_scene::{Material, Mesh, Relief, ScalarParam, Scene, Spectrum, Sphere, Surface, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
@@ -265,6 +265,28 @@ impl Interaction {
     pub(crate) fn ray_origin(&self, wi: Vec3) -> Vec3 {
         let p = if self.is_reflection(wi) { self.p_outside } else { self.p };
         p + self.ng * self.clearance.copysign(wi.dot(self.ng))
+    }
+}
+
+/// Asks memory for the triangle that was hit.
+#[inline(always)]
+pub(crate) fn request_triangle(prepared: &PreparedScene, hit: &Hit) {
+    if !hit.is_none() && hit.sphere().is_none() {
+        prefetch(&prepared.mesh(hit.instance).triangles, hit.primitive as usize);
+    }
+}
+
+/// Asks memory for the vertices of the triangle that was hit.
+#[inline(always)]
+pub(crate) fn request_vertices(prepared: &PreparedScene, hit: &Hit) {
+    if hit.is_none() || hit.sphere().is_some() {
+        return;
+    }
+    let mesh = prepared.mesh(hit.instance);
+    for vertex in mesh.triangles[hit.primitive as usize] {
+        prefetch(&mesh.positions, vertex as usize);
+        prefetch(&mesh.normals, vertex as usize);
+        prefetch(&mesh.uvs[0], vertex as usize);
     }
 }
 

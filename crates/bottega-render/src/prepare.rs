@@ -7,7 +7,7 @@ use std::sync::{
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{AlphaMode, Material, MediumId, Scene, Spectrum, Surface};
+use bottega_scene::{AlphaMode, Material, Mesh, MediumId, Scene, Spectrum, Surface};
 use glam::{Affine3A, Mat3};
 
 use crate::{
@@ -202,6 +202,11 @@ impl PreparedScene {
     #[inline(always)]
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
         &self.instances[index as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn mesh(&self, instance: u32) -> &Mesh {
+        &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
     }
 
     #[inline(always)]

@@ -44,8 +44,6 @@ const LEARNING_DEPTH: u32 = 24;
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
 const GUIDED_PIXELS_MIN: u64 = 128 * 128;
-/// Paths that are followed in turn.
-const LANES: usize = 8;
 /// Growth of the beam after a scattering that spreads over one steradian.
 pub(super) const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -64,6 +62,15 @@ pub(crate) struct PathRecord {
     pub(crate) vertex_count: u32,
     /// Whether its radiance was not finite, and counts as 0.
     pub(crate) is_dropped: bool,
+}
+
+impl PathRecord {
+    /// With `factor` times the radiance.
+    #[inline(always)]
+    pub(super) fn scaled(mut self, factor: f32) -> Self {
+        self.values.radiance = self.values.radiance.map(|value| value * factor);
+        self
+    }
 }
 
 /// Paints samples of one picture. Cheap to make: one for each block of work.
@@ -162,61 +169,23 @@ impl<'a> PathIntegrator<'a> {
     pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
         let (ray, factor) = self.camera_ray(&sampler, x, y);
-        let mut record = if self.prepared.needs_volume() {
+        let record = if self.prepared.needs_volume() {
             volume::trace(self, sampler, &ray)
         } else {
-            self.follow(sampler, &ray, self.guide.as_deref(), None)
+            self.follow(sampler, &ray, self.guide(), None)
         };
-        record.values.radiance = record.values.radiance.map(|value| value * factor);
-        record
+        record.scaled(factor)
     }
 
-    /// The paths of several samples, each a pixel and an index, in their order. They go on in turn: what one waits for of
-    /// memory is under way while the others are worked on.
+    /// Whether paths are not worth following in turn.
     #[inline(always)]
-    pub(crate) fn trace_all(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
-        records.clear();
-        if self.prepared.needs_volume() || self.wanted.cost {
-            records.extend(samples.iter().map(|&(x, y, sample)| self.trace(x, y, sample)));
-            return;
-        }
-        records.resize(samples.len(), PathRecord::default());
-        let start = |&(x, y, sample): &(u32, u32, u32)| {
-            let sampler = PixelSampler::new(self.settings.seed, x, y, sample);
-            let (ray, factor) = self.camera_ray(&sampler, x, y);
-            (self.begin(sampler, &ray, self.guide.as_deref(), None), factor)
-        };
-        let mut next = 0;
-        let mut paths: Vec<(Path<'_>, f32, usize, Hit)> = Vec::with_capacity(LANES);
-        while paths.len() < LANES && next < samples.len() {
-            let (path, factor) = start(&samples[next]);
-            paths.push((path, factor, next, Hit::NONE));
-            next += 1;
-        }
-        while !paths.is_empty() {
-            for (path, _, _, hit) in &mut paths {
-                *hit = path.intersect();
-            }
-            let mut lane = 0;
-            while lane < paths.len() {
-                let (path, factor, index, hit) = &mut paths[lane];
-                if path.meet(hit) {
-                    lane += 1;
-                    continue;
-                }
-                let mut record = path.finish();
-                record.values.radiance = record.values.radiance.map(|value| value * *factor);
-                records[*index] = record;
-                if next < samples.len() {
-                    let (path, factor) = start(&samples[next]);
-                    paths[lane] = (path, factor, next, Hit::NONE);
-                    paths[lane].3 = paths[lane].0.intersect();
-                    next += 1;
-                } else {
-                    paths.swap_remove(lane);
-                }
-            }
-        }
+    pub(super) fn goes_alone(&self) -> bool {
+        self.prepared.needs_volume()
+    }
+
+    #[inline(always)]
+    pub(super) fn guide(&self) -> Option<&Guide> {
+        self.guide.as_deref()
     }
 
     #[inline(always)]
@@ -237,7 +206,7 @@ impl<'a> PathIntegrator<'a> {
     }
 
     #[inline(always)]
-    fn begin<'b>(
+    pub(super) fn begin<'b>(
         &'b self,
         sampler: PixelSampler,
         ray: &CameraRay,
@@ -261,24 +230,6 @@ impl<'a> PathIntegrator<'a> {
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
         }
-    }
-}
-
-/// Samples to paint.
-pub(crate) struct Painting<'a> {
-    pub(crate) integrator: &'a PathIntegrator<'a>,
-    /// Pixels, each with the index of a sample.
-    pub(crate) samples: &'a [(u32, u32, u32)],
-    /// What comes of them, in their order.
-    pub(crate) records: &'a mut Vec<PathRecord>,
-}
-
-impl Task for Painting<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        self.integrator.trace_all(self.samples, self.records);
     }
 }
 
@@ -310,7 +261,7 @@ struct Previous {
 }
 
 /// A path under way.
-struct Path<'a> {
+pub(super) struct Path<'a> {
     integrator: &'a PathIntegrator<'a>,
     sampler: PixelSampler,
     guide: Option<&'a Guide>,
@@ -335,7 +286,7 @@ struct Path<'a> {
 impl Path<'_> {
     /// Comes to the next surface and scatters there. False when the path is at its end.
     #[inline(always)]
-    fn meet(&mut self, hit: &Hit) -> bool {
+    pub(super) fn meet(&mut self, hit: &Hit) -> bool {
         let prepared = self.integrator.prepared;
         if hit.is_none() {
             self.add_environment();
@@ -392,7 +343,7 @@ impl Path<'_> {
     }
 
     #[inline(always)]
-    fn intersect(&mut self) -> Hit {
+    pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
         let ray = Ray::new(self.origin, self.direction);
         if self.integrator.wanted.cost {
@@ -604,7 +555,7 @@ impl Path<'_> {
     }
 
     #[inline(always)]
-    fn finish(&mut self) -> PathRecord {
+    pub(super) fn finish(&mut self) -> PathRecord {
         self.record.is_dropped = !self.radiance.is_finite();
         if !self.record.is_dropped {
             self.record.values.radiance = self.radiance.to_array();

@@ -1,0 +1,15 @@
+//! Asking for memory before it is needed.
+#![cfg_attr(target_arch = "x86_64", allow(unsafe_code))]
+
+/// Begins to fetch an element into the processor's caches, if it is there. Waits for nothing and changes nothing.
+#[inline(always)]
+pub fn prefetch<T>(slice: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(element) = slice.get(index) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: prefetching reads nothing, and every x86-64 processor can.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(element).cast()) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (slice, index);
+}

@@ -1,0 +1,73 @@
+//! Paths of several samples, followed in turn: what one waits for of memory is under way while others are worked on.
+
+use bottega_kernels::{Hit, compiled::Task};
+
+use super::path::{Path, PathIntegrator, PathRecord};
+use crate::{interaction, sampler::PixelSampler};
+
+/// Paths under way at a time.
+const LANES: usize = 8;
+
+/// Samples to paint.
+pub(crate) struct Painting<'a> {
+    pub(crate) integrator: &'a PathIntegrator<'a>,
+    /// Pixels, each with the index of a sample.
+    pub(crate) samples: &'a [(u32, u32, u32)],
+    /// What comes of them, in their order.
+    pub(crate) records: &'a mut Vec<PathRecord>,
+}
+
+/// A path under way.
+struct Lane<'a> {
+    path: Path<'a>,
+    /// Which of the samples it is, and the factor with which it counts.
+    sample: usize,
+    factor: f32,
+    hit: Hit,
+}
+
+impl Task for Painting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { integrator, samples, records } = self;
+        records.clear();
+        if integrator.goes_alone() {
+            records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace(x, y, sample)));
+            return;
+        }
+        records.resize(samples.len(), PathRecord::default());
+        let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
+            let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
+            let (ray, factor) = integrator.camera_ray(&sampler, x, y);
+            Lane { path: integrator.begin(sampler, &ray, integrator.guide(), None), sample, factor, hit: Hit::NONE }
+        });
+        let mut lanes: Vec<Lane<'_>> = Vec::with_capacity(LANES);
+        lanes.extend(waiting.by_ref().take(LANES));
+        while !lanes.is_empty() {
+            for lane in &mut lanes {
+                lane.hit = lane.path.intersect();
+                interaction::request_triangle(integrator.prepared(), &lane.hit);
+            }
+            for lane in &lanes {
+                interaction::request_vertices(integrator.prepared(), &lane.hit);
+            }
+            let mut i = 0;
+            while i < lanes.len() {
+                let lane = &mut lanes[i];
+                if lane.path.meet(&lane.hit) {
+                    i += 1;
+                    continue;
+                }
+                records[lane.sample] = lane.path.finish().scaled(lane.factor);
+                if let Some(next) = waiting.next() {
+                    *lane = next;
+                    i += 1;
+                } else {
+                    lanes.swap_remove(i);
+                }
+            }
+        }
+    }
+}
