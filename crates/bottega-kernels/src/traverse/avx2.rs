@@ -62,6 +62,11 @@ impl Lanes for Avx2 {
         unsafe { _mm256_set1_ps(x) }
     }
     #[inline(always)]
+    fn splat_at(self, x: &f32) -> __m256 {
+        // SAFETY: reads the four bytes of `x`.
+        unsafe { _mm256_broadcast_ss(x) }
+    }
+    #[inline(always)]
     fn load(self, x: &[f32; WIDTH]) -> __m256 {
         // SAFETY: reads the 32 bytes of `x`; unaligned loads are allowed.
         unsafe { _mm256_loadu_ps(x.as_ptr()) }

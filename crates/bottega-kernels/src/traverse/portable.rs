@@ -36,6 +36,10 @@ impl Lanes for Portable {
         [x; WIDTH]
     }
     #[inline(always)]
+    fn splat_at(self, x: &f32) -> F {
+        [*x; WIDTH]
+    }
+    #[inline(always)]
     fn load(self, x: &F) -> F {
         *x
     }
