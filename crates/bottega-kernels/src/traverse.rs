@@ -35,6 +35,8 @@ pub(crate) trait Query {
     const ANY: bool;
     /// Candidates must be shown to [`Query::accept`].
     const FILTERED: bool;
+    /// Nothing depends on which hit it is, nor on where.
+    const BLIND: bool = Self::ANY && !Self::FILTERED;
     fn accept(&self, _candidate: &Hit) -> bool {
         true
     }
@@ -163,33 +165,12 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray
     if !found {
         return Hit::NONE;
     }
-    if Q::ANY && !Q::FILTERED {
+    if Q::BLIND {
         return Hit { instance: 0, ..Hit::NONE };
     }
     let (instance, primitive) = key(tree, best.space, best.id);
     let (u, v) = best.barycentric();
     Hit { t: best.t, u, v, instance, primitive }
-}
-
-/// Where nodes and blocks begin, to ask for one before it is visited.
-struct Ahead([*const u8; 2]);
-
-impl Ahead {
-    #[inline(always)]
-    fn new(tree: &Tree) -> Self {
-        // A table in memory by intent: a choice between two registers would become a branch, which could not be predicted.
-        Self(std::hint::black_box([tree.nodes.as_ptr().cast(), tree.blocks.as_ptr().cast()]))
-    }
-
-    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
-    /// subtree that a closer hit makes needless).
-    #[inline(always)]
-    fn fetch<S: Lanes>(&self, s: S, child: Child) {
-        const NODE: usize = size_of::<Node>();
-        const MORE: usize = size_of::<TriangleBlock>() - NODE;
-        let (index, kind) = (child.index(), (child.0 >> 31) as usize);
-        s.prefetch::<5>(self.0[kind].wrapping_add(index * NODE + ((index * MORE) & kind.wrapping_neg())));
-    }
 }
 
 /// What stays the same while one tree is walked.
@@ -209,7 +190,6 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
         let s = self.s;
         let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
-        let ahead = Ahead::new(self.tree);
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
         let mut found = false;
@@ -218,11 +198,11 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         loop {
             if current.is_node() {
                 query.visit();
-                let node = &self.tree.nodes[current.index()];
+                let node = self.tree.node(current);
                 // Wanted once the boxes are decided; by itself it would only now be asked for.
                 s.prefetch::<1>((&raw const node.children).cast());
                 let (near, miss) = wide.boxes(s, &node.planes, limit);
-                if let Some(next) = self.choose(node, near, miss, wide.octant, &ahead, &mut stack) {
+                if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
                     (current, entry) = next;
                     continue;
                 }
@@ -232,7 +212,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                         break;
                     }
                     query.visit();
-                    self.triangles(current.index(), entry, &wide, limit, query, best)
+                    self.triangles(current, entry, &wide, limit, query, best)
                 } else if current == Child::EMPTY {
                     break;
                 } else {
@@ -249,7 +229,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             }
             loop {
                 (current, entry) = stack.pop();
-                if entry <= best.t {
+                if Q::BLIND || entry <= best.t {
                     break;
                 }
             }
@@ -257,15 +237,22 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         found
     }
 
+    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
+    /// subtree that a closer hit makes needless).
+    #[inline(always)]
+    fn fetch(&self, child: Child) {
+        let lines = self.tree.arena.as_ptr();
+        self.s.prefetch::<{ TriangleBlock::LINES }>(lines.wrapping_add(child.index()).cast());
+    }
+
     /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
     #[inline(always)]
-    fn choose(
+    fn choose<Q: Query>(
         &self,
         node: &Node,
         near: S::F,
         miss: S::Mask,
         octant: usize,
-        ahead: &Ahead,
         stack: &mut Stack<'_>,
     ) -> Option<(Child, f32)> {
         let s = self.s;
@@ -275,6 +262,13 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         }
         let first = hits.trailing_zeros() as usize & 7;
         let others = hits & (hits - 1);
+        if Q::BLIND {
+            if others != 0 {
+                s.push_slots(stack, &node.children, others);
+                self.fetch(stack.top());
+            }
+            return Some((node.children[first], 0.0));
+        }
         let nears = s.store(near);
         if others == 0 {
             return Some((node.children[first], nears[first]));
@@ -285,11 +279,11 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             let turn = (first ^ second) & ((nears[second] < nears[first]) as usize).wrapping_neg();
             let (next, later) = ((first ^ turn) & 7, (second ^ turn) & 7);
             stack.push(node.children[later], nears[later]);
-            ahead.fetch(s, node.children[later]);
+            self.fetch(node.children[later]);
             return Some((node.children[next], nears[next]));
         }
         let nearest = s.push_ordered(stack, &node.children, near, miss, node.order[octant]) & 7;
-        ahead.fetch(s, stack.top());
+        self.fetch(stack.top());
         Some((node.children[nearest], nears[nearest]))
     }
 
@@ -297,7 +291,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn triangles<Q: Query>(
         &self,
-        index: usize,
+        leaf: Child,
         entry: f32,
         wide: &Wide<S, ROBUST>,
         limit: S::F,
@@ -305,9 +299,9 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         best: &mut Best,
     ) -> bool {
         let s = self.s;
-        let Some(block) = self.tree.blocks.get(index) else { return false };
+        let block = self.tree.block(leaf);
         let Some(Struck { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
-        if Q::ANY && !Q::FILTERED {
+        if Q::BLIND {
             return true;
         }
         let (ts, us, vs, dets) = (s.store(t), s.store(u), s.store(v), s.store(det));

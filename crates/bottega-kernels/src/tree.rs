@@ -1,8 +1,8 @@
 //! The 8-wide tree as it lies in memory.
 
-use crate::arena::Arena;
+use crate::arena::{Arena, lines_of};
 use crate::{Aabb, Precision};
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 
 /// Children of a node, and triangles of a leaf block.
 pub(crate) const WIDTH: usize = 8;
@@ -10,8 +10,9 @@ pub(crate) const WIDTH: usize = 8;
 /// No path from the root is longer than this; the builder keeps to it (see `build::bins`), so stacks have a fixed size.
 pub(crate) const MAX_DEPTH: usize = 71;
 
-/// A reference to what lies below a node: two bits of kind, thirty of index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
+/// A reference to what lies below a node: two bits of kind, thirty of index. Nodes and blocks of triangles are counted by the
+/// cache line with which they begin, spheres and instances one by one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -56,7 +57,7 @@ impl Child {
 
 /// Eight boxes, what is in them, and in which order to visit them: 256 bytes, four cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct Node {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inside out: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
@@ -67,6 +68,8 @@ pub(crate) struct Node {
 }
 
 impl Node {
+    /// Cache lines.
+    pub(crate) const LINES: usize = lines_of::<Self>();
     pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { planes: [low, high, low, high, low, high], children: [Child::EMPTY; WIDTH], order: [0o76543210; 8] }
@@ -99,7 +102,7 @@ impl Node {
 
 /// Up to eight triangles, one a lane: 320 bytes, five cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct TriangleBlock {
     /// `[vertex][axis][lane]`. In the fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused lanes hold
     /// NaN, which nothing hits.
@@ -109,6 +112,8 @@ pub(crate) struct TriangleBlock {
 }
 
 impl TriangleBlock {
+    /// Cache lines.
+    pub(crate) const LINES: usize = lines_of::<Self>();
     /// Puts a triangle's corners into a lane.
     pub(crate) fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], precision: Precision) {
         for axis in 0..3 {
@@ -142,11 +147,11 @@ pub(crate) struct Placed {
     pub(crate) instance: u32,
 }
 
-/// All trees of a scene in common arenas.
+/// All trees of a scene.
 #[derive(Debug)]
 pub(crate) struct Tree {
-    pub(crate) nodes: Arena<Node>,
-    pub(crate) blocks: Arena<TriangleBlock>,
+    /// Nodes and blocks of all trees.
+    pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
     pub(crate) placed: Vec<Placed>,
     /// The top-level tree.
@@ -156,9 +161,18 @@ pub(crate) struct Tree {
 }
 
 impl Tree {
+    #[inline(always)]
+    pub(crate) fn node(&self, child: Child) -> &Node {
+        self.arena.at(child.index())
+    }
+
+    #[inline(always)]
+    pub(crate) fn block(&self, child: Child) -> &TriangleBlock {
+        self.arena.at(child.index())
+    }
+
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.nodes.bytes()
-            + self.blocks.bytes()
+        self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()
             + self.placed.capacity() * size_of::<Placed>()
             + self.flat.capacity() * size_of::<(u32, u32)>()

@@ -188,6 +188,19 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32) {
+        let (near_out, child_out) = stack.room();
+        // SAFETY: as in `push_ordered`. Where a child is entered is not looked at, but counts as written.
+        unsafe {
+            let row = _mm_loadl_epi64(COMPRESS[slots as usize & 255].as_ptr().cast());
+            let child = _mm256_loadu_si256(children.as_ptr().cast());
+            let child = _mm256_permutevar8x32_epi32(child, _mm256_cvtepu8_epi32(row));
+            _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_setzero_ps());
+            _mm256_storeu_si256(child_out.as_mut_ptr().cast(), child);
+            stack.grow(slots.count_ones() as usize & 7);
+        }
+    }
+    #[inline(always)]
     fn apart<J: Job>(self, job: J) -> J::Output {
         #[inline(never)]
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]

@@ -64,6 +64,8 @@ pub(crate) trait Lanes: Copy {
         miss: Self::Mask,
         order: u32,
     ) -> usize;
+    /// Pushes the children in `slots` (a bit each, at most seven), without where they are entered.
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32);
     /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
     fn apart<J: Job>(self, job: J) -> J::Output;
 }

@@ -131,6 +131,12 @@ impl Lanes for Portable {
         nearest
     }
     #[inline(always)]
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32) {
+        for slot in (0..WIDTH).filter(|slot| slots >> slot & 1 == 1) {
+            stack.push(children[slot], 0.0);
+        }
+    }
+    #[inline(always)]
     fn apart<J: Job>(self, job: J) -> J::Output {
         job.run()
     }
