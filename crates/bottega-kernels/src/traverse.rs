@@ -263,11 +263,16 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         let first = hits.trailing_zeros() as usize & 7;
         let others = hits & (hits - 1);
         if Q::BLIND {
+            // By the slots' numbers, which is nearly from near to far in one direction or the other.
+            let backwards = (node.order[octant] as i32 >> 31) as usize;
+            let last = hits.ilog2() as usize & 7;
+            // No branch here: which is nearer cannot be predicted.
+            let next = first ^ ((first ^ last) & backwards);
             if others != 0 {
-                s.push_slots(stack, &node.children, others);
+                s.push_slots(stack, &node.children, hits ^ 1 << next, backwards & 1);
                 self.fetch(stack.top());
             }
-            return Some((node.children[first], 0.0));
+            return Some((node.children[next], 0.0));
         }
         let nears = s.store(near);
         if others == 0 {

@@ -63,7 +63,8 @@ pub(crate) struct Node {
     pub(crate) planes: [[f32; WIDTH]; 6],
     pub(crate) children: [Child; WIDTH],
     /// For each octant of directions (bit `axis` set: negative) the slots from far to near, three bits each, the
-    /// farthest lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units").
+    /// farthest lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
+    /// where slots come from far to near by their number rather than from near to far.
     pub(crate) order: [u32; 8],
 }
 
@@ -86,18 +87,49 @@ impl Node {
 
     /// Computes [`Self::order`] from the centers of the first `count` slots; call when all are set.
     pub(crate) fn sort_octants(&mut self, count: usize) {
+        let centers: [[f32; WIDTH]; 3] = std::array::from_fn(|axis| {
+            std::array::from_fn(|slot| self.planes[2 * axis][slot] + self.planes[2 * axis + 1][slot])
+        });
+        let (axis, falling) = slot_axis(&centers, count);
+        // What is far in one octant is near in the opposite one.
+        for octant in 0..4 {
+            let mut keys: [(i64, usize); WIDTH] = std::array::from_fn(|slot| {
+                let sum = (0..3).fold(0.0, |sum, axis| {
+                    if octant >> axis & 1 == 1 { sum - centers[axis][slot] } else { sum + centers[axis][slot] }
+                });
+                (if slot < count { -total_order(sum) } else { i64::MAX }, slot)
+            });
+            keys[..count].sort_unstable();
+            let pack = |packed: u32, slot: usize| packed << 3 | slot as u32;
+            let empty = (count..WIDTH).rev().fold(0, pack);
+            self.order[octant] = keys[..count].iter().rev().fold(empty, |packed, key| pack(packed, key.1));
+            self.order[octant ^ 7] = keys[..count].iter().fold(empty, |packed, key| pack(packed, key.1));
+        }
         for (octant, order) in self.order.iter_mut().enumerate() {
-            let mut slots: [usize; WIDTH] = std::array::from_fn(|i| i);
-            let key = |slot: usize| {
-                (0..3).fold(0.0, |sum, axis| {
-                    let center = self.planes[2 * axis][slot] + self.planes[2 * axis + 1][slot];
-                    if octant >> axis & 1 == 1 { sum - center } else { sum + center }
-                })
-            };
-            slots[..count].sort_by(|&a, &b| key(b).total_cmp(&key(a)).then(a.cmp(&b)));
-            *order = slots.iter().rev().fold(0, |packed, &slot| packed << 3 | slot as u32);
+            *order |= u32::from((octant >> axis & 1 == 1) != falling) << 31;
         }
     }
+}
+
+/// The axis along which the slots come one after the other, as well as they do, and whether downwards.
+fn slot_axis(centers: &[[f32; WIDTH]; 3], count: usize) -> (usize, bool) {
+    let trend = centers.map(|axis| {
+        let middle = axis[..count].iter().sum::<f32>() / count as f32;
+        axis[..count]
+            .iter()
+            .zip(0..)
+            .map(|(x, slot): (&f32, i32)| (x - middle) * (2 * slot + 1 - count as i32) as f32)
+            .sum::<f32>()
+    });
+    let steeper = |a: usize, b: usize| if trend[b].abs() > trend[a].abs() { b } else { a };
+    let axis = steeper(steeper(0, 1), 2);
+    (axis, trend[axis] < 0.0)
+}
+
+/// A number with the order of `f32::total_cmp`.
+fn total_order(x: f32) -> i64 {
+    let bits = x.to_bits() as i32;
+    i64::from(bits ^ (bits >> 31) & i32::MAX)
 }
 
 /// Up to eight triangles, one a lane: 320 bytes, five cache lines.
@@ -217,5 +249,7 @@ mod tests {
             let seen = (0..8).fold(0u32, |seen, i| seen | 1 << (order >> (3 * i) & 7));
             assert_eq!(seen, 0xff, "a permutation");
         }
+        let backwards = [false, true, false, true, false, true, false, true];
+        assert_eq!(node.order.map(|order| order >> 31 == 1), backwards, "by the sign along x");
     }
 }

@@ -83,15 +83,18 @@ pub(super) fn nodes<'a>(
         let mut out = [0; WIDTH];
         let count = children(binary, choices, outline.binary as usize, &mut out);
         let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
-        for (slot, &child) in out[..count].iter().enumerate() {
-            let reference = if choices[child].is_leaf() {
+        let mut references = [Child::EMPTY; WIDTH];
+        for (reference, &child) in references.iter_mut().zip(&out[..count]) {
+            *reference = if choices[child].is_leaf() {
                 next_leaf += 1;
                 leaf(leaf_base + (next_leaf - 1) * leaf_lines, &binary[child])
             } else {
                 next_node += 1;
                 Child::node(base + (next_node - 1) * Node::LINES)
             };
-            node.set(slot, &binary[child].bounds, reference);
+        }
+        for (slot, place) in along_longest_axis(binary, &out[..count]).into_iter().enumerate().take(count) {
+            node.set(slot, &binary[out[place]].bounds, references[place]);
         }
         node.sort_octants(count);
     };
@@ -103,6 +106,17 @@ pub(super) fn nodes<'a>(
     let root = if plan.nodes.is_empty() { leaf(leaf_base, top) } else { Child::node(base) };
     let leaves = plan.leaves.iter().map(|&i| (binary[i as usize].first, binary[i as usize].count)).collect();
     Ok(Emitted { root, bounds: top.bounds, leaves, lines })
+}
+
+/// The places of boxes in the order of their centers along the axis on which these lie farthest apart.
+fn along_longest_axis(binary: &[Binary], boxes: &[usize]) -> [usize; WIDTH] {
+    let center = |place: usize| binary[boxes[place]].bounds.min + binary[boxes[place]].bounds.max;
+    let all = (0..boxes.len()).fold(Aabb::EMPTY, |all, place| all.with(center(place)));
+    let size = all.max - all.min;
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+    let mut places: [usize; WIDTH] = std::array::from_fn(|place| place);
+    places[..boxes.len()].sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]));
+    places
 }
 
 /// Writes the leaf blocks of a tree of triangles.

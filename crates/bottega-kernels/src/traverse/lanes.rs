@@ -64,8 +64,9 @@ pub(crate) trait Lanes: Copy {
         miss: Self::Mask,
         order: u32,
     ) -> usize;
-    /// Pushes the children in `slots` (a bit each, at most seven), without where they are entered.
-    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32);
+    /// Pushes the children in `slots` (a bit each, at most seven), without where they are entered: the lowest slot last where
+    /// `highest_last` is 0, the highest where it is 1.
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize);
     /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
     fn apart<J: Job>(self, job: J) -> J::Output;
 }

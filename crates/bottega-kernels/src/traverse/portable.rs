@@ -131,9 +131,11 @@ impl Lanes for Portable {
         nearest
     }
     #[inline(always)]
-    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32) {
-        for slot in (0..WIDTH).filter(|slot| slots >> slot & 1 == 1) {
-            stack.push(children[slot], 0.0);
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize) {
+        for slot in (0..WIDTH).map(|i| if highest_last == 1 { i } else { WIDTH - 1 - i }) {
+            if slots >> slot & 1 == 1 {
+                stack.push(children[slot], 0.0);
+            }
         }
     }
     #[inline(always)]
