@@ -22,7 +22,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter.
-const BINARY_LEAF: usize = 4;
+const BINARY_LEAF: usize = 6;
 
 /// At most one triangle in so many is cut in two before the build: see [`presplit`].
 const SPLIT_BUDGET: usize = 4;
