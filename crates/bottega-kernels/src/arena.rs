@@ -1,31 +1,43 @@
-//! Memory for the tree: aligned to cache lines, and in huge pages where it is large and the system has them.
+//! Memory for the tree: cache lines, and huge pages where it is large and the system has them.
 //!
 //! A ray jumps through a tree far larger than what the processor's table of pages covers. With pages of 2 MiB in place of
 //! 4 KiB it does, and a step costs one miss in place of two or three.
 #![allow(unsafe_code)]
 
-use bytemuck::Zeroable;
-use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
+use bytemuck::{Pod, Zeroable};
+use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
 
+/// A cache line.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Line([u32; 16]);
+
+const LINE: usize = size_of::<Line>();
 /// What a huge page is on x86-64, and one of the sizes on others.
 const HUGE: usize = 2 << 20;
-const LINE: usize = 64;
+/// From here on half a huge page wasted is worth what it saves.
+const LARGE: usize = HUGE / 2;
 
-/// A growing array of plain values.
-pub(crate) struct Arena<T> {
-    memory: NonNull<T>,
+/// Lines that a value takes.
+pub(crate) const fn lines_of<T>() -> usize {
+    size_of::<T>().div_ceil(LINE)
+}
+
+/// A growing array of cache lines, in which values of several types lie.
+pub(crate) struct Arena {
+    memory: NonNull<Line>,
     len: usize,
     capacity: usize,
 }
 
 // SAFETY: it owns its values as a `Vec` does.
-unsafe impl<T: Send> Send for Arena<T> {}
+unsafe impl Send for Arena {}
 // SAFETY: as above.
-unsafe impl<T: Sync> Sync for Arena<T> {}
+unsafe impl Sync for Arena {}
 
-impl<T> Arena<T> {
+impl Arena {
     /// An empty arena without memory.
     pub(crate) const fn new() -> Self {
         Self { memory: NonNull::dangling(), len: 0, capacity: 0 }
@@ -33,97 +45,140 @@ impl<T> Arena<T> {
 
     /// Bytes held. What was never used is not counted: the system gives memory when it is touched.
     pub(crate) fn bytes(&self) -> usize {
-        self.len * size_of::<T>()
+        self.len * LINE
     }
 
-    fn layout(capacity: usize) -> Layout {
-        let bytes = capacity.saturating_mul(size_of::<T>());
-        let align = if bytes >= HUGE { HUGE } else { LINE.max(align_of::<T>()) };
-        match Layout::from_size_align(bytes, align) {
-            Ok(layout) => layout.pad_to_align(),
-            Err(_) => handle_alloc_error(Layout::new::<T>()),
-        }
-    }
-}
-
-impl<T: Zeroable + Copy> Arena<T> {
-    /// Appends `count` values of zeros and returns them.
-    pub(crate) fn grow(&mut self, count: usize) -> &mut [T] {
+    /// Appends `count` lines of zeros and returns them.
+    pub(crate) fn grow(&mut self, count: usize) -> &mut [Line] {
         let first = self.len;
-        let needed = first.checked_add(count).filter(|&n| n <= isize::MAX as usize / size_of::<T>());
-        let Some(needed) = needed else { handle_alloc_error(Layout::new::<T>()) };
+        let needed = first.checked_add(count).filter(|&n| n <= isize::MAX as usize / LINE);
+        let Some(needed) = needed else { handle_alloc_error(Layout::new::<Line>()) };
         if needed > self.capacity {
             // The first tree gets just what it needs: mostly it is the only one.
             self.move_to(if first == 0 { needed } else { needed.max(self.capacity + self.capacity / 2) });
         }
-        // SAFETY: the range is within the capacity, and all-zero bytes are valid values.
-        unsafe { self.memory.as_ptr().add(first).write_bytes(0, count) };
         self.len = needed;
         &mut self[first..]
     }
 
     fn move_to(&mut self, capacity: usize) {
-        let layout = Self::layout(capacity);
-        // SAFETY: the layout has a size, as `capacity` exceeds the present one and no type here is empty. The old values lie
-        // apart from the new memory, which is larger.
-        unsafe {
-            let Some(memory) = NonNull::new(alloc(layout).cast::<T>()) else { handle_alloc_error(layout) };
-            advise(memory.as_ptr().cast(), layout.size());
-            std::ptr::copy_nonoverlapping(self.memory.as_ptr(), memory.as_ptr(), self.len);
-            self.free();
-            self.memory = memory;
-        }
-        self.capacity = capacity;
+        let new = Self { memory: memory::zeroed(capacity), len: 0, capacity };
+        let old = std::mem::replace(self, new);
+        self.len = old.len;
+        self.copy_from_slice(&old);
     }
-}
 
-impl<T> Arena<T> {
-    fn free(&mut self) {
-        if self.capacity != 0 {
-            // SAFETY: allocated in `move_to` with the same layout; the values need no drop, being `Copy`.
-            unsafe { dealloc(self.memory.as_ptr().cast(), Self::layout(self.capacity)) };
-            self.capacity = 0;
-        }
-    }
-}
-
-/// Asks for huge pages.
-#[cfg(target_os = "linux")]
-fn advise(memory: *mut u8, bytes: usize) {
-    if bytes >= HUGE {
-        // SAFETY: the range is aligned to pages and was just allocated; the advice changes no content. A refusal costs speed only.
-        let _ = unsafe { rustix::mm::madvise(memory.cast(), bytes, rustix::mm::Advice::LinuxHugepage) };
-    }
-}
-
-#[cfg(not(target_os = "linux"))]
-fn advise(_: *mut u8, _: usize) {}
-
-impl<T> Drop for Arena<T> {
-    fn drop(&mut self) {
-        self.free();
-    }
-}
-
-impl<T> Deref for Arena<T> {
-    type Target = [T];
+    /// The value that begins with a line. Panics where it does not end within the arena.
     #[inline(always)]
-    fn deref(&self) -> &[T] {
-        // SAFETY: the first `len` values are initialized, by `grow`.
+    pub(crate) fn at<T: Pod>(&self, line: usize) -> &T {
+        const { assert!(align_of::<T>() == LINE) };
+        assert!(line + lines_of::<T>() <= self.len);
+        // SAFETY: the lines are initialized and within the arena, aligned as `T` is, and any bytes are a `T`.
+        unsafe { &*self.memory.as_ptr().add(line).cast::<T>() }
+    }
+
+    /// The same, to be written.
+    pub(crate) fn at_mut<T: Pod>(&mut self, line: usize) -> &mut T {
+        &mut bytemuck::cast_slice_mut(&mut self[line..line + lines_of::<T>()])[0]
+    }
+}
+
+impl Drop for Arena {
+    fn drop(&mut self) {
+        memory::free(self.memory, self.capacity);
+    }
+}
+
+impl Deref for Arena {
+    type Target = [Line];
+    #[inline(always)]
+    fn deref(&self) -> &[Line] {
+        // SAFETY: the first `len` lines are initialized, being zeros from the beginning.
         unsafe { std::slice::from_raw_parts(self.memory.as_ptr(), self.len) }
     }
 }
 
-impl<T> DerefMut for Arena<T> {
-    fn deref_mut(&mut self) -> &mut [T] {
+impl DerefMut for Arena {
+    fn deref_mut(&mut self) -> &mut [Line] {
         // SAFETY: as in `deref`.
         unsafe { std::slice::from_raw_parts_mut(self.memory.as_ptr(), self.len) }
     }
 }
 
-impl<T: std::fmt::Debug> std::fmt::Debug for Arena<T> {
+impl std::fmt::Debug for Arena {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Arena").field("len", &self.len).finish_non_exhaustive()
+        f.debug_struct("Arena").field("lines", &self.len).finish_non_exhaustive()
+    }
+}
+
+/// Where lines come from.
+mod memory {
+    use super::*;
+
+    /// Lines of zeros. Large blocks are untouched yet, so that those who write them share the system's work of giving them.
+    pub(super) fn zeroed(lines: usize) -> NonNull<Line> {
+        if lines == 0 {
+            return NonNull::dangling();
+        }
+        #[cfg(target_os = "linux")]
+        if let Some(bytes) = mapped(lines) {
+            return huge(bytes);
+        }
+        let layout = layout(lines);
+        // SAFETY: the layout has a size.
+        NonNull::new(unsafe { alloc_zeroed(layout) }.cast()).unwrap_or_else(|| handle_alloc_error(layout))
+    }
+
+    /// Gives back what [`zeroed`] gave for so many lines.
+    pub(super) fn free(memory: NonNull<Line>, lines: usize) {
+        if lines == 0 {
+            return;
+        }
+        #[cfg(target_os = "linux")]
+        if let Some(bytes) = mapped(lines) {
+            // SAFETY: mapped by `huge`, which kept just this range, and used no more.
+            let _ = unsafe { rustix::mm::munmap(memory.as_ptr().cast(), bytes) };
+            return;
+        }
+        // SAFETY: allocated by `zeroed` with this layout.
+        unsafe { dealloc(memory.as_ptr().cast(), layout(lines)) };
+    }
+
+    fn layout(lines: usize) -> Layout {
+        Layout::array::<Line>(lines).unwrap_or_else(|_| handle_alloc_error(Layout::new::<Line>()))
+    }
+
+    /// Bytes to map for so many lines, if they are many.
+    #[cfg(target_os = "linux")]
+    fn mapped(lines: usize) -> Option<usize> {
+        let bytes = lines.saturating_mul(LINE);
+        (bytes >= LARGE).then(|| bytes.checked_next_multiple_of(HUGE).unwrap_or(bytes))
+    }
+
+    /// Memory of its own from the system, on huge pages if it will.
+    #[cfg(target_os = "linux")]
+    fn huge(bytes: usize) -> NonNull<Line> {
+        use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap_anonymous, munmap};
+        let failed = || handle_alloc_error(Layout::from_size_align(bytes, LINE).unwrap_or(Layout::new::<Line>()));
+        let room = bytes.saturating_add(HUGE);
+        // SAFETY: a new mapping touches nothing that is there.
+        let all = unsafe {
+            mmap_anonymous(std::ptr::null_mut(), room, ProtFlags::READ | ProtFlags::WRITE, MapFlags::PRIVATE)
+        };
+        let Ok(all) = all else { failed() };
+        let all = all.cast::<u8>();
+        let before = all.align_offset(HUGE);
+        // SAFETY: both ends are within what was mapped, are aligned to pages and not handed out; the advice changes no
+        // content, and a refusal costs speed only.
+        unsafe {
+            if before != 0 {
+                let _ = munmap(all.cast(), before);
+            }
+            let memory = all.add(before);
+            let _ = munmap(memory.add(bytes).cast(), HUGE - before);
+            let _ = madvise(memory.cast(), bytes, Advice::LinuxHugepage);
+            NonNull::new(memory.cast()).unwrap_or_else(|| failed())
+        }
     }
 }
 
@@ -133,23 +188,35 @@ mod tests {
 
     #[test]
     fn values_stay_while_the_arena_grows() {
-        let mut arena = Arena::<[u64; 8]>::new();
+        let mut arena = Arena::new();
         assert!(arena.is_empty() && arena.bytes() == 0);
         let mut total = 0;
-        for round in 1..40usize {
-            let count = round * 57;
+        for round in 1..60u32 {
+            let count = round as usize * 57;
             let new = arena.grow(count);
-            assert!(new.len() == count && new.iter().all(|x| *x == [0; 8]));
-            new.fill([round as u64; 8]);
+            assert!(new.len() == count && new.iter().all(|line| line.0 == [0; 16]));
+            new.fill(Line([round; 16]));
             total += count;
         }
         assert_eq!((arena.len(), arena.bytes()), (total, total * 64));
         let mut rest = &arena[..];
-        for round in 1..40usize {
-            let (part, after) = rest.split_at(round * 57);
-            assert!(part.iter().all(|x| *x == [round as u64; 8]));
+        for round in 1..60 {
+            let (part, after) = rest.split_at(round as usize * 57);
+            assert!(part.iter().all(|line| line.0 == [round; 16]));
             rest = after;
         }
-        assert_eq!(arena.as_ptr() as usize % HUGE, 0, "as large as this, it lies on huge pages");
+        *arena.at_mut(total - 1) = Line([7; 16]);
+        assert_eq!((*arena.at::<Line>(total - 1), arena.at::<Line>(0).0), (Line([7; 16]), [1; 16]));
+        if cfg!(target_os = "linux") {
+            assert_eq!(arena.as_ptr() as usize % HUGE, 0, "as large as this, it lies on huge pages");
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "line")]
+    fn values_beyond_the_end_are_refused() {
+        let mut arena = Arena::new();
+        arena.grow(7);
+        arena.at::<crate::tree::Node>(4);
     }
 }

@@ -15,14 +15,14 @@ mod reinsert;
 use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::arena::Arena;
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, Placed, Sphere, Tree, WIDTH};
+use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use crate::{Aabb, Hit};
 use bins::Item;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter.
-const BINARY_LEAF: usize = 4;
+const BINARY_LEAF: usize = 6;
 
 /// At most one triangle in so many is cut in two before the build: see [`presplit`].
 const SPLIT_BUDGET: usize = 4;
@@ -112,8 +112,7 @@ impl<'a> World<'a> {
 }
 
 fn empty_tree() -> Tree {
-    let (nodes, blocks) = (Arena::new(), Arena::new());
-    Tree { nodes, blocks, spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
+    Tree { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
 }
 
 struct Builder<'a> {
@@ -234,12 +233,11 @@ impl Builder<'_> {
         let ids: Vec<u32> = items.iter().map(Item::id).collect();
         drop(items);
         let choices = collapse::choose(&binary, WIDTH as u32);
-        let base = self.tree.blocks.len();
-        emit::check("leaf blocks", base + binary.len())?;
-        let leaf = |n: usize, _: &_| Child::triangles(base + n);
-        let out = emit::nodes(&binary, &choices, &mut self.tree.nodes, self.parallel, leaf)?;
+        let leaf = |line: usize, _: &_| Child::triangles(line);
+        let arena = &mut self.tree.arena;
+        let out = emit::nodes(&binary, &choices, arena, self.parallel, TriangleBlock::LINES, leaf)?;
         drop((binary, choices));
-        emit::blocks(&out.leaves, &ids, &mut self.tree.blocks, self.options.precision, self.parallel, corners);
+        emit::blocks(out.lines, &out.leaves, &ids, self.options.precision, self.parallel, corners);
         Ok((out.root, out.bounds))
     }
 
@@ -265,7 +263,7 @@ impl Builder<'_> {
         let choices = collapse::choose(&binary, 1);
         let items = &*items;
         let leaf = |_, node: &bins::Binary| child(items[node.first as usize].id() as usize);
-        let out = emit::nodes(&binary, &choices, &mut self.tree.nodes, self.parallel, leaf)?;
+        let out = emit::nodes(&binary, &choices, &mut self.tree.arena, self.parallel, 0, leaf)?;
         Ok((out.root, out.bounds))
     }
 
@@ -280,8 +278,10 @@ impl Builder<'_> {
             node.set(slot, &part.1, part.0);
         }
         node.sort_octants(parts.len());
-        self.tree.nodes.grow(1)[0] = node;
-        Child::node(self.tree.nodes.len() - 1)
+        let line = self.tree.arena.len();
+        self.tree.arena.grow(Node::LINES);
+        *self.tree.arena.at_mut(line) = node;
+        Child::node(line)
     }
 }
 

@@ -6,7 +6,7 @@
 //! precision is not needed to be watertight: rounding never turns a sign, it only makes zeros, and zero counts as inside.
 //! The *box* test must never miss a box whose triangle would be hit. Slabs are fused multiply-adds, `plane · scale +
 //! shift`, and instead of rounding each outward, `scale` and `shift` are made a little too small for near planes and a
-//! little too large for far planes, once a ray: see [`setup::Setup`].
+//! little too large for far planes, once a ray: see [`setup`].
 //!
 //! Independence of the order of visits: a box is skipped only when it is entered beyond the best hit, and a hit never
 //! counts as closer than where its leaf box is entered (all boxes above are entered no later, as every operation is
@@ -22,11 +22,12 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 
-use crate::tree::{Child, Node, Placed, Tree, TriangleBlock};
+use crate::tree::{Child, Node, Placed, Tree, TriangleBlock, WIDTH};
 use crate::{Hit, Ray};
 use lanes::{Job, Lanes};
-use setup::{Setup, Wide};
+use setup::Wide;
 use stack::{Stack, Storage};
+use triangle::Struck;
 
 /// What is asked along a ray; the traversal is compiled for each.
 pub(crate) trait Query {
@@ -34,6 +35,8 @@ pub(crate) trait Query {
     const ANY: bool;
     /// Candidates must be shown to [`Query::accept`].
     const FILTERED: bool;
+    /// Nothing depends on which hit it is, nor on where.
+    const BLIND: bool = Self::ANY && !Self::FILTERED;
     fn accept(&self, _candidate: &Hit) -> bool {
         true
     }
@@ -82,30 +85,33 @@ impl<const ANY: bool> Query for Counted<'_, ANY> {
 const WORLD: u32 = u32::MAX;
 
 /// The best hit so far.
-#[derive(Clone, Copy)]
 struct Best {
     t: f32,
-    /// Where in the arenas the triangle is; meaningless for a sphere.
-    block: u32,
-    lane: u32,
     /// [`WORLD`], or the instance with a tree of its own, or the sphere with its bit.
     space: u32,
     /// Triangle within that space; [`NOTHING`] when nothing was hit.
     id: u32,
-    u: f32,
-    v: f32,
+    /// Which of the numbers below are its.
+    lane: usize,
+    /// Barycentric coordinates times `det`, of the whole block: they are divided when the ray is done.
+    u: [f32; WIDTH],
+    v: [f32; WIDTH],
+    det: [f32; WIDTH],
 }
 
 /// No triangle has this number.
 const NOTHING: u32 = u32::MAX;
 
 impl Best {
-    /// Instance and primitive as the caller counts them.
-    fn key(&self, tree: &Tree) -> (u32, u32) {
-        key(tree, self.space, self.id)
+    #[inline(always)]
+    fn barycentric(&self) -> (f32, f32) {
+        let lane = self.lane % WIDTH;
+        (self.u[lane] / self.det[lane], self.v[lane] / self.det[lane])
     }
 }
 
+/// Instance and primitive as the caller counts them.
+#[inline(always)]
 fn key(tree: &Tree, space: u32, id: u32) -> (u32, u32) {
     if id == NOTHING {
         (u32::MAX, u32::MAX)
@@ -123,99 +129,56 @@ fn key_is_lower(tree: &Tree, (space, id): (u32, u32), (best_space, best_id): (u3
     key(tree, space, id) < key(tree, best_space, best_id)
 }
 
-/// Takes over what a [`Job`] has found, if it has.
-#[inline(always)]
-fn keep(best: &mut Best, found: Option<Best>) -> bool {
-    if let Some(found) = found {
-        *best = found;
-    }
-    found.is_some()
-}
-
-/// A leaf that is a sphere. It gets the best hit by value, so that the walk keeps its own in registers.
-struct SphereJob<'a, S, Q, const ROBUST: bool> {
+/// A leaf that is a sphere or an instance, to be run out of line.
+struct OddJob<'a, S, Q, const ROBUST: bool> {
     walk: &'a Walk<'a, S, ROBUST>,
-    index: usize,
+    leaf: Child,
     entry: f32,
     query: &'a mut Q,
-    best: Best,
+    best: &'a mut Best,
 }
 
-impl<S: Lanes, Q: Query, const ROBUST: bool> Job for SphereJob<'_, S, Q, ROBUST> {
-    type Output = Option<Best>;
+impl<S: Lanes, Q: Query, const ROBUST: bool> Job for OddJob<'_, S, Q, ROBUST> {
+    type Output = bool;
     #[inline(always)]
-    fn run(mut self) -> Option<Best> {
-        self.walk.sphere(self.index, self.entry, self.query, &mut self.best).then_some(self.best)
-    }
-}
-
-/// A leaf that is an instance: see [`SphereJob`].
-struct InstanceJob<'a, S, Q, const ROBUST: bool> {
-    walk: &'a Walk<'a, S, ROBUST>,
-    index: usize,
-    entry: f32,
-    query: &'a mut Q,
-    best: Best,
-}
-
-impl<S: Lanes, Q: Query, const ROBUST: bool> Job for InstanceJob<'_, S, Q, ROBUST> {
-    type Output = Option<Best>;
-    #[inline(always)]
-    fn run(mut self) -> Option<Best> {
-        let placed = &self.walk.tree.placed[self.index];
-        self.walk.instance(placed, self.entry, self.query, &mut self.best).then_some(self.best)
+    fn run(self) -> bool {
+        let Self { walk, leaf, entry, query, best } = self;
+        if leaf.is_sphere() {
+            walk.sphere(leaf.index(), entry, query, best)
+        } else {
+            walk.instance(&walk.tree.placed[leaf.index()], entry, query, best)
+        }
     }
 }
 
 /// Walks the whole scene. [`Hit::NONE`] when nothing was hit; only `is_some` is meaningful for [`Query::ANY`].
 #[inline(always)]
 pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
-    let Some(setup) = Setup::new::<ROBUST>(ray.origin.to_array(), ray.direction.to_array()) else {
-        return Hit::NONE;
-    };
     let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
     if ray.t_max.is_nan() || ray.t_max <= t_min {
         return Hit::NONE;
     }
-    let mut best = Best { t: ray.t_max, block: 0, lane: 0, space: WORLD, id: NOTHING, u: 0.0, v: 0.0 };
-    let found = Walk::<S, ROBUST> { s, tree, setup: &setup, t_min, space: WORLD }
-        .walk::<Q, true>(tree.root, t_min, query, &mut best);
+    let [u, v, det] = [[0.0; WIDTH]; 3];
+    let mut best = Best { t: ray.t_max, space: WORLD, id: NOTHING, lane: 0, u, v, det };
+    let found =
+        Walk::<S, ROBUST> { s, tree, ray, t_min, space: WORLD }.walk::<Q, true>(tree.root, t_min, query, &mut best);
     if !found {
         return Hit::NONE;
     }
-    if Q::ANY && !Q::FILTERED {
+    if Q::BLIND {
         return Hit { instance: 0, ..Hit::NONE };
     }
-    let (instance, primitive) = best.key(tree);
-    Hit { t: best.t, u: best.u, v: best.v, instance, primitive }
-}
-
-/// Where nodes and blocks begin, to ask for one before it is visited.
-struct Ahead([*const u8; 2]);
-
-impl Ahead {
-    #[inline(always)]
-    fn new(tree: &Tree) -> Self {
-        // A table in memory by intent: a choice between two registers would become a branch, which could not be predicted.
-        Self(std::hint::black_box([tree.nodes.as_ptr().cast(), tree.blocks.as_ptr().cast()]))
-    }
-
-    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
-    /// subtree that a closer hit makes needless).
-    #[inline(always)]
-    fn fetch<S: Lanes>(&self, s: S, child: Child) {
-        const NODE: usize = size_of::<Node>();
-        const MORE: usize = size_of::<TriangleBlock>() - NODE;
-        let (index, kind) = (child.index(), (child.0 >> 31) as usize);
-        s.prefetch::<5>(self.0[kind].wrapping_add(index * NODE + ((index * MORE) & kind.wrapping_neg())));
-    }
+    let (instance, primitive) = key(tree, best.space, best.id);
+    let (u, v) = best.barycentric();
+    Hit { t: best.t, u, v, instance, primitive }
 }
 
 /// What stays the same while one tree is walked.
 struct Walk<'a, S, const ROBUST: bool> {
     s: S,
     tree: &'a Tree,
-    setup: &'a Setup,
+    /// In the tree's space.
+    ray: &'a Ray,
     t_min: f32,
     /// [`WORLD`] or an instance.
     space: u32,
@@ -226,9 +189,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
         let s = self.s;
-        let wide = Wide::<S, ROBUST>::new(s, self.setup, floor, self.t_min);
-        let octant = self.setup.octant & 7;
-        let ahead = Ahead::new(self.tree);
+        let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
         let mut found = false;
@@ -237,19 +198,28 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         loop {
             if current.is_node() {
                 query.visit();
-                let node = &self.tree.nodes[current.index()];
+                let node = self.tree.node(current);
                 // Wanted once the boxes are decided; by itself it would only now be asked for.
                 s.prefetch::<1>((&raw const node.children).cast());
                 let (near, miss) = wide.boxes(s, &node.planes, limit);
-                if let Some(next) = self.choose(node, near, miss, octant, &ahead, &mut stack) {
+                if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
                     (current, entry) = next;
                     continue;
                 }
-            } else if current == Child::EMPTY {
-                break;
             } else {
-                query.visit();
-                if self.leaf::<Q, TOP>(current, entry, &wide, query, best) {
+                let improved = if !TOP || current.is_triangles() {
+                    if current == Child::EMPTY {
+                        break;
+                    }
+                    query.visit();
+                    self.triangles(current, entry, &wide, limit, query, best)
+                } else if current == Child::EMPTY {
+                    break;
+                } else {
+                    query.visit();
+                    s.apart(OddJob { walk: self, leaf: current, entry, query, best })
+                };
+                if improved {
                     found = true;
                     if Q::ANY {
                         return true;
@@ -259,27 +229,30 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             }
             loop {
                 (current, entry) = stack.pop();
-                if entry <= best.t {
+                if Q::BLIND || entry <= best.t {
                     break;
                 }
             }
         }
-        if found && !Q::FILTERED && best.space == self.space {
-            let block = &self.tree.blocks[best.block as usize];
-            (best.u, best.v) = triangle::barycentric::<ROBUST>(block, best.lane as usize, self.setup);
-        }
         found
+    }
+
+    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
+    /// subtree that a closer hit makes needless).
+    #[inline(always)]
+    fn fetch(&self, child: Child) {
+        let lines = self.tree.arena.as_ptr();
+        self.s.prefetch::<{ TriangleBlock::LINES }>(lines.wrapping_add(child.index()).cast());
     }
 
     /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
     #[inline(always)]
-    fn choose(
+    fn choose<Q: Query>(
         &self,
         node: &Node,
         near: S::F,
         miss: S::Mask,
         octant: usize,
-        ahead: &Ahead,
         stack: &mut Stack<'_>,
     ) -> Option<(Child, f32)> {
         let s = self.s;
@@ -289,6 +262,18 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         }
         let first = hits.trailing_zeros() as usize & 7;
         let others = hits & (hits - 1);
+        if Q::BLIND {
+            // By the slots' numbers, which is nearly from near to far in one direction or the other.
+            let backwards = (node.order[octant] as i32 >> 31) as usize;
+            let last = hits.ilog2() as usize & 7;
+            // No branch here: which is nearer cannot be predicted.
+            let next = first ^ ((first ^ last) & backwards);
+            if others != 0 {
+                s.push_slots(stack, &node.children, hits ^ 1 << next, backwards & 1);
+                self.fetch(stack.top());
+            }
+            return Some((node.children[next], 0.0));
+        }
         let nears = s.store(near);
         if others == 0 {
             return Some((node.children[first], nears[first]));
@@ -299,55 +284,35 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             let turn = (first ^ second) & ((nears[second] < nears[first]) as usize).wrapping_neg();
             let (next, later) = ((first ^ turn) & 7, (second ^ turn) & 7);
             stack.push(node.children[later], nears[later]);
-            ahead.fetch(s, node.children[later]);
+            self.fetch(node.children[later]);
             return Some((node.children[next], nears[next]));
         }
         let nearest = s.push_ordered(stack, &node.children, near, miss, node.order[octant]) & 7;
-        ahead.fetch(s, stack.top());
+        self.fetch(stack.top());
         Some((node.children[nearest], nears[nearest]))
     }
 
-    /// Tests what is in a leaf. Returns whether `best` was improved.
+    /// Tests a block of triangles. Returns whether `best` was improved.
     #[inline(always)]
-    fn leaf<Q: Query, const TOP: bool>(
+    fn triangles<Q: Query>(
         &self,
         leaf: Child,
         entry: f32,
         wide: &Wide<S, ROBUST>,
-        query: &mut Q,
-        best: &mut Best,
-    ) -> bool {
-        if !TOP || leaf.is_triangles() {
-            self.triangles(leaf.index(), entry, wide, query, best)
-        } else if leaf.is_sphere() {
-            keep(best, self.s.apart(SphereJob { walk: self, index: leaf.index(), entry, query, best: *best }))
-        } else {
-            keep(best, self.s.apart(InstanceJob { walk: self, index: leaf.index(), entry, query, best: *best }))
-        }
-    }
-
-    #[inline(always)]
-    fn triangles<Q: Query>(
-        &self,
-        index: usize,
-        entry: f32,
-        wide: &Wide<S, ROBUST>,
+        limit: S::F,
         query: &mut Q,
         best: &mut Best,
     ) -> bool {
         let s = self.s;
-        let Some(block) = self.tree.blocks.get(index) else { return false };
-        let Some((t, mut bits)) = wide.triangles(s, block, best.t) else { return false };
-        if bits == 0 {
-            return false;
-        }
-        if Q::ANY && !Q::FILTERED {
+        let block = self.tree.block(leaf);
+        let Some(Struck { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
+        if Q::BLIND {
             return true;
         }
-        let ts = s.store(t);
+        let (ts, us, vs, dets) = (s.store(t), s.store(u), s.store(v), s.store(det));
         let mut found = false;
         while bits != 0 {
-            let lane = bits.trailing_zeros() as usize & 7;
+            let lane = bits.trailing_zeros() as usize % WIDTH;
             bits &= bits - 1;
             let (t, id) = (if ts[lane] > entry { ts[lane] } else { entry }, block.id[lane]);
             let closer =
@@ -356,19 +321,20 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                 continue;
             }
             if Q::FILTERED {
-                let (u, v) = triangle::barycentric::<ROBUST>(block, lane, self.setup);
                 let (instance, primitive) = key(self.tree, self.space, id);
+                let (u, v) = (us[lane] / dets[lane], vs[lane] / dets[lane]);
                 if !query.accept(&Hit { t, u, v, instance, primitive }) {
                     continue;
                 }
-                (best.u, best.v) = (u, v);
             }
-            (best.t, best.block, best.lane) = (t, index as u32, lane as u32);
-            (best.space, best.id) = (self.space, id);
+            (best.t, best.space, best.id, best.lane) = (t, self.space, id, lane);
             found = true;
             if Q::ANY {
                 break;
             }
+        }
+        if found {
+            (best.u, best.v, best.det) = (us, vs, dets);
         }
         found
     }
@@ -376,7 +342,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut Best) -> bool {
         let sphere = &self.tree.spheres[index];
         let space = Hit::SPHERE | index as u32;
-        for t in sphere::roots(sphere, self.setup) {
+        for t in sphere::roots(sphere, self.ray) {
             if t.is_nan() || t <= self.t_min {
                 continue;
             }
@@ -388,8 +354,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             if Q::FILTERED && !query.accept(&Hit { t, u: 0.0, v: 0.0, instance: space, primitive: 0 }) {
                 continue;
             }
-            (best.t, best.u, best.v) = (t, 0.0, 0.0);
-            (best.space, best.id) = (space, 0);
+            (best.t, best.space, best.id, best.lane) = (t, space, 0, 0);
+            (best.u[0], best.v[0], best.det[0]) = (0.0, 0.0, 1.0);
             return true;
         }
         false
@@ -398,9 +364,12 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
     #[inline(always)]
     fn instance<Q: Query>(&self, placed: &Placed, entry: f32, query: &mut Q, best: &mut Best) -> bool {
-        let (origin, direction) = self.setup.transformed(&placed.object_from_world);
-        let Some(setup) = Setup::new::<ROBUST>(origin, direction) else { return false };
-        Walk::<S, ROBUST> { s: self.s, tree: self.tree, setup: &setup, t_min: self.t_min, space: placed.instance }
+        let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
+        let m = &placed.object_from_world;
+        let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);
+        let direction = m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz);
+        let ray = Ray { origin: origin.into(), direction: direction.into(), ..*self.ray };
+        Walk::<S, ROBUST> { s: self.s, tree: self.tree, ray: &ray, t_min: self.t_min, space: placed.instance }
             .walk::<Q, false>(placed.root, entry, query, best)
     }
 }

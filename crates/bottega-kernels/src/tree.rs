@@ -1,8 +1,8 @@
 //! The 8-wide tree as it lies in memory.
 
-use crate::arena::Arena;
+use crate::arena::{Arena, lines_of};
 use crate::{Aabb, Precision};
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 
 /// Children of a node, and triangles of a leaf block.
 pub(crate) const WIDTH: usize = 8;
@@ -10,8 +10,9 @@ pub(crate) const WIDTH: usize = 8;
 /// No path from the root is longer than this; the builder keeps to it (see `build::bins`), so stacks have a fixed size.
 pub(crate) const MAX_DEPTH: usize = 71;
 
-/// A reference to what lies below a node: two bits of kind, thirty of index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
+/// A reference to what lies below a node: two bits of kind, thirty of index. Nodes and blocks of triangles are counted by the
+/// cache line with which they begin, spheres and instances one by one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -56,17 +57,20 @@ impl Child {
 
 /// Eight boxes, what is in them, and in which order to visit them: 256 bytes, four cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct Node {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inside out: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
     pub(crate) children: [Child; WIDTH],
     /// For each octant of directions (bit `axis` set: negative) the slots from far to near, three bits each, the
-    /// farthest lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units").
+    /// farthest lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
+    /// where slots come from far to near by their number rather than from near to far.
     pub(crate) order: [u32; 8],
 }
 
 impl Node {
+    /// Cache lines.
+    pub(crate) const LINES: usize = lines_of::<Self>();
     pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { planes: [low, high, low, high, low, high], children: [Child::EMPTY; WIDTH], order: [0o76543210; 8] }
@@ -83,23 +87,54 @@ impl Node {
 
     /// Computes [`Self::order`] from the centers of the first `count` slots; call when all are set.
     pub(crate) fn sort_octants(&mut self, count: usize) {
+        let centers: [[f32; WIDTH]; 3] = std::array::from_fn(|axis| {
+            std::array::from_fn(|slot| self.planes[2 * axis][slot] + self.planes[2 * axis + 1][slot])
+        });
+        let (axis, falling) = slot_axis(&centers, count);
+        // What is far in one octant is near in the opposite one.
+        for octant in 0..4 {
+            let mut keys: [(i64, usize); WIDTH] = std::array::from_fn(|slot| {
+                let sum = (0..3).fold(0.0, |sum, axis| {
+                    if octant >> axis & 1 == 1 { sum - centers[axis][slot] } else { sum + centers[axis][slot] }
+                });
+                (if slot < count { -total_order(sum) } else { i64::MAX }, slot)
+            });
+            keys[..count].sort_unstable();
+            let pack = |packed: u32, slot: usize| packed << 3 | slot as u32;
+            let empty = (count..WIDTH).rev().fold(0, pack);
+            self.order[octant] = keys[..count].iter().rev().fold(empty, |packed, key| pack(packed, key.1));
+            self.order[octant ^ 7] = keys[..count].iter().fold(empty, |packed, key| pack(packed, key.1));
+        }
         for (octant, order) in self.order.iter_mut().enumerate() {
-            let mut slots: [usize; WIDTH] = std::array::from_fn(|i| i);
-            let key = |slot: usize| {
-                (0..3).fold(0.0, |sum, axis| {
-                    let center = self.planes[2 * axis][slot] + self.planes[2 * axis + 1][slot];
-                    if octant >> axis & 1 == 1 { sum - center } else { sum + center }
-                })
-            };
-            slots[..count].sort_by(|&a, &b| key(b).total_cmp(&key(a)).then(a.cmp(&b)));
-            *order = slots.iter().rev().fold(0, |packed, &slot| packed << 3 | slot as u32);
+            *order |= u32::from((octant >> axis & 1 == 1) != falling) << 31;
         }
     }
 }
 
+/// The axis along which the slots come one after the other, as well as they do, and whether downwards.
+fn slot_axis(centers: &[[f32; WIDTH]; 3], count: usize) -> (usize, bool) {
+    let trend = centers.map(|axis| {
+        let middle = axis[..count].iter().sum::<f32>() / count as f32;
+        axis[..count]
+            .iter()
+            .zip(0..)
+            .map(|(x, slot): (&f32, i32)| (x - middle) * (2 * slot + 1 - count as i32) as f32)
+            .sum::<f32>()
+    });
+    let steeper = |a: usize, b: usize| if trend[b].abs() > trend[a].abs() { b } else { a };
+    let axis = steeper(steeper(0, 1), 2);
+    (axis, trend[axis] < 0.0)
+}
+
+/// A number with the order of `f32::total_cmp`.
+fn total_order(x: f32) -> i64 {
+    let bits = x.to_bits() as i32;
+    i64::from(bits ^ (bits >> 31) & i32::MAX)
+}
+
 /// Up to eight triangles, one a lane: 320 bytes, five cache lines.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct TriangleBlock {
     /// `[vertex][axis][lane]`. In the fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused lanes hold
     /// NaN, which nothing hits.
@@ -109,6 +144,8 @@ pub(crate) struct TriangleBlock {
 }
 
 impl TriangleBlock {
+    /// Cache lines.
+    pub(crate) const LINES: usize = lines_of::<Self>();
     /// Puts a triangle's corners into a lane.
     pub(crate) fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], precision: Precision) {
         for axis in 0..3 {
@@ -142,11 +179,11 @@ pub(crate) struct Placed {
     pub(crate) instance: u32,
 }
 
-/// All trees of a scene in common arenas.
+/// All trees of a scene.
 #[derive(Debug)]
 pub(crate) struct Tree {
-    pub(crate) nodes: Arena<Node>,
-    pub(crate) blocks: Arena<TriangleBlock>,
+    /// Nodes and blocks of all trees.
+    pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
     pub(crate) placed: Vec<Placed>,
     /// The top-level tree.
@@ -156,9 +193,18 @@ pub(crate) struct Tree {
 }
 
 impl Tree {
+    #[inline(always)]
+    pub(crate) fn node(&self, child: Child) -> &Node {
+        self.arena.at(child.index())
+    }
+
+    #[inline(always)]
+    pub(crate) fn block(&self, child: Child) -> &TriangleBlock {
+        self.arena.at(child.index())
+    }
+
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.nodes.bytes()
-            + self.blocks.bytes()
+        self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()
             + self.placed.capacity() * size_of::<Placed>()
             + self.flat.capacity() * size_of::<(u32, u32)>()
@@ -203,5 +249,7 @@ mod tests {
             let seen = (0..8).fold(0u32, |seen, i| seen | 1 << (order >> (3 * i) & 7));
             assert_eq!(seen, 0xff, "a permutation");
         }
+        let backwards = [false, true, false, true, false, true, false, true];
+        assert_eq!(node.order.map(|order| order >> 31 == 1), backwards, "by the sign along x");
     }
 }

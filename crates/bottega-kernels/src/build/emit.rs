@@ -2,7 +2,7 @@
 
 use super::bins::Binary;
 use super::collapse::{Choice, children};
-use crate::arena::Arena;
+use crate::arena::{Arena, Line};
 use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
 use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
@@ -47,43 +47,54 @@ fn plan(binary: &[Binary], choices: &[Choice]) -> Plan {
     plan
 }
 
-/// Where a tree goes: the nodes of all trees, and what makes a leaf into a child.
-pub(super) struct Emitted {
+/// Where a tree has gone.
+pub(super) struct Emitted<'a> {
     pub(super) root: Child,
     pub(super) bounds: Aabb,
-    /// For each leaf the range of items.
+    /// For each leaf the range of items, and its lines, as many as were asked for.
     pub(super) leaves: Vec<(u32, u32)>,
+    pub(super) lines: &'a mut [Line],
 }
 
-/// Appends the wide nodes. `leaf` makes the reference to the n-th leaf of this tree, which has the items given.
-pub(super) fn nodes(
+/// Appends the wide nodes, and leaves room for the leaves behind them.
+///
+/// - `leaf_lines`: how much room for each.
+/// - `leaf`: makes the reference to a leaf, from the line where its room begins and the items it has.
+pub(super) fn nodes<'a>(
     binary: &[Binary],
     choices: &[Choice],
-    arena: &mut Arena<Node>,
+    arena: &'a mut Arena,
     parallel: bool,
+    leaf_lines: usize,
     leaf: impl Fn(usize, &Binary) -> Child + Sync,
-) -> Result<Emitted, BuildError> {
+) -> Result<Emitted<'a>, BuildError> {
     let Some(top) = binary.first() else {
-        return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new() });
+        return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new(), lines: &mut [] });
     };
     let plan = plan(binary, choices);
     let base = arena.len();
-    check("tree nodes", base + plan.nodes.len())?;
-    let written = arena.grow(plan.nodes.len());
+    let leaf_base = base + plan.nodes.len() * Node::LINES;
+    let end = leaf_base + plan.leaves.len() * leaf_lines;
+    check("cache lines of tree", end)?;
+    let (written, lines) = arena.grow(end - base).split_at_mut(leaf_base - base);
+    let written: &mut [Node] = bytemuck::cast_slice_mut(written);
     let write = |(node, outline): (&mut Node, &Outline)| {
         *node = Node::EMPTY;
         let mut out = [0; WIDTH];
         let count = children(binary, choices, outline.binary as usize, &mut out);
         let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
-        for (slot, &child) in out[..count].iter().enumerate() {
-            let reference = if choices[child].is_leaf() {
+        let mut references = [Child::EMPTY; WIDTH];
+        for (reference, &child) in references.iter_mut().zip(&out[..count]) {
+            *reference = if choices[child].is_leaf() {
                 next_leaf += 1;
-                leaf(next_leaf - 1, &binary[child])
+                leaf(leaf_base + (next_leaf - 1) * leaf_lines, &binary[child])
             } else {
                 next_node += 1;
-                Child::node(base + next_node - 1)
+                Child::node(base + (next_node - 1) * Node::LINES)
             };
-            node.set(slot, &binary[child].bounds, reference);
+        }
+        for (slot, place) in along_longest_axis(binary, &out[..count]).into_iter().enumerate().take(count) {
+            node.set(slot, &binary[out[place]].bounds, references[place]);
         }
         node.sort_octants(count);
     };
@@ -92,19 +103,31 @@ pub(super) fn nodes(
     } else {
         written.iter_mut().zip(&plan.nodes).for_each(write);
     }
-    let root = if plan.nodes.is_empty() { leaf(0, top) } else { Child::node(base) };
+    let root = if plan.nodes.is_empty() { leaf(leaf_base, top) } else { Child::node(base) };
     let leaves = plan.leaves.iter().map(|&i| (binary[i as usize].first, binary[i as usize].count)).collect();
-    Ok(Emitted { root, bounds: top.bounds, leaves })
+    Ok(Emitted { root, bounds: top.bounds, leaves, lines })
 }
 
-/// Appends the leaf blocks of a tree of triangles.
+/// The places of boxes in the order of their centers along the axis on which these lie farthest apart.
+fn along_longest_axis(binary: &[Binary], boxes: &[usize]) -> [usize; WIDTH] {
+    let center = |place: usize| binary[boxes[place]].bounds.min + binary[boxes[place]].bounds.max;
+    let all = (0..boxes.len()).fold(Aabb::EMPTY, |all, place| all.with(center(place)));
+    let size = all.max - all.min;
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+    let mut places: [usize; WIDTH] = std::array::from_fn(|place| place);
+    places[..boxes.len()].sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]));
+    places
+}
+
+/// Writes the leaf blocks of a tree of triangles.
 ///
+/// - `lines`: where.
 /// - `leaves`: ranges of `items`, which are numbers of triangles, a block each.
 /// - `vertices`: the corners of the triangle with a number.
 pub(super) fn blocks(
+    lines: &mut [Line],
     leaves: &[(u32, u32)],
     items: &[u32],
-    arena: &mut Arena<TriangleBlock>,
     precision: Precision,
     parallel: bool,
     vertices: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
@@ -129,7 +152,7 @@ pub(super) fn blocks(
         }
         block
     };
-    let written = arena.grow(leaves.len());
+    let written: &mut [TriangleBlock] = bytemuck::cast_slice_mut(lines);
     if parallel {
         written.par_iter_mut().with_min_len(256).zip(leaves).for_each(|(block, leaf)| *block = make(leaf));
     } else {

@@ -4,7 +4,11 @@
 //! in two along the longest side (and the triangle with it) leaves boxes with less area in sum. As in Karras and Aila 2013,
 //! "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies", section 4, planes are taken from one grid over the
 //! scene where one fits, so that neighbors are cut alike. Unlike there, cuts are made in the order of the area they
-//! save, and none that saves less than half of what an average triangle has; evenly tessellated meshes are left alone.
+//! save, and none that saves less than a quarter of what an average triangle has; evenly tessellated meshes are left alone.
+//!
+//! What counts is the area without the box's largest face. A wall that is aligned with the axes is all largest face: whatever
+//! ray gets into its box is at its end, and all that lies in the same wall is tested at once. Cut up, it would only lie in many
+//! leaves (measured: a fifth more steps in a room of such walls).
 
 use super::bins::Item;
 use crate::Aabb;
@@ -13,7 +17,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// A cut must save this part of the area of an average triangle's box.
-const WORTHWHILE: f32 = 0.5;
+const WORTHWHILE: f32 = 0.25;
 
 /// A cut that could be made.
 struct Cut {
@@ -56,13 +60,13 @@ pub(super) fn presplit(
     let least = WORTHWHILE * (total / items.len().max(1) as f64) as f32;
     let consider = |items: &[Item], index: usize| {
         let bounds = items[index].bounds();
-        if bounds.half_area() <= least || !least.is_finite() {
+        if thickness(&bounds) <= least || !least.is_finite() {
             return None;
         }
         let corners = corners(items[index].id());
         let halves = cut(&bounds, &scene)?;
-        let area = |b: &Aabb| clipped(b, &parallelogram(&corners)).half_area();
-        let saved = bounds.half_area() - area(&halves[0]) - area(&halves[1]);
+        let area = |b: &Aabb| thickness(&clipped(b, &parallelogram(&corners)));
+        let saved = thickness(&bounds) - area(&halves[0]) - area(&halves[1]);
         (saved > least).then(|| Cut { saved, index, parts: halves.map(|half| clipped(&half, &corners)) })
     };
     let all = 0..items.len();
@@ -84,6 +88,13 @@ pub(super) fn presplit(
         heap.extend(consider(items, index));
         heap.extend(consider(items, items.len() - 1));
     }
+}
+
+/// Half of the surface without the largest face: 0 for a box that is flat.
+fn thickness(bounds: &Aabb) -> f32 {
+    let d = bounds.max - bounds.min;
+    let faces = [d.x * d.y, d.y * d.z, d.z * d.x];
+    faces[0] + faces[1] + faces[2] - faces[0].max(faces[1]).max(faces[2])
 }
 
 /// The triangle and its mirror image at the longest side. Most triangles are halves of such a shape, and as both halves

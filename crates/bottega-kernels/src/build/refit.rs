@@ -4,7 +4,7 @@ use super::World;
 use crate::Aabb;
 use crate::accel::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Placed, Sphere, Tree, WIDTH};
+use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use glam::Vec3;
 
 /// Which mesh each instance has, and how many triangles that has: what must not change between build and refit.
@@ -82,18 +82,18 @@ fn subtree(
     if child == Child::EMPTY {
         Aabb::EMPTY
     } else if child.is_node() {
-        let children = tree.nodes[index].children;
+        let children = tree.node(child).children;
         let count = children.iter().take_while(|&&child| child != Child::EMPTY).count();
         let mut all = Aabb::EMPTY;
         for (slot, &child) in children[..count].iter().enumerate() {
             let bounds = subtree(tree, child, precision, placed, corners);
-            tree.nodes[index].set(slot, &bounds, child);
+            tree.arena.at_mut::<Node>(index).set(slot, &bounds, child);
             all = all.union(&bounds);
         }
-        tree.nodes[index].sort_octants(count);
+        tree.arena.at_mut::<Node>(index).sort_octants(count);
         all
     } else if child.is_triangles() {
-        let block = &mut tree.blocks[index];
+        let block = tree.arena.at_mut::<TriangleBlock>(index);
         let mut bounds = Aabb::EMPTY;
         for lane in 0..WIDTH {
             if block.id[lane] != u32::MAX {

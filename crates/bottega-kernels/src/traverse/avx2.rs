@@ -33,15 +33,17 @@ pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &R
     unsafe { compiled::<Q, ROBUST>(unit, tree, ray, query) }
 }
 
-/// For each mask of eight bits the positions of its set bits, lowest first.
-static COMPRESS: [[u8; WIDTH]; 256] = {
-    let mut table = [[0; WIDTH]; 256];
+/// For each mask of eight bits the positions of its set bits: lowest first, and highest first.
+static COMPRESS: [[[u8; WIDTH]; 256]; 2] = {
+    let mut table = [[[0; WIDTH]; 256]; 2];
     let mut mask = 0;
     while mask < 256 {
         let (mut bit, mut count) = (0, 0);
+        let all = (mask as u32).count_ones() as usize;
         while bit < WIDTH {
             if mask >> bit & 1 == 1 {
-                table[mask][count] = bit as u8;
+                table[0][mask][count] = bit as u8;
+                table[1][mask][all - 1 - count] = bit as u8;
                 count += 1;
             }
             bit += 1;
@@ -60,6 +62,11 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn splat(self, x: f32) -> __m256 {
         unsafe { _mm256_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn splat_at(self, x: &f32) -> __m256 {
+        // SAFETY: reads the four bytes of `x`.
+        unsafe { _mm256_broadcast_ss(x) }
     }
     #[inline(always)]
     fn load(self, x: &[f32; WIDTH]) -> __m256 {
@@ -172,7 +179,7 @@ impl Lanes for Avx2 {
             let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
             let slots = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
             let hit = _mm256_movemask_ps(_mm256_permutevar8x32_ps(miss, slots)) as usize ^ 0xff;
-            let row = _mm_loadl_epi64(COMPRESS[hit & 255].as_ptr().cast());
+            let row = _mm_loadl_epi64(COMPRESS[0][hit & 255].as_ptr().cast());
             let slots = _mm256_permutevar8x32_epi32(slots, _mm256_cvtepu8_epi32(row));
             let child = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(children.as_ptr().cast()), slots);
             _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_permutevar8x32_ps(near, slots));
@@ -180,6 +187,19 @@ impl Lanes for Avx2 {
             stack.grow((hit.count_ones() as usize).wrapping_sub(1) & 7);
             // The last slot, without the way through memory: its node is what everything waits for.
             (order >> (3 * (hit as u32 | 1).ilog2()) & 7) as usize
+        }
+    }
+    #[inline(always)]
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize) {
+        let (near_out, child_out) = stack.room();
+        // SAFETY: as in `push_ordered`. Where a child is entered is not looked at, but counts as written.
+        unsafe {
+            let row = _mm_loadl_epi64(COMPRESS[(highest_last ^ 1) & 1][slots as usize & 255].as_ptr().cast());
+            let child = _mm256_loadu_si256(children.as_ptr().cast());
+            let child = _mm256_permutevar8x32_epi32(child, _mm256_cvtepu8_epi32(row));
+            _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_setzero_ps());
+            _mm256_storeu_si256(child_out.as_mut_ptr().cast(), child);
+            stack.grow(slots.count_ones() as usize & 7);
         }
     }
     #[inline(always)]

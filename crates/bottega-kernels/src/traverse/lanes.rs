@@ -11,6 +11,13 @@ pub(crate) trait Lanes: Copy {
     type F: Copy;
     type Mask: Copy;
     fn splat(self, x: f32) -> Self::F;
+    /// The same of a number in memory: where it is wanted in lanes only, nothing else should read it.
+    fn splat_at(self, x: &f32) -> Self::F;
+    /// Three numbers, each over all lanes.
+    #[inline(always)]
+    fn splat3(self, [x, y, z]: &[f32; 3]) -> [Self::F; 3] {
+        [self.splat_at(x), self.splat_at(y), self.splat_at(z)]
+    }
     fn load(self, x: &[f32; WIDTH]) -> Self::F;
     /// One of the rows of a node or block.
     fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: Row<ROWS>) -> Self::F;
@@ -57,6 +64,9 @@ pub(crate) trait Lanes: Copy {
         miss: Self::Mask,
         order: u32,
     ) -> usize;
+    /// Pushes the children in `slots` (a bit each, at most seven), without where they are entered: the lowest slot last where
+    /// `highest_last` is 0, the highest where it is 1.
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize);
     /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
     fn apart<J: Job>(self, job: J) -> J::Output;
 }
@@ -79,18 +89,12 @@ impl<const ROWS: usize> Row<ROWS> {
     }
 }
 
-/// Something to be run by [`Lanes::apart`]; see [`splat3`] on why it is no closure.
+/// Something to be run by [`Lanes::apart`]. No closure: only functions can be forced inline, and what is not inlined into the
+/// traversal is compiled without the vector unit.
 pub(crate) trait Job {
     type Output;
     /// To be marked `inline(always)`.
     fn run(self) -> Self::Output;
-}
-
-/// Three numbers, each over all lanes. (A function and no closure in `map`: only functions can be forced inline, and what is
-/// not inlined into the traversal is compiled without the vector unit.)
-#[inline(always)]
-pub(crate) fn splat3<S: Lanes>(s: S, [x, y, z]: [f32; 3]) -> [S::F; 3] {
-    [s.splat(x), s.splat(y), s.splat(z)]
 }
 
 /// a × b

@@ -36,6 +36,10 @@ impl Lanes for Portable {
         [x; WIDTH]
     }
     #[inline(always)]
+    fn splat_at(self, x: &f32) -> F {
+        [*x; WIDTH]
+    }
+    #[inline(always)]
     fn load(self, x: &F) -> F {
         *x
     }
@@ -125,6 +129,14 @@ impl Lanes for Portable {
             stack.push(children[slot], near[slot]);
         }
         nearest
+    }
+    #[inline(always)]
+    fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize) {
+        for slot in (0..WIDTH).map(|i| if highest_last == 1 { i } else { WIDTH - 1 - i }) {
+            if slots >> slot & 1 == 1 {
+                stack.push(children[slot], 0.0);
+            }
+        }
     }
     #[inline(always)]
     fn apart<J: Job>(self, job: J) -> J::Output {

@@ -1,15 +1,15 @@
 //! A sphere against a ray.
 
-use super::setup::Setup;
+use crate::Ray;
 use crate::tree::Sphere;
 
 /// Where the ray enters and leaves the sphere, ascending; NaN where it misses. A grazing touch is a miss.
 ///
 /// In double precision, and by the distance of the center from the ray instead of the textbook's b² − 4ac, whose
 /// difference cancels for small and for huge spheres (Haines et al. 2019, Ray Tracing Gems, chapter 7).
-pub(crate) fn roots(sphere: &Sphere, setup: &Setup) -> [f32; 2] {
-    let d = setup.direction.map(f64::from);
-    let to_center: [f64; 3] = std::array::from_fn(|i| f64::from(sphere.center[i]) - f64::from(setup.origin[i]));
+pub(crate) fn roots(sphere: &Sphere, ray: &Ray) -> [f32; 2] {
+    let d = ray.direction.to_array().map(f64::from);
+    let to_center: [f64; 3] = std::array::from_fn(|i| f64::from(sphere.center[i]) - f64::from(ray.origin[i]));
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let squared = dot(d, d);
     let middle = dot(to_center, d) / squared;

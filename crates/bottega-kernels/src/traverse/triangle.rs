@@ -1,7 +1,7 @@
 //! Eight triangles against a ray.
 
-use super::lanes::{Lanes, Row, cross, dot, splat3};
-use super::setup::Setup;
+use super::lanes::{Lanes, Row, cross, dot};
+use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
 
 /// A ray spread over lanes, as the tests below want it.
@@ -15,22 +15,55 @@ pub(crate) struct WideRay<S: Lanes> {
     /// Robust: shear in x and y, inverse direction in z. Fast: direction.
     direction: [S::F; 3],
     t_min: S::F,
+    /// A little less than `t_min`.
+    early: S::F,
 }
 
+/// What a block gave.
+pub(crate) struct Struck<S: Lanes> {
+    /// Parameters; meaningless where there is no hit.
+    pub(crate) t: S::F,
+    /// Barycentric coordinates of vertices 1 and 2 times `det`.
+    pub(crate) u: S::F,
+    pub(crate) v: S::F,
+    pub(crate) det: S::F,
+    /// A bit where there is a hit.
+    pub(crate) bits: u32,
+}
+
+const LESS: f32 = 1.0 - 8.0 * f32::EPSILON;
+const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
+
 impl<S: Lanes> WideRay<S> {
+    /// For [`WideRay::test_sheared`]: seen along the axis with the largest direction.
     #[inline(always)]
-    pub(crate) fn new<const ROBUST: bool>(s: S, setup: &Setup, t_min: f32) -> Self {
-        let axes = if ROBUST { setup.axes } else { [0, 1, 2] };
-        let [x, y, z] = axes;
-        let origin = [setup.origin[x], setup.origin[y], setup.origin[z]];
-        let direction = if ROBUST { setup.shear } else { setup.direction };
-        let axes = [Row::new(x), Row::new(y), Row::new(z)];
-        Self { axes, origin: splat3(s, origin), direction: splat3(s, direction), t_min: s.splat(t_min) }
+    pub(crate) fn watertight(s: S, ray: &Ray, t_min: f32) -> Self {
+        let (origin, direction): (&[f32; 3], &[f32; 3]) = (ray.origin.as_ref(), ray.direction.as_ref());
+        let size = direction.map(|d| d.to_bits() << 1);
+        let (larger, axis) = if size[1] >= size[0] { (size[1], 1) } else { (size[0], 0) };
+        let z = if size[2] >= larger { 2 } else { axis };
+        let next = |axis: usize| if axis == 2 { 0 } else { axis + 1 };
+        let (x, y) = (next(z), next(next(z)));
+        let inverse = s.div(s.splat(1.0), s.splat_at(&direction[z]));
+        Self {
+            axes: [Row::new(x), Row::new(y), Row::new(z)],
+            origin: [s.splat_at(&origin[x]), s.splat_at(&origin[y]), s.splat_at(&origin[z])],
+            direction: [s.mul(s.splat_at(&direction[x]), inverse), s.mul(s.splat_at(&direction[y]), inverse), inverse],
+            t_min: s.splat(t_min),
+            early: s.splat(t_min * LESS),
+        }
     }
 
-    /// Parameter of each hit, and a bit where there is one: see the head of the parent module. `None`: nowhere.
+    /// For [`WideRay::test_edges`].
     #[inline(always)]
-    pub(crate) fn watertight(&self, s: S, block: &TriangleBlock, t_max: f32) -> Option<(S::F, u32)> {
+    pub(crate) fn moeller_trumbore(s: S, origin: [S::F; 3], direction: [S::F; 3], t_min: f32) -> Self {
+        let axes = [Row::new(0), Row::new(1), Row::new(2)];
+        Self { axes, origin, direction, t_min: s.splat(t_min), early: s.splat(t_min * LESS) }
+    }
+
+    /// The watertight test: see the head of the parent module. `None`: no hit.
+    #[inline(always)]
+    pub(crate) fn test_sheared(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<Struck<S>> {
         let (ax, ay, az) = self.sheared(s, &block.p[0]);
         let (bx, by, bz) = self.sheared(s, &block.p[1]);
         let (cx, cy, cz) = self.sheared(s, &block.p[2]);
@@ -41,10 +74,12 @@ impl<S: Lanes> WideRay<S> {
         // Where all three have one sign, so has the sum.
         let det = s.add(s.add(u, v), w);
         let sign = s.sign(det);
-        let least = s.min(s.min(s.turn(u, sign), s.turn(v, sign)), s.turn(w, sign));
+        let (turned_v, turned_w) = (s.turn(v, sign), s.turn(w, sign));
+        let least = s.min(s.min(s.turn(u, sign), turned_v), turned_w);
         let inside = s.le(s.splat(0.0), least);
         let distance = s.mul_add(u, az, s.mul_add(v, bz, s.mul(w, cz)));
-        self.parameter(s, inside, s.turn(s.mul(distance, self.direction[2]), sign), s.turn(det, sign), t_max)
+        let distance = s.turn(s.mul(distance, self.direction[2]), sign);
+        self.parameter(s, inside, distance, [turned_v, turned_w, s.turn(det, sign)], t_max)
     }
 
     /// A vertex where the ray starts at the origin and runs along z.
@@ -57,9 +92,9 @@ impl<S: Lanes> WideRay<S> {
         (x, y, z)
     }
 
-    /// The same by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
+    /// The test by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
     #[inline(always)]
-    pub(crate) fn moeller_trumbore(&self, s: S, block: &TriangleBlock, t_max: f32) -> Option<(S::F, u32)> {
+    pub(crate) fn test_edges(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<Struck<S>> {
         let (p0, e1, e2) = (load3(s, &block.p[0]), load3(s, &block.p[1]), load3(s, &block.p[2]));
         let from_p0 = [s.sub(self.origin[0], p0[0]), s.sub(self.origin[1], p0[1]), s.sub(self.origin[2], p0[2])];
         let h = cross(s, &self.direction, &e2);
@@ -71,70 +106,33 @@ impl<S: Lanes> WideRay<S> {
         let det = s.turn(det, sign);
         // NaN in one of them is NaN in the sum.
         let inside = s.and(s.le(s.splat(0.0), s.min(u, v)), s.le(s.add(u, v), det));
-        self.parameter(s, inside, s.turn(dot(s, &e2, &q), sign), det, t_max)
+        self.parameter(s, inside, s.turn(dot(s, &e2, &q), sign), [u, v, det], t_max)
     }
 
     /// The parameter is `distance / det`, and `det` is not negative. With a `det` of 0 there is none.
     #[inline(always)]
-    fn parameter(&self, s: S, inside: S::Mask, distance: S::F, det: S::F, t_max: f32) -> Option<(S::F, u32)> {
-        const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
-        const LESS: f32 = 1.0 - 8.0 * f32::EPSILON;
+    fn parameter(
+        &self,
+        s: S,
+        inside: S::Mask,
+        distance: S::F,
+        [u, v, det]: [S::F; 3],
+        t_max: S::F,
+    ) -> Option<Struck<S>> {
         // Not a number where infinity meets a `det` of 0: then, too, there is no hit.
-        let early = s.le(distance, s.mul(det, s.splat(t_max * MORE)));
-        let late = s.lt(s.mul(det, s.mul(self.t_min, s.splat(LESS))), distance);
+        let early = s.le(distance, s.mul(det, s.mul(t_max, s.splat(MORE))));
+        let late = s.lt(s.mul(det, self.early), distance);
         let valid = s.and(inside, s.and(early, late));
         if s.bits(valid) == 0 {
             return None;
         }
         let t = s.div(distance, det);
-        let valid = s.and(valid, s.and(s.lt(self.t_min, t), s.le(t, s.splat(t_max))));
-        Some((t, s.bits(valid)))
+        let valid = s.and(valid, s.and(s.lt(self.t_min, t), s.le(t, t_max)));
+        Some(Struck { t, u, v, det, bits: s.bits(valid) }).filter(|struck| struck.bits != 0)
     }
 }
 
 #[inline(always)]
 fn load3<S: Lanes>(s: S, p: &[[f32; WIDTH]; 3]) -> [S::F; 3] {
     [s.load(&p[0]), s.load(&p[1]), s.load(&p[2])]
-}
-
-/// Barycentric coordinates (of vertices 1 and 2) of the hit on one lane, which the tests above have found.
-#[inline(always)]
-pub(crate) fn barycentric<const ROBUST: bool>(block: &TriangleBlock, lane: usize, setup: &Setup) -> (f32, f32) {
-    let [p0, p1, p2] = [lane_of(&block.p[0], lane), lane_of(&block.p[1], lane), lane_of(&block.p[2], lane)];
-    if ROBUST {
-        let ((ax, ay), (bx, by), (cx, cy)) = (sheared1(p0, setup), sheared1(p1, setup), sheared1(p2, setup));
-        let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
-        let det = u + v + w;
-        (v / det, w / det)
-    } else {
-        let o = setup.origin;
-        let from_p0 = [o[0] - p0[0], o[1] - p0[1], o[2] - p0[2]];
-        let h = cross1(setup.direction, p2);
-        let inverse = 1.0 / dot1(p1, h);
-        (dot1(from_p0, h) * inverse, dot1(setup.direction, cross1(from_p0, p1)) * inverse)
-    }
-}
-
-#[inline(always)]
-fn lane_of(p: &[[f32; WIDTH]; 3], lane: usize) -> [f32; 3] {
-    [p[0][lane % WIDTH], p[1][lane % WIDTH], p[2][lane % WIDTH]]
-}
-
-#[inline(always)]
-fn sheared1(p: [f32; 3], setup: &Setup) -> (f32, f32) {
-    let [kx, ky, kz] = setup.axes;
-    let z = p[kz] - setup.origin[kz];
-    let x = (-setup.shear[0]).mul_add(z, p[kx] - setup.origin[kx]);
-    let y = (-setup.shear[1]).mul_add(z, p[ky] - setup.origin[ky]);
-    (x, y)
-}
-
-#[inline(always)]
-fn cross1(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1].mul_add(b[2], -(a[2] * b[1])), a[2].mul_add(b[0], -(a[0] * b[2])), a[0].mul_add(b[1], -(a[1] * b[0]))]
-}
-
-#[inline(always)]
-fn dot1(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
