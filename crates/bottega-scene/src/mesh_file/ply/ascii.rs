@@ -207,12 +207,7 @@ fn read_corners(
     Ok(())
 }
 
-fn read_strip(
-    word: &[u8],
-    line: &mut &[u8],
-    vertex_count: usize,
-    triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), String> {
+fn read_strip(word: &[u8], line: &mut &[u8], vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), String> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     let mut strip = Strip::default();
     for _ in 0..length {

@@ -239,12 +239,7 @@ impl Body<'_> {
     }
 
     /// Adds the triangles of strips, one after the other. Returns the bytes that the strips take.
-    fn strips(
-        &self,
-        corners: usize,
-        vertex_count: usize,
-        triangles: &mut Vec<[u32; 3]>,
-    ) -> Result<usize, SceneError> {
+    fn strips(&self, corners: usize, vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<usize, SceneError> {
         let kind = self.element.properties[corners].kind;
         let mut at = 0;
         for row in 0..self.element.count {
