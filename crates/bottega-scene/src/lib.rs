@@ -37,7 +37,7 @@ mod validate;
 pub use camera::{Camera, Projection};
 pub use error::{SceneError, Warning};
 pub use image::{Encoding, Image};
-pub use light::{Environment, EnvironmentMapping, Light, LightKind, SpotFalloff};
+pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
 pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ScalarParam, Sides};
 pub use medium::{Medium, MediumId};

@@ -52,6 +52,17 @@ pub enum LightKind {
         /// Width over height.
         aspect: f32,
     },
+    /// Without extent, with an intensity that a picture of all directions tells.
+    Goniometric {
+        /// World space.
+        position: Vec3,
+        /// Light space to world space: orthonormal, and mirroring where the file says so.
+        world_from_light: Mat3,
+        /// The picture, of equal areas: see [`EnvironmentMapping::EqualArea`]. The mean of its colours counts.
+        image: ImageId,
+        /// Multiplies the picture: radiant intensity in W·sr⁻¹.
+        intensity: Spectrum,
+    },
     /// Parallel light from infinitely far away.
     Directional {
         /// The direction in which the light travels.
@@ -84,6 +95,16 @@ pub enum EnvironmentMapping {
     EqualArea,
 }
 
+/// A rectangle through which an environment shines, world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Portal {
+    /// One of its corners.
+    pub corner: Vec3,
+    /// From there to the two corners beside it, perpendicular to one another. Their vector product looks outwards: light
+    /// comes in against it.
+    pub edges: [Vec3; 2],
+}
+
 /// What is seen where there is no surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
@@ -95,6 +116,9 @@ pub struct Environment {
     pub factor: Spectrum,
     /// Environment space to world space: orthonormal, and mirroring where the file says so.
     pub world_from_environment: Mat3,
+    /// Where there are some, it is seen along lines alone that lead out through one of them (once for each that they
+    /// cross), and black elsewhere.
+    pub portals: Vec<Portal>,
 }
 
 impl Environment {
@@ -105,6 +129,7 @@ impl Environment {
             mapping: EnvironmentMapping::LatitudeLongitude,
             factor: radiance,
             world_from_environment: Mat3::IDENTITY,
+            portals: Vec::new(),
         }
     }
 

@@ -50,6 +50,7 @@ impl SceneSummary {
         let light_kind = |kind: &LightKind| match kind {
             LightKind::Point { .. } => "point",
             LightKind::Spot { .. } => "spot",
+            LightKind::Goniometric { .. } => "goniometric",
             LightKind::Directional { .. } => "directional",
             LightKind::Projector { .. } => "projector",
         };

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::model::is_placeable;
 use crate::{
-    AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Projection, Relief,
-    Scene, SceneError, Surface,
+    AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Portal, Projection,
+    Relief, Scene, SceneError, Surface,
 };
 
 impl Scene {
@@ -50,6 +50,7 @@ impl Scene {
                 && environment.factor.min_element() >= 0.0
                 && is_orthonormal(&environment.world_from_environment);
             check(is_sound, "its image, factor or rotation does not exist")
+                .and_then(|()| check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle"))
                 .map_err(|problem| place("environment", problem))?;
         }
         each("cameras", &self.cameras, |camera| {
@@ -132,6 +133,11 @@ impl Scene {
                 (intensity, position, Some(direction))
             }
             LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
+            LightKind::Goniometric { position, world_from_light, image, intensity } => {
+                check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
+                check(is_orthonormal(&world_from_light), "its orientation is no rotation")?;
+                (intensity, position, None)
+            }
             LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
                 check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
                 let is_sound = vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI;
@@ -167,6 +173,17 @@ fn check_medium(medium: &Medium) -> Result<(), String> {
 
 fn is_orthonormal(matrix: &glam::Mat3) -> bool {
     (*matrix * matrix.transpose()).abs_diff_eq(glam::Mat3::IDENTITY, 1e-3)
+}
+
+fn is_rectangle(portal: &Portal) -> bool {
+    let [x, y] = portal.edges;
+    let (lengths, cosine) = (x.length() * y.length(), x.dot(y));
+    let is_in_reach = |p: glam::Vec3| p.is_finite() && p.abs().max_element() <= COORDINATE_MAX;
+    is_in_reach(portal.corner)
+        && is_in_reach(x)
+        && is_in_reach(y)
+        && lengths.is_normal()
+        && cosine.abs() <= 1e-3 * lengths
 }
 
 fn check(holds: bool, problem: &str) -> Result<(), String> {

@@ -158,6 +158,62 @@ fn lights_have_pbrts_units() {
     assert!((emission - Spectrum::splat(4.0 / std::f32::consts::PI)).length() < 1e-5, "{emission}");
 }
 
+/// A scene with the file `a.pfm` of equal values beside it.
+fn with_picture(width: u32, height: u32, value: f32, text: &str) -> Result<Scene, SceneError> {
+    let folder = tempfile::tempdir().unwrap();
+    let mut picture = format!("PF\n{width} {height}\n-1.0\n").into_bytes();
+    (0..3 * width * height).for_each(|_| picture.extend(value.to_le_bytes()));
+    std::fs::write(folder.path().join("a.pfm"), picture).unwrap();
+    let path = folder.path().join("scene.pbrt");
+    std::fs::write(&path, format!("WorldBegin\n{text}\n{TRIANGLE}")).unwrap();
+    load(&path, &LoadOptions { strict: true, ..LoadOptions::default() }).map(|loaded| loaded.scene)
+}
+
+#[test]
+fn portals_look_outwards_from_the_side_that_pbrt_lets_light_into() {
+    let text = r#"LightSource "infinite" "string filename" "a.pfm" "point3 portal" [ 0 0 5 0 2 5 3 2 5 3 0 5 ]
+        Translate 9 9 9 LightSource "infinite" "string filename" "a.pfm" "point3 portal" [ 0 0 7 0 2 7 3 2 7 3 0 7 ]"#;
+    let environment = with_picture(2, 2, 0.5, text).unwrap().environment.unwrap();
+    // World space, whatever the transformation; one sky through both.
+    assert_eq!(environment.portals.len(), 2);
+    let portal = environment.portals[0];
+    assert_eq!((portal.corner, portal.edges), (Vec3::new(0.0, 0.0, 5.0), [3.0 * Vec3::X, 2.0 * Vec3::Y]));
+    assert_eq!(portal.edges[0].cross(portal.edges[1]).normalize(), Vec3::Z);
+    let scene = world(r#"LightSource "infinite" "rgb L" [ 2 2 2 ] "point3 portal" [ 0 0 5 0 2 5 3 2 5 3 0 5 ]"#);
+    let environment = scene.environment.unwrap();
+    assert_eq!((environment.image, environment.factor, environment.portals.len()), (None, Spectrum::splat(2.0), 1));
+    for bad in [
+        "[ 0 0 5 0 2 5 3 2 5 ]",
+        "[ 0 0 5 0 2 5 3 0 5 3 2 5 ]",
+        "[ 0 0 5 1 2 5 4 2 5 3 0 5 ]",
+        "[ 0 0 5 0 0 5 0 0 5 0 0 5 ]",
+    ] {
+        assert!(load_text(&format!("WorldBegin LightSource \"infinite\" \"point3 portal\" {bad}")).is_err(), "{bad}");
+    }
+    // Two skies, of which one cannot be shown.
+    let two = r#"LightSource "infinite" "string filename" "a.pfm" "point3 portal" [ 0 0 5 0 2 5 3 2 5 3 0 5 ]
+        LightSource "infinite" "rgb L" [ 1 1 1 ]"#;
+    assert!(matches!(with_picture(2, 2, 0.5, two), Err(SceneError::Unsupported { .. })));
+}
+
+#[test]
+fn lights_with_pictures_have_the_power_that_they_say() {
+    let gonio =
+        with_picture(4, 4, 0.5, r#"LightSource "goniometric" "string filename" "a.pfm" "float power" 8"#).unwrap();
+    let LightKind::Goniometric { intensity, world_from_light, .. } = gonio.lights[0].kind else { panic!("no light") };
+    // 4 π × intensity × mean = power.
+    assert!((intensity.y * 0.5 * 4.0 * std::f32::consts::PI - 8.0).abs() < 1e-4, "{intensity}");
+    // The centre of the picture, +z, is +y of the light.
+    assert_eq!(world_from_light * Vec3::Z, Vec3::Y);
+    assert!(with_picture(4, 2, 0.5, r#"LightSource "goniometric" "string filename" "a.pfm""#).is_err());
+    // A square of 90°: the sum of cos³ over it is the solid angle of a side of a cube, 4 π ∕ 6.
+    let text = r#"LightSource "projection" "string filename" "a.pfm" "float power" 8"#;
+    let scene = with_picture(64, 64, 0.5, text).unwrap();
+    let LightKind::Projector { intensity, .. } = scene.lights[0].kind else { panic!("no light") };
+    let solid_angle = 4.0 * std::f32::consts::PI / 6.0;
+    assert!((intensity.y * 0.5 * solid_angle / 8.0 - 1.0).abs() < 1e-3, "{intensity}");
+}
+
 #[test]
 fn textures_that_no_picture_shows_are_baked() {
     let scene = world(&format!(

@@ -391,7 +391,8 @@ impl Path<'_> {
     #[inline(always)]
     fn add_environment(&mut self) {
         let prepared = self.integrator.prepared;
-        let radiance = prepared.lights().environment_radiance(prepared.scene(), self.direction);
+        let from = self.previous.receiver.p;
+        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
         if radiance != Spectrum::ZERO {
             let weight = self.found_by_bsdf(|from| prepared.lights().environment_pdf(from, self.direction));
             self.radiance += self.throughput * radiance * weight;

@@ -178,7 +178,8 @@ impl Path<'_> {
     /// What comes from where there is no surface, with its weight.
     fn environment(&self) -> Spectrum {
         let lights = self.prepared.lights();
-        let radiance = lights.environment_radiance(self.prepared.scene(), self.direction);
+        let from = self.previous.receiver.p;
+        let radiance = lights.environment_radiance(self.prepared.scene(), from, self.direction);
         if radiance == Spectrum::ZERO {
             return radiance;
         }

@@ -7,7 +7,8 @@ use bottega_scene::{Environment, EnvironmentMapping, Scene, Spectrum, TextureMap
 use glam::{Mat3, Vec2, Vec3};
 
 use super::distribution::{Bilinear, Cells};
-use crate::{luminance, sampling::uniform_sphere};
+use super::portal::Portals;
+use crate::{luminance, sampler::Quad, sampling::uniform_sphere};
 
 /// Largest size of the sampling table, in cells.
 const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
@@ -22,6 +23,8 @@ pub(crate) struct EnvironmentLight {
     table: Table,
     /// Luminance integrated over the sphere: that part of it which the table stands for.
     integral: f32,
+    /// The windows through which it is seen, if not from everywhere. The table is then not asked.
+    portals: Option<Portals>,
 }
 
 /// How directions are drawn.
@@ -56,7 +59,18 @@ impl EnvironmentLight {
             world_from_environment: environment.world_from_environment,
             table: if compensate { Table::None } else { Table::Uniform },
             integral: 4.0 * PI * luminance(environment.factor),
+            portals: None,
         };
+        if !environment.portals.is_empty() {
+            // What is the same everywhere needs no more cells than tell the solid angles.
+            let side = environment.image.map_or(128, |image| {
+                let (width, height) = scene.images[image.0 as usize].size();
+                width.min(height) as usize
+            });
+            let radiance = |direction, footprint| light.radiance_within(scene, direction, footprint);
+            light.portals = Some(Portals::new(&environment.portals, side, radiance));
+            return light;
+        }
         if let Some(map) = &light.picture {
             let (width, height) = scene.images[map.image.0 as usize].size();
             let columns = (width as usize).clamp(1, TABLE_SIZE_MAX.0);
@@ -120,25 +134,65 @@ impl EnvironmentLight {
         cells
     }
 
-    /// An estimate of the illuminance that sampled directions bring to a surface: the mean over all its orientations.
-    pub(crate) fn illuminance(&self) -> f32 {
-        if matches!(self.table, Table::None) { 0.0 } else { 0.25 * self.integral }
+    /// Whether light sampling draws directions of it at all.
+    pub(crate) fn is_sampled(&self) -> bool {
+        self.portals.is_some() || !matches!(self.table, Table::None)
+    }
+
+    /// An estimate of the illuminance that sampled directions bring to a surface at a point: the mean over all its
+    /// orientations.
+    pub(crate) fn illuminance(&self, from: Vec3) -> f32 {
+        match (&self.portals, &self.table) {
+            (Some(portals), _) => 0.25 * portals.integral(from),
+            (None, Table::None) => 0.0,
+            (None, _) => 0.25 * self.integral,
+        }
+    }
+
+    /// The radiance that comes to a point from a direction of unit length. It counts once for each window that is seen
+    /// there, as if each had a sky of its own.
+    pub(crate) fn radiance_at(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
+        match self.portals.as_ref().map(|portals| portals.count(from, direction)) {
+            None => self.radiance(scene, direction),
+            Some(0) => Spectrum::ZERO,
+            Some(count) => self.radiance(scene, direction) * count as f32,
+        }
+    }
+
+    /// Draws a direction for a point: it, its radiance, and its density per solid angle. The first number chooses a window,
+    /// the next two a direction.
+    pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, f32)> {
+        let Some(portals) = &self.portals else { return self.sample(scene, [u[1], u[2]]) };
+        let direction = portals.sample(from, u)?;
+        let pdf = portals.pdf(from, direction);
+        (pdf > 0.0 && pdf.is_finite()).then(|| (direction, self.radiance_at(scene, from, direction), pdf))
+    }
+
+    /// The density per solid angle with which [`Self::sample_at`] draws a direction.
+    pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> f32 {
+        self.portals.as_ref().map_or_else(|| self.pdf(direction), |portals| portals.pdf(from, direction))
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        match &self.table {
+        let table = match &self.table {
             Table::None | Table::Uniform => 0,
             Table::Bilinear(table) => table.memory_bytes(),
             Table::Cells(table) => table.memory_bytes(),
-        }
+        };
+        table + self.portals.as_ref().map_or(0, Portals::memory_bytes)
     }
 
-    /// The radiance that comes from a direction of unit length.
-    pub(crate) fn radiance(&self, scene: &Scene, direction: Vec3) -> Spectrum {
+    /// The radiance that comes from a direction of unit length, if it is not hidden.
+    fn radiance(&self, scene: &Scene, direction: Vec3) -> Spectrum {
+        self.radiance_within(scene, direction, 0.0)
+    }
+
+    /// - `footprint`: how much of the picture counts.
+    fn radiance_within(&self, scene: &Scene, direction: Vec3, footprint: f32) -> Spectrum {
         if self.picture.is_none() {
             return self.factor;
         }
-        self.lookup(scene, self.uv_of(self.world_from_environment.transpose() * direction), 0.0)
+        self.lookup(scene, self.uv_of(self.world_from_environment.transpose() * direction), footprint)
     }
 
     /// Where a direction of environment space is on the picture.
@@ -156,8 +210,8 @@ impl EnvironmentLight {
         })
     }
 
-    /// Draws a direction: it, its radiance, and its density per solid angle.
-    pub(crate) fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+    /// Draws a direction of the whole sphere: it, its radiance, and its density per solid angle.
+    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
         let (local, uv, pdf) = match &self.table {
             Table::None => return None,
             Table::Uniform => {
@@ -181,7 +235,7 @@ impl EnvironmentLight {
     }
 
     /// The density per solid angle with which [`Self::sample`] draws a direction.
-    pub(crate) fn pdf(&self, direction: Vec3) -> f32 {
+    fn pdf(&self, direction: Vec3) -> f32 {
         let local = self.world_from_environment.transpose() * direction;
         match &self.table {
             Table::None => 0.0,
@@ -203,7 +257,7 @@ fn uv_of(direction: Vec3) -> Vec2 {
 
 /// The place of a direction on a picture of equal areas (Clarberg 2008): +z is the centre, the lower hemisphere folded
 /// into the corners.
-fn square_of(direction: Vec3) -> Vec2 {
+pub(super) fn square_of(direction: Vec3) -> Vec2 {
     let flat = direction.truncate().abs();
     let radius = (1.0 - direction.z.abs()).max(0.0).sqrt();
     let angle = if flat == Vec2::ZERO { 0.0 } else { math::atan2(flat.y, flat.x) * FRAC_2_PI };
@@ -246,6 +300,7 @@ mod tests {
             image: Some(ImageId(0)),
             factor: Spectrum::new(2.0, 1.0, 0.5),
             mapping: EnvironmentMapping::LatitudeLongitude,
+            portals: Vec::new(),
             world_from_environment: Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(0.3),
         }
     }
@@ -381,8 +436,12 @@ mod tests {
     #[test]
     fn a_uniform_environment_is_left_to_bsdf_sampling_when_compensated() {
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, true);
-        assert!(light.illuminance() == 0.0 && light.sample(&Scene::default(), [0.5; 2]).is_none());
+        assert!(
+            light.illuminance(Vec3::ZERO) == 0.0
+                && !light.is_sampled()
+                && light.sample(&Scene::default(), [0.5; 2]).is_none()
+        );
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, false);
-        assert!(light.illuminance() > 0.0 && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
+        assert!(light.illuminance(Vec3::ZERO) > 0.0 && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
     }
 }

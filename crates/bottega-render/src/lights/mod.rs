@@ -7,12 +7,14 @@
 mod bounds;
 mod distribution;
 mod environment;
+mod portal;
 mod punctual;
 mod rectangle;
 mod sphere;
 mod surface;
 mod tree;
 mod triangle;
+mod window;
 
 #[cfg(test)]
 mod tests;
@@ -73,8 +75,6 @@ pub(crate) struct Receiver {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     environment: Option<EnvironmentLight>,
-    /// What the environment does to a surface, where it is sampled; else 0.
-    environment_illuminance: f32,
     /// Parallel light.
     parallel: Vec<Parallel>,
     tree: LightTree,
@@ -150,11 +150,7 @@ impl Lights {
             .environment
             .as_ref()
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
-        let mut lights = Self {
-            environment_illuminance: environment.as_ref().map_or(0.0, EnvironmentLight::illuminance),
-            environment,
-            ..Self::default()
-        };
+        let mut lights = Self { environment, ..Self::default() };
         let mut collected = Collected::default();
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance } = light.kind {
@@ -219,7 +215,7 @@ impl Lights {
 
     /// Whether light comes from infinitely far away.
     fn has_far(&self) -> bool {
-        self.environment_illuminance > 0.0 || !self.parallel.is_empty()
+        !self.parallel.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -280,8 +276,7 @@ impl Lights {
         if self.lights.is_empty() {
             return 1.0;
         }
-        let far =
-            self.environment_illuminance + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>();
+        let far = self.far_total(receiver);
         let near = self.tree.total(receiver);
         if far <= 0.0 {
             0.0
@@ -321,29 +316,35 @@ impl Lights {
             }
             rest -= importance;
         }
-        let (wi, radiance, pdf) = self.environment.as_ref()?.sample(scene, place)?;
-        let pmf = share * self.environment_illuminance / total;
+        let environment = self.environment.as_ref()?;
+        let illuminance = environment.illuminance(receiver.p);
+        let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
+        let (wi, radiance, pdf) = environment.sample_at(scene, receiver.p, [choice, place[0], place[1], 0.0])?;
+        let pmf = share * illuminance / total;
         (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false))
     }
 
+    /// What light from infinitely far away does to a point, as far as it is sampled.
+    #[inline]
     fn far_total(&self, receiver: &Receiver) -> f32 {
-        self.environment_illuminance + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
+        let environment = self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p));
+        environment + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
     }
 
-    /// Radiance of the environment in a direction of unit length.
-    pub(crate) fn environment_radiance(&self, scene: &Scene, direction: Vec3) -> Spectrum {
-        self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance(scene, direction))
+    /// Radiance of the environment that comes to a point from a direction of unit length.
+    pub(crate) fn environment_radiance(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
+        self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction))
     }
 
     /// Density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
     pub(crate) fn environment_pdf(&self, receiver: &Receiver, direction: Vec3) -> f32 {
-        match &self.environment {
-            Some(light) if self.environment_illuminance > 0.0 => {
-                let pmf = self.far_share(receiver) * self.environment_illuminance / self.far_total(receiver);
-                light.pdf(direction) * pmf
-            }
-            _ => 0.0,
+        let Some(light) = &self.environment else { return 0.0 };
+        let illuminance = light.illuminance(receiver.p);
+        if illuminance <= 0.0 {
+            return 0.0;
         }
+        let pmf = self.far_share(receiver) * illuminance / self.far_total(receiver);
+        light.pdf_at(receiver.p, direction) * pmf
     }
 
     /// The number of the light that was hit; `None` where light sampling never finds it.

@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 use super::{
     LightSample, NO_LIGHT,
     bounds::{Cone, LightBounds},
+    environment::square_of,
 };
 use crate::luminance;
 
@@ -26,6 +27,10 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
             Some(cone(position, direction, inner, outer - inner, luminance(intensity)))
         }
         LightKind::Directional { .. } => None,
+        LightKind::Goniometric { position, image, intensity, .. } => {
+            let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
+            Some(LightBounds::point(position, luminance(intensity) * mean.truncate().element_sum() / 3.0))
+        }
         LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
             let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
             let axis = (world_from_light.matrix3 * glam::Vec3A::NEG_Z).normalize().into();
@@ -42,7 +47,9 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
 /// Where it is. Parallel light is nowhere: the origin.
 pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     match scene.lights[index as usize].kind {
-        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => position,
+        LightKind::Point { position, .. }
+        | LightKind::Spot { position, .. }
+        | LightKind::Goniometric { position, .. } => position,
         LightKind::Directional { .. } => Vec3::ZERO,
         LightKind::Projector { world_from_light, .. } => world_from_light.translation.into(),
     }
@@ -56,6 +63,13 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
             from_point(position, p, |wi| intensity * fall_off(falloff, -wi.dot(direction), cos_inner, cos_outer))
         }
         LightKind::Directional { .. } => None,
+        LightKind::Goniometric { position, world_from_light, image, intensity } => from_point(position, p, |wi| {
+            let place = square_of(world_from_light.transpose() * -wi);
+            // The nearest texel, as pbrt takes it.
+            let map = TextureMap { smooth: false, ..TextureMap::new(image) };
+            let texel = scene.images[image.0 as usize].eval(&map, place, 0.0).truncate();
+            intensity * (texel.element_sum() / 3.0)
+        }),
         LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
             from_point(world_from_light.translation.into(), p, |wi| {
                 let local = world_from_light.matrix3.transpose() * -wi;
@@ -130,6 +144,25 @@ mod tests {
         let sample = sample(&scene, 0, Vec3::new(0.0, 2.0, 0.0)).unwrap();
         assert_eq!((sample.wi, sample.distance, sample.radiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
         assert!(super::sample(&scene, 0, Vec3::new(0.0, 4.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn a_goniometric_light_is_as_strong_as_its_picture_says() {
+        // Bright in the middle, which is +z of the light, and turned to +x of the world.
+        let texels = (0..64u32)
+            .map(|i| if (3..5).contains(&(i % 8)) && (3..5).contains(&(i / 8)) { [6.0; 3] } else { [0.0; 3] });
+        let kind = LightKind::Goniometric {
+            position: Vec3::ZERO,
+            world_from_light: glam::Mat3::from_rotation_y(std::f32::consts::FRAC_PI_2),
+            image: bottega_scene::ImageId(0),
+            intensity: Vec3::splat(2.0),
+        };
+        let image = bottega_scene::Image::from_linear_rgb("lamp", 8, 8, texels.collect());
+        let scene = Scene { images: vec![image], ..with(kind) };
+        assert_eq!(sample(&scene, 0, 2.0 * Vec3::X).unwrap().radiance, Vec3::splat(3.0));
+        assert!(sample(&scene, 0, 2.0 * Vec3::Y).is_none() && sample(&scene, 0, 2.0 * Vec3::NEG_X).is_none());
+        let bounds = bounds(&scene, 0).unwrap();
+        assert!((bounds.intensity - 12.0 / 16.0).abs() < 0.01, "{}", bounds.intensity);
     }
 
     #[test]

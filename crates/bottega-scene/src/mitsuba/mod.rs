@@ -15,6 +15,7 @@ mod document;
 mod emitter;
 mod medium;
 mod mesh;
+mod read;
 mod report;
 mod sensor;
 mod shape;

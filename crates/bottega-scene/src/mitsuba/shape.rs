@@ -25,7 +25,9 @@ enum Part {
 #[derive(Clone, Copy, Debug)]
 struct Ball {
     to_group: DMat4,
-    flipped: bool,
+    /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
+    /// an instance does not count.
+    inward: bool,
     material: u32,
     needs: Needs,
 }
@@ -174,7 +176,8 @@ impl Importer<'_> {
             return Ok(Vec::new());
         }
         let (material, needs) = self.shape_material(object)?;
-        Ok(vec![Part::Sphere(Ball { to_group, flipped: normals.flipped, material, needs })])
+        let inward = normals.flipped != (DMat3::from_mat4(to_group).determinant() < 0.0);
+        Ok(vec![Part::Sphere(Ball { to_group, inward, material, needs })])
     }
 
     fn instance(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
@@ -261,12 +264,11 @@ impl Importer<'_> {
         let rotation = linear * (1.0 / (radius * determinant.signum()));
         let gram = rotation.transpose() * rotation;
         let is_round = gram.abs_diff_eq(DMat3::IDENTITY, 1e-5);
-        // A mirrored sphere looks inwards, and only a picture on it would tell it from a turned one.
-        let flipped = ball.flipped != (determinant < 0.0);
+        // Only a picture on it would tell a mirrored sphere from a turned one.
         let is_mirrored_picture = determinant < 0.0 && ball.needs.uvs;
         let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
         if is_round && !is_mirrored_picture && in_reach {
-            let material = if flipped { self.turned_material(ball.material) } else { Some(ball.material) };
+            let material = if ball.inward { self.turned_material(ball.material) } else { Some(ball.material) };
             if let Some(material) = material {
                 self.scene.spheres.push(Sphere {
                     center: center.as_vec3(),
@@ -277,8 +279,7 @@ impl Importer<'_> {
                 return Ok(());
             }
         }
-        // Of an even stretch, mirrored or not, Mitsuba's sphere looks the way of the flag and the mirror together.
-        let normals = Normals { flat: false, flipped };
+        let normals = Normals { flat: false, flipped: ball.inward };
         let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
         let at = self.report.path(0).to_path_buf();
         self.resources.budget().take(&at, "", mesh.memory_bytes())?;

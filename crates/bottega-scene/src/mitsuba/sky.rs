@@ -1,16 +1,17 @@
 //! `sunsky`, `sky` and `sun`: painted into an environment picture when they are read.
 //!
-//! The sky is that of Preetham, Shirley and Smits 1999, *A Practical Analytic Model for Daylight*, appendix A; the sun is a
-//! black body seen through the air of its section A.1 without ozone. Radiance is in the unit of Mitsuba 3, whose own
-//! model is another one, so that colours and strengths are only near.
+//! The sky is that of Hosek and Wilkie 2012, *An Analytic Model for Full Spectral Sky-Dome Radiance*, in its version for three
+//! colours, and the sun is a disk of the radiance that Mitsuba 3.9 gives it, without limb darkening: both as in the `*_rgb`
+//! variants of Mitsuba 3. The 0.x line, which had other units, gets the same.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec3, Vec3};
+use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
 use super::Importer;
+use super::color::Role;
 use super::document::Object;
-use crate::spectrum::Sampled;
 use crate::{Environment, Image, SceneError, Spectrum};
 
 /// Columns and rows of the picture.
@@ -20,26 +21,26 @@ const HEIGHT: u32 = 512;
 /// The angle that the sun takes, in degrees.
 const SUN_APERTURE: f64 = 0.5358;
 
-/// From kcd·m⁻² to the luminance of spectral radiance in W·m⁻²·sr⁻¹·nm⁻¹ as Mitsuba counts it: 1 everywhere is 1.
-const PER_KILOCANDELA: f64 = 1000.0 / (683.0 * 106.857);
+/// From the model's radiance, in W·m⁻²·sr⁻¹ with 683 lm·W⁻¹, to the unit in which Mitsuba paints. Found as the ratio of both,
+/// which is the same in all directions, for all suns and turbidities.
+const MITSUBA_PER_MODEL: f64 = 0.009_367_66;
 
 struct Sky {
     /// Towards the sun, +z the zenith.
     sun: DVec3,
     turbidity: f64,
-    /// Perez's five numbers, and the value at the zenith over the function there: of Y, x and y.
-    channels: [([f64; 5], f64); 3],
+    /// `None`: the sun is below the horizon.
+    state: Option<SkyState>,
 }
 
 impl Importer<'_> {
     pub(super) fn sun_and_sky(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
-        object.ignore(&["albedo", "stretch", "resolution", "extend", "complex_sun"]);
-        let message = format!(
-            "the {} is painted as a picture of {WIDTH} × {HEIGHT} by the model of Preetham, which is not that of Mitsuba",
-            object.describe()
-        );
-        self.report.warn(object.at, message);
-        let turbidity = self.number_at_least(object, "turbidity", 1.0, 3.0)?.clamp(1.7, 10.0);
+        object.ignore(&["stretch", "resolution", "extend", "complex_sun", "to_world"]);
+        if self.document.is_old {
+            self.report.warn(object.at, format!("the {} is as bright as that of Mitsuba 3", object.describe()));
+        }
+        let turbidity = self.number_at_least(object, "turbidity", 1.0, 3.0)?.clamp(1.0, 10.0);
+        let albedo = self.plain_color(object, "albedo", Role::Reflectance, Spectrum::splat(0.3))?;
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)?;
         let has = |part: &str| object.plugin.contains(part);
         let share = |name: &str| Ok::<f64, SceneError>(self.number_at_least(object, name, 0.0, 1.0)? * scale);
@@ -64,7 +65,7 @@ impl Importer<'_> {
         let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
         let bytes = (WIDTH * HEIGHT * 16) as usize;
         self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
-        let sky = Sky::new(sun, turbidity);
+        let sky = Sky::new(sun, turbidity, albedo);
         let image = self.pictures.add(sky.image(&sky_from_picture, sky_scale, sun_scale, aperture));
         let world_from_environment = (world_from_sky * sky_from_picture).as_mat3();
         self.set_environment(object, Environment::picture(image, Spectrum::ONE, world_from_environment));
@@ -108,81 +109,48 @@ impl Importer<'_> {
 }
 
 impl Sky {
-    fn new(sun: DVec3, turbidity: f64) -> Self {
-        let t = turbidity;
-        let theta = sun.z.clamp(0.0, 1.0).acos();
-        let chi = (4.0 / 9.0 - t / 120.0) * (PI - 2.0 * theta);
-        let zenith_luminance = ((4.0453 * t - 4.9710) * chi.tan() - 0.2155 * t + 2.4192).max(0.0);
-        let cubic = |m: [[f64; 4]; 3]| {
-            let row = |c: [f64; 4]| ((c[0] * theta + c[1]) * theta + c[2]) * theta + c[3];
-            (row(m[0]) * t + row(m[1])) * t + row(m[2])
-        };
-        let zenith_x = cubic([
-            [0.00166, -0.00375, 0.00209, 0.0],
-            [-0.02903, 0.06377, -0.03202, 0.00394],
-            [0.11693, -0.21196, 0.06052, 0.25886],
-        ]);
-        let zenith_y = cubic([
-            [0.00275, -0.00610, 0.00317, 0.0],
-            [-0.04214, 0.08970, -0.04153, 0.00516],
-            [0.15346, -0.26756, 0.06670, 0.26688],
-        ]);
-        let linear = |m: [[f64; 2]; 5]| m.map(|[slope, offset]| slope * t + offset);
-        let luminance =
-            linear([[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]]);
-        let x =
-            linear([[-0.0193, -0.2592], [-0.0665, 0.0008], [-0.0004, 0.2125], [-0.0641, -0.8989], [-0.0033, 0.0452]]);
-        let y =
-            linear([[-0.0167, -0.2608], [-0.0950, 0.0092], [-0.0079, 0.2102], [-0.0441, -1.6537], [-0.0109, 0.0529]]);
-        let channel = |perez: [f64; 5], zenith: f64| (perez, zenith / perez_function(&perez, 1.0, theta));
-        let channels = [channel(luminance, zenith_luminance), channel(x, zenith_x), channel(y, zenith_y)];
-        Self { sun, turbidity, channels }
+    fn new(sun: DVec3, turbidity: f64, albedo: Spectrum) -> Self {
+        let elevation = sun.z.clamp(0.0, 1.0).asin() as f32;
+        let params = SkyParams { elevation, turbidity: turbidity as f32, albedo: albedo.to_array() };
+        let state = if sun.z >= 0.0 { SkyState::new(&params).ok() } else { None };
+        Self { sun, turbidity, state }
     }
 
     /// Radiance of the sky; black below the horizon.
     fn radiance(&self, direction: DVec3) -> DVec3 {
-        if direction.z <= 0.0 || self.sun.z < 0.0 {
-            return DVec3::ZERO;
-        }
-        let gamma = direction.dot(self.sun).clamp(-1.0, 1.0).acos();
-        // At the very horizon its brightness would be taken from the limit.
-        let cos = direction.z.max(1e-3);
-        let [luminance, x, y] =
-            [0, 1, 2].map(|index| self.channels[index].1 * perez_function(&self.channels[index].0, cos, gamma));
-        let luminance = (luminance * PER_KILOCANDELA).max(0.0);
-        if y <= 1e-6 {
-            return DVec3::ZERO;
-        }
-        let xyz = DVec3::new(x / y, 1.0, (1.0 - x - y) / y) * luminance;
-        // IEC 61966-2-1.
-        let r = 3.240_97 * xyz.x - 1.537_383 * xyz.y - 0.498_611 * xyz.z;
-        let g = -0.969_244 * xyz.x + 1.875_968 * xyz.y + 0.041_555 * xyz.z;
-        let b = 0.055_63 * xyz.x - 0.203_977 * xyz.y + 1.056_972 * xyz.z;
-        DVec3::new(r, g, b).max(DVec3::ZERO)
+        let Some(state) = self.state.as_ref().filter(|_| direction.z >= 0.0) else { return DVec3::ZERO };
+        let theta = direction.z.clamp(0.0, 1.0).acos() as f32;
+        let gamma = direction.dot(self.sun).clamp(-1.0, 1.0).acos() as f32;
+        let [r, g, b] = [Channel::R, Channel::G, Channel::B].map(|channel| state.radiance(theta, gamma, channel));
+        Vec3::new(r, g, b).as_dvec3().max(DVec3::ZERO) * MITSUBA_PER_MODEL
     }
 
-    /// Radiance of the sun's disk.
+    /// Radiance of the sun's disk, where that has its true size.
     fn sun_radiance(&self) -> DVec3 {
         if self.sun.z <= 0.0 {
             return DVec3::ZERO;
         }
-        let theta = self.sun.z.clamp(-1.0, 1.0).acos();
-        let air_mass = 1.0 / (self.sun.z + 0.15 * (93.885 - theta.to_degrees()).powf(-1.253));
-        let beta = (0.046_08 * self.turbidity - 0.045_86).max(0.0);
-        let body = Sampled::blackbody(5778.0);
-        let seen = |step: u32| {
-            let nm = 360.0 + 5.0 * f64::from(step);
-            let micrometres = nm / 1000.0;
-            let rayleigh = 0.008_735 * micrometres.powf(-4.08);
-            let aerosols = beta * micrometres.powf(-1.3);
-            (nm, body.at(nm) * (-(rayleigh + aerosols) * air_mass).exp())
-        };
-        Sampled::new((0..=94).map(seen).collect()).map_or(DVec3::ZERO, |sun| sun.mitsuba_radiance().as_dvec3())
+        let table: Vec<Vec<f64>> = include_str!("sun.txt")
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(|line| line.split(' ').filter_map(|number| number.parse().ok()).collect())
+            .collect();
+        let steps = (table.first().map_or(0, Vec::len) / 3).saturating_sub(1);
+        // Between four entries.
+        let at = (self.sun.z.min(1.0).asin() / FRAC_PI_2).cbrt() * steps as f64;
+        let (column, row) =
+            ((at as usize).min(steps.saturating_sub(1)), ((self.turbidity - 1.0) as usize).min(table.len() - 2));
+        let (dx, dy) = (at - column as f64, self.turbidity - 1.0 - row as f64);
+        let entry = |row: usize, column: usize| DVec3::from_slice(&table[row][3 * column..]);
+        let between = |row: usize| entry(row, column).lerp(entry(row, column + 1), dx);
+        between(row).lerp(between(row + 1), dy)
     }
 
     fn image(&self, sky_from_picture: &DMat3, sky_scale: f64, sun_scale: f64, aperture: f64) -> Image {
         use rayon::prelude::*;
-        let sun = self.sun_radiance() * sun_scale;
+        // A sun of another size brings the same light.
+        let size = |aperture: f64| 1.0 - (0.5 * aperture.to_radians()).cos();
+        let sun = self.sun_radiance() * (sun_scale * size(SUN_APERTURE) / size(aperture));
         let cos_sun = (0.5 * aperture.to_radians()).cos();
         // Texels that may touch the sun are looked at more closely, and the sun's light is kept as a whole.
         let texel_angle = PI / f64::from(HEIGHT);
@@ -220,30 +188,44 @@ impl Sky {
     }
 }
 
-/// Perez's function of the angle to the zenith, by its cosine, and of that to the sun.
-fn perez_function([a, b, c, d, e]: &[f64; 5], cos: f64, gamma: f64) -> f64 {
-    (1.0 + a * (b / cos).exp()) * (1.0 + c * (d * gamma).exp() + e * gamma.cos().powi(2))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn its_brightness_is_near_that_of_mitsuba() {
-        // Mitsuba 3.9's sunsky with turbidity 3 and albedo 0.3, sun at 45°: 45° opposite, and the sun's disk.
-        let sky = Sky::new(DVec3::new(0.0, 1.0, 1.0).normalize(), 3.0);
-        let luminance = |rgb: DVec3| rgb.dot(DVec3::new(0.2126, 0.7152, 0.0722));
-        let opposite = luminance(sky.radiance(DVec3::new(0.0, -1.0, 1.0).normalize()));
-        assert!((0.5..2.0).contains(&(opposite / luminance(DVec3::new(0.0247, 0.0485, 0.0994)))), "{opposite}");
-        let sun = luminance(sky.sun_radiance());
-        assert!((0.7..1.4).contains(&(sun / luminance(DVec3::new(21369.0, 17551.0, 12928.0)))), "{sun}");
-        assert!(sky.radiance(DVec3::NEG_Z) == DVec3::ZERO);
+    fn sky_and_sun_are_those_of_mitsuba() {
+        // Mitsuba 3.9's sunsky: elevation of a sun towards +y, turbidity, direction, radiance.
+        let skies = [
+            (45.0f64, 3.0, DVec3::new(0.0, -1.0, 1.0), [0.0247031, 0.0484970, 0.0993946]),
+            (20.0, 3.0, DVec3::new(-0.9, 0.2, 0.2), [0.0646161, 0.0990592, 0.1315213]),
+            (5.0, 6.0, DVec3::Z, [0.0084098, 0.0134601, 0.0192218]),
+        ];
+        for (elevation, turbidity, direction, expected) in skies {
+            let sky = at(elevation, turbidity);
+            let ratio = sky.radiance(direction.normalize()) / DVec3::from_array(expected);
+            assert!((ratio - 1.0).abs().max_element() < 1e-3, "{elevation} {turbidity}: {ratio}");
+        }
+        let suns = [
+            (45.0, 3.0, [21369.2, 17551.5, 12928.0]),
+            (10.0, 5.0, [10672.7, 6303.7, 2301.4]),
+            (60.0, 8.5, [17331.7, 14158.9, 11048.1]),
+        ];
+        for (elevation, turbidity, expected) in suns {
+            let ratio = at(elevation, turbidity).sun_radiance() / DVec3::from_array(expected);
+            assert!((ratio - 1.0).abs().max_element() < 0.02, "{elevation} {turbidity}: {ratio}");
+        }
+        assert!(at(45.0, 3.0).radiance(DVec3::NEG_Z) == DVec3::ZERO);
+        assert!(at(-1.0, 3.0).radiance(DVec3::Z) == DVec3::ZERO && at(-1.0, 3.0).sun_radiance() == DVec3::ZERO);
+    }
+
+    fn at(elevation: f64, turbidity: f64) -> Sky {
+        let (sin, cos) = elevation.to_radians().sin_cos();
+        Sky::new(DVec3::new(0.0, cos, sin), turbidity, Spectrum::splat(0.3))
     }
 
     #[test]
     fn the_sun_keeps_its_light_whatever_the_texels_are() {
-        let sky = Sky::new(DVec3::new(0.3, 0.2, 0.6).normalize(), 3.0);
+        let sky = Sky::new(DVec3::new(0.3, 0.2, 0.6).normalize(), 3.0, Spectrum::ZERO);
         let image = sky.image(&DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X), 0.0, 1.0, SUN_APERTURE);
         let mut sum = 0.0;
         for y in 0..HEIGHT {

@@ -1,4 +1,4 @@
-//! Lights: those without extent, the environment, and the emission of surfaces.
+//! Lights: those without extent, and the emission of surfaces.
 //!
 //! pbrt scales the spectrum of every light so that its luminance is 1 where `L` or `I` says no more than a spectrum; the
 //! numbers of `rgb` are taken as they are. `power` and `illuminance` are in watts and W·m⁻², seen with the eye's luminance.
@@ -9,37 +9,27 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
 use super::color::Meaning;
 use super::context::{Context, Outcome};
+use super::environment::Surroundings;
 use super::film::Exposure;
 use super::texture::Textures;
 use super::token::Place;
 use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{
-    ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff,
-};
+use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff};
 
 /// Luminance of linear Rec. 709.
-const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 /// The lights of a scene, some of which wait for their pictures.
 #[derive(Default)]
 pub(super) struct Lights {
     list: Vec<Light>,
-    /// Lights whose intensity is to be multiplied with the mean of a picture.
-    goniometric: Vec<(usize, ImageId)>,
-    /// What comes from everywhere.
-    constant: Spectrum,
-    picture: Option<EnvironmentPicture>,
-}
-
-struct EnvironmentPicture {
-    image: ImageId,
-    factor: Spectrum,
-    /// Wanted on a surface that faces +z of the light's own space, before the exposure.
-    illuminance: Option<f64>,
-    world_from_light: DMat3,
-    at: Place,
+    /// Lights with pictures that are to have a power, in watts: where they are in the list.
+    powers: Vec<(usize, f64)>,
+    /// Pictures of goniometric lights, and where they are asked for.
+    goniometric: Vec<(ImageId, Place)>,
+    environment: Surroundings,
 }
 
 impl Lights {
@@ -78,7 +68,7 @@ impl Lights {
         let to = params.point3("to", "point3")?.unwrap_or(DVec3::Z);
         let position = position(&entity.ctm, from, at)?;
         let kind = match entity.kind.as_str() {
-            "infinite" => return self.add_environment(context, textures, entity, color, scale, exposure),
+            "infinite" => return self.environment.add(context, textures, entity, color, scale, exposure),
             "distant" => {
                 let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
                 let direction = direction(&entity.ctm, to - from, at)?;
@@ -107,14 +97,27 @@ impl Lights {
                 }
             }
             "goniometric" => {
-                if let Some(file) = params.text("filename")? {
-                    let map = textures.picture(context, file, false, params.place_of("filename"))?;
-                    self.goniometric.push((self.list.len(), map.image));
-                }
-                context
-                    .unsupported(at, "the goniometric light shines equally in all directions, with its mean intensity");
                 let position = self::position(&entity.ctm, DVec3::ZERO, at)?;
-                LightKind::Point { position, intensity: shine(power.map_or(1.0, |power| power / (4.0 * PI))) }
+                match params.text("filename")? {
+                    Some(file) => {
+                        let image = textures.picture(context, file, false, params.place_of("filename"))?.image;
+                        self.goniometric.push((image, params.place_of("filename")));
+                        self.powers.extend(power.map(|power| (self.list.len(), power)));
+                        // Its pole is +y.
+                        let swapped = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+                        LightKind::Goniometric {
+                            position,
+                            world_from_light: (axes(context, &entity.ctm, at)? * swapped).as_mat3(),
+                            image,
+                            intensity: shine(1.0),
+                        }
+                    }
+                    None => {
+                        context.warn(at, "a goniometric light without `filename` shines equally in all directions");
+                        let intensity = shine(power.map_or(1.0, |power| power / (4.0 * PI)));
+                        LightKind::Point { position, intensity }
+                    }
+                }
             }
             "projection" => {
                 let file = params.text("filename")?.ok_or_else(|| at.fault("`projection` needs a `filename`"))?;
@@ -122,9 +125,7 @@ impl Lights {
                 if !(fov > 0.0 && fov < 180.0) {
                     return Err(params.place_of("fov").fault("`fov` must be between 0 and 180 degrees").into());
                 }
-                if power.is_some() {
-                    context.unsupported(params.place_of("power"), "the power of a projection is left out");
-                }
+                self.powers.extend(power.map(|power| (self.list.len(), power)));
                 let image = textures.projection(context, file, fov, params.place_of("filename"))?;
                 let axes = axes(context, &entity.ctm, at)? * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
                 LightKind::Projector {
@@ -146,6 +147,7 @@ impl Lights {
         };
         let (LightKind::Point { intensity: power, .. }
         | LightKind::Spot { intensity: power, .. }
+        | LightKind::Goniometric { intensity: power, .. }
         | LightKind::Projector { intensity: power, .. }
         | LightKind::Directional { irradiance: power, .. }) = &kind;
         if !power.is_finite() {
@@ -155,50 +157,12 @@ impl Lights {
         Ok(())
     }
 
-    fn add_environment(
-        &mut self,
-        context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
-        entity: &Entity,
-        color: Option<Spectrum>,
-        scale: f64,
-        exposure: Exposure,
-    ) -> Outcome<()> {
-        let (params, at) = (&entity.params, entity.at);
-        let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
-        if params.points3("portal", "point3")?.is_some() {
-            context.warn(params.place_of("portal"), "the portal is not needed, and left out");
-        }
-        let Some(file) = params.text("filename")? else {
-            let strength = scale * illuminance.map_or(1.0, |illuminance| illuminance / PI);
-            self.constant += exposure.apply(color.unwrap_or(Spectrum::ONE)) * strength as f32;
-            if !self.constant.is_finite() {
-                return Err(at.fault("the light is brighter than can be computed with").into());
-            }
-            return Ok(());
-        };
-        if color.is_some() {
-            return Err(at.fault("an infinite light has either `L` or a `filename`").into());
-        }
-        if self.picture.is_some() {
-            context.unsupported(at, "a second picture all around the scene is left out");
-            return Ok(());
-        }
-        self.picture = Some(EnvironmentPicture {
-            image: textures.picture(context, file, false, params.place_of("filename"))?.image,
-            factor: exposure.apply(Spectrum::ONE) * scale as f32,
-            illuminance,
-            world_from_light: axes(context, &entity.ctm, at)?,
-            at: params.place_of("filename"),
-        });
-        Ok(())
-    }
-
     /// Adds the lights to a scene whose pictures are there.
     pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> Outcome<()> {
-        for (index, image) in self.goniometric {
-            if let LightKind::Point { intensity, .. } = &mut self.list[index].kind {
-                *intensity *= scene.images[image.0 as usize].mean().truncate().element_sum() / 3.0;
+        for (image, at) in self.goniometric {
+            let (width, height) = scene.images[image.0 as usize].size();
+            if width != height {
+                return Err(at.fault("the picture of a goniometric light must be square, one of equal areas").into());
             }
         }
         for light in &mut self.list {
@@ -209,83 +173,26 @@ impl Lights {
                 *vertical_fov = (2.0 * tan.atan()) as f32;
             }
         }
+        for (index, power) in self.powers {
+            let (intensity, there) = match &mut self.list[index].kind {
+                LightKind::Goniometric { intensity, image, .. } => {
+                    let mean = scene.images[image.0 as usize].mean().truncate().element_sum() / 3.0;
+                    (intensity, 4.0 * PI * f64::from(mean))
+                }
+                LightKind::Projector { intensity, image, vertical_fov, aspect, .. } => {
+                    // Its area at distance 1; the cubes of the cosines are in the picture.
+                    let area = 4.0 * (0.5 * f64::from(*vertical_fov)).tan().powi(2) * f64::from(*aspect);
+                    (intensity, area * mean_luminance(&scene.images[image.0 as usize]))
+                }
+                _ => continue,
+            };
+            let factor = if there > 0.0 { (power / there) as f32 } else { 0.0 };
+            *intensity = (*intensity * factor).min(Spectrum::MAX);
+        }
         scene.lights = self.list;
-        scene.environment = match self.picture {
-            None if self.constant == Spectrum::ZERO => None,
-            None => Some(Environment::uniform(self.constant)),
-            Some(picture) => Some(picture.environment(context, scene, self.constant)?),
-        };
+        scene.environment = self.environment.finish(context, scene)?;
         Ok(())
     }
-}
-
-impl EnvironmentPicture {
-    fn environment(self, context: &mut Context<'_>, scene: &mut Scene, constant: Spectrum) -> Outcome<Environment> {
-        let image = &scene.images[self.image.0 as usize];
-        let (width, height) = image.size();
-        let (mapping, light_from_environment) = if width == height {
-            (EnvironmentMapping::EqualArea, DMat3::IDENTITY)
-        } else {
-            let message = "the picture is not square, so it is taken for one by latitude and longitude with +z up, as \
-                           pbrt's `imgtool makeequiarea` takes it; pbrt itself wants a square one of equal areas";
-            context.warn(self.at, message);
-            // Azimuth counts from +x towards +y, at the left edge.
-            let columns = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X);
-            (EnvironmentMapping::LatitudeLongitude, columns)
-        };
-        let mut factor = self.factor;
-        if let Some(wanted) = self.illuminance {
-            let there = illuminance(image, mapping);
-            if there > 0.0 {
-                factor *= (wanted / there) as f32;
-            }
-        }
-        if !factor.is_finite() {
-            return Err(self.at.fault("the light is brighter than can be computed with").into());
-        }
-        let mut id = self.image;
-        if constant != Spectrum::ZERO && factor.min_element() > 0.0 {
-            let bytes = width as usize * height as usize * size_of::<[f32; 3]>() * 4 / 3;
-            context.resources.budget().take(context.path(self.at.file), &context.place(self.at), bytes)?;
-            let more = constant / factor;
-            let texel = |index: u32| (image.texel(index % width, index / width).truncate() + more).to_array();
-            let texels = (0..width * height).map(texel).collect();
-            let sum = Image::from_linear_rgb(image.name.clone(), width, height, texels);
-            scene.images.push(sum);
-            id = ImageId(scene.images.len() as u32 - 1);
-        }
-        Ok(Environment {
-            image: Some(id),
-            mapping,
-            factor,
-            world_from_environment: (self.world_from_light * light_from_environment).as_mat3(),
-        })
-    }
-}
-
-/// What a picture brings to a surface that faces +z of the light's own space.
-fn illuminance(image: &Image, mapping: EnvironmentMapping) -> f64 {
-    let (width, height) = image.size();
-    let mut sum = 0.0;
-    for y in 0..height {
-        let v = (f64::from(y) + 0.5) / f64::from(height);
-        for x in 0..width {
-            let u = (f64::from(x) + 0.5) / f64::from(width);
-            // Cosine to +z, and solid angle.
-            let (cosine, solid_angle) = match mapping {
-                EnvironmentMapping::EqualArea => {
-                    let from_edge = 1.0 - (2.0 * u - 1.0).abs() - (2.0 * v - 1.0).abs();
-                    let radius = 1.0 - from_edge.abs();
-                    ((1.0 - radius * radius) * from_edge.signum(), 4.0 * PI)
-                }
-                EnvironmentMapping::LatitudeLongitude => ((v * PI).cos(), 2.0 * PI * PI * (v * PI).sin()),
-            };
-            if cosine > 0.0 {
-                sum += image.texel(x, y).truncate().as_dvec3().dot(LUMINANCE) * cosine * solid_angle;
-            }
-        }
-    }
-    sum / (f64::from(width) * f64::from(height))
 }
 
 /// What a surface emits.
@@ -359,7 +266,7 @@ fn direction(ctm: &DAffine3, vector: DVec3, at: Place) -> Outcome<Vec3> {
 }
 
 /// The axes of a transformation, orthonormal; they may mirror.
-fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: Place) -> Outcome<DMat3> {
+pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: Place) -> Outcome<DMat3> {
     let (axes, scale) = axes_and_scale(ctm);
     let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
     if !axes.is_finite() || !is_perpendicular {

@@ -5,7 +5,7 @@
 //!
 //! Understood: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
 //! cylinders and curves; all materials but `measured` (with `hair` and `subsurface` replaced by what comes near); image,
-//! constant, scale, mix, checkerboard and bilerp textures; all lights (`goniometric` replaced); homogeneous media;
+//! constant, scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media;
 //! perspective and orthographic cameras. What else a file asks for is named with file, line and column, and replaced or
 //! left out, or refused with [`LoadOptions::strict`](crate::LoadOptions::strict). Things that move stand where they start.
 //!
@@ -19,6 +19,7 @@ mod camera;
 mod color;
 mod context;
 mod dialect;
+mod environment;
 mod film;
 mod light;
 mod material;

@@ -119,6 +119,29 @@ fn a_sphere_that_looks_inwards_shines_inwards() {
     assert!(matches!(&material.surface, Surface::Dielectric(d) if (d.eta - 1.0 / 1.5).abs() < 1e-6));
 }
 
+/// Mitsuba 3.9 paints both of these, the first dark and the second lit, seen from outside.
+#[test]
+fn a_sphere_turns_inwards_by_its_own_mirror_but_not_by_that_of_its_instance() {
+    let bsdf = "<bsdf type='diffuse'/>";
+    let mirror = "<transform name='to_world'><scale x='-1'/></transform>";
+    let scene = silent(&format!("<shape type='sphere'>{bsdf}{mirror}</shape>")).scene;
+    let material = &scene.materials[scene.spheres[0].material as usize];
+    assert_eq!(material.surface, Surface::matte(Vec3::ZERO));
+    assert_eq!(material.back, bottega_scene::Back::Other(Box::new(Surface::matte(Vec3::splat(0.5)))));
+    let group = |stretch: &str| {
+        let place = format!("<transform name='to_world'><scale x='-1' z='{stretch}'/></transform>");
+        let group = format!("<shape type='shapegroup' id='g'><shape type='sphere'>{bsdf}</shape></shape>");
+        silent(&format!("{group}<shape type='instance'><ref id='g'/>{place}</shape>")).scene
+    };
+    let scene = group("1");
+    assert_eq!(scene.materials[scene.spheres[0].material as usize].back, bottega_scene::Back::Black);
+    // Stretched, it is triangles.
+    let scene = group("2");
+    let mesh = &scene.meshes[0];
+    let [a, b, c] = mesh.triangles[0].map(|vertex| mesh.positions[vertex as usize]);
+    assert!((b - a).cross(c - a).dot(a) > 0.0 && mesh.normals[0].dot(mesh.positions[0]) > 0.0);
+}
+
 #[test]
 fn instances_of_instances_are_placed_one_by_one() {
     let loaded = silent(

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::super::Source;
 use super::super::lines::{self, Block, float, integer, next_word};
 use super::header::{Element, Header};
+use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
@@ -59,12 +60,13 @@ fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
 /// Which rows of the file are which element.
 struct Elements<'a> {
     vertices: Option<(&'a Element, Range<usize>)>,
-    faces: Option<(&'a Element, Range<usize>)>,
+    /// Faces and triangle strips.
+    polygons: Vec<(&'a Element, Range<usize>)>,
 }
 
 impl<'a> Elements<'a> {
     fn new(source: Source<'_>, header: &'a Header, row_count: usize) -> Result<Self, SceneError> {
-        let mut elements = Self { vertices: None, faces: None };
+        let mut elements = Self { vertices: None, polygons: Vec::new() };
         let mut next = 0usize;
         for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
             let rows = next..next.saturating_add(element.count);
@@ -76,8 +78,8 @@ impl<'a> Elements<'a> {
             }
             if element.is_vertices() {
                 elements.vertices = Some((element, rows));
-            } else if element.is_faces() {
-                elements.faces = Some((element, rows));
+            } else if element.is_faces() || element.is_strips() {
+                elements.polygons.push((element, rows));
             }
         }
         Ok(elements)
@@ -96,7 +98,7 @@ impl<'a> Elements<'a> {
         let part = |rows: &Range<usize>| overlap(&numbers, rows);
         let mut passages = Vec::new();
         passages.extend(self.vertices.as_ref().map(|(element, rows)| (part(rows), *element, true)));
-        passages.extend(self.faces.as_ref().map(|(element, rows)| (part(rows), *element, false)));
+        passages.extend(self.polygons.iter().map(|(element, rows)| (part(rows), *element, false)));
         passages.sort_by_key(|(rows, ..)| rows.start);
         for (rows, element, is_vertices) in passages {
             if rows.is_empty() {
@@ -166,11 +168,12 @@ fn read_faces<'t>(
     triangles: &mut Vec<[u32; 3]>,
 ) -> Result<(), Fault> {
     let corners = element.corners();
+    let read = if element.is_strips() { read_strip } else { read_corners };
     for (number, mut line) in lines {
         for (index, property) in element.properties.iter().enumerate() {
             let word = next_word(&mut line).ok_or_else(|| (number, missing(element)))?;
             if Some(index) == corners {
-                read_corners(word, &mut line, vertex_count, triangles).map_err(|problem| (number, problem))?;
+                read(word, &mut line, vertex_count, triangles).map_err(|problem| (number, problem))?;
                 // What follows means nothing to us.
                 break;
             } else if property.count.is_some() {
@@ -200,6 +203,16 @@ fn read_corners(
             _ => triangles.push([first, last, index]),
         }
         last = index;
+    }
+    Ok(())
+}
+
+fn read_strip(word: &[u8], line: &mut &[u8], vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), String> {
+    let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
+    let mut strip = Strip::default();
+    for _ in 0..length {
+        let word = next_word(line).ok_or("a strip has fewer corners than announced")?;
+        triangles.extend(strip.next(integer(word).ok_or_else(|| wrong(word))?, vertex_count)?);
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::super::Source;
 use super::header::{Element, Header, Kind, Property};
+use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
 use crate::{Mesh, SceneError};
 
@@ -63,8 +64,11 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8], big_endian
             length
         } else if let Some(corners) = element.corners().filter(|_| element.is_faces()) {
             let (faces, length) = body.triangles(corners, header.vertex_count)?;
-            triangles = faces;
+            // Strips may have come first; the many are not copied.
+            triangles = if triangles.is_empty() { faces } else { [triangles, faces].concat() };
             length
+        } else if let Some(corners) = element.corners().filter(|_| element.is_strips()) {
+            body.strips(corners, header.vertex_count, &mut triangles)?
         } else {
             body.skip()?
         };
@@ -232,6 +236,26 @@ impl Body<'_> {
             .collect();
         decoded.into_iter().collect::<Result<(), SceneError>>()?;
         Ok((triangles, length))
+    }
+
+    /// Adds the triangles of strips, one after the other. Returns the bytes that the strips take.
+    fn strips(&self, corners: usize, vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<usize, SceneError> {
+        let kind = self.element.properties[corners].kind;
+        let mut at = 0;
+        for row in 0..self.element.count {
+            let (bytes, list, length) = self.row(at, corners).ok_or_else(|| self.truncated(row))?;
+            let most = length.saturating_sub(2);
+            self.source.budget.take(self.source.path, "", most * size_of::<[u32; 3]>())?;
+            triangles.reserve(most);
+            let mut strip = Strip::default();
+            for number in self.bytes[list..list + length * kind.bytes()].chunks_exact(kind.bytes()) {
+                let index = with_reader!(kind, self.big_endian, read => read(number) as i64);
+                let triangle = strip.next(index, vertex_count).map_err(|problem| self.at_byte(at, problem))?;
+                triangles.extend(triangle);
+            }
+            at += bytes;
+        }
+        Ok(at)
     }
 
     /// The pieces of faces that all have the same number of corners; `None`: they have not, or are cut off.

@@ -92,6 +92,10 @@ impl Element {
         self.name == b"face"
     }
 
+    pub(super) fn is_strips(&self) -> bool {
+        self.name == b"tristrips"
+    }
+
     /// Its name, for messages.
     pub(super) fn name(&self) -> String {
         shortened(&String::from_utf8_lossy(&self.name)).into_owned()
@@ -118,7 +122,7 @@ impl Element {
         roles
     }
 
-    /// Which property lists the corners of a face.
+    /// Which property lists the corners of a face or of a strip.
     pub(super) fn corners(&self) -> Option<usize> {
         self.properties.iter().position(|property| {
             property.count.is_some() && matches!(&property.name[..], b"vertex_indices" | b"vertex_index")
@@ -223,9 +227,9 @@ impl Header {
                 }
                 self.vertex_count = element.count;
             }
-            if element.is_faces() {
+            if element.is_faces() || element.is_strips() {
                 let Some(corners) = element.corners() else {
-                    let problem = "faces need the list property vertex_indices".into();
+                    let problem = format!("`{}` needs the list property vertex_indices", element.name());
                     return Err(source.at_line((element.line, problem)));
                 };
                 if !element.properties[corners].kind.is_integer() {

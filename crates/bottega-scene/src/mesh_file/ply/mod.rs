@@ -1,11 +1,12 @@
 //! PLY, the Stanford polygon file format: ascii, binary of either byte order, and any of them within gzip.
 //!
-//! Elements other than `vertex` and `face`, and properties without a meaning for us, are skipped. Colours that are
+//! Elements other than `vertex`, `face` and `tristrips`, and properties without a meaning for us, are skipped. Colours that are
 //! integers are taken for sRGB codes, as the programs that write them do; colours that are floats are linear.
 
 mod ascii;
 mod binary;
 mod header;
+mod strips;
 mod vertices;
 
 use std::path::Path;

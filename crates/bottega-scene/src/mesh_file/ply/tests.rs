@@ -75,6 +75,29 @@ fn file(format: &str, header: &str, rows: &[Vec<Number>]) -> Vec<u8> {
 const FORMATS: [&str; 3] = ["ascii", "binary_little_endian", "binary_big_endian"];
 
 #[test]
+fn strips_become_triangles_in_every_format() {
+    use Number::{F32, I32, U8};
+    let header = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+        element tristrips 2\nproperty list uchar int vertex_indices\n";
+    let corners = |list: &[i32]| {
+        [U8(list.len() as u8)].into_iter().chain(list.iter().map(|&corner| I32(corner))).collect::<Vec<_>>()
+    };
+    let rows = |strips: [&[i32]; 2]| {
+        let mut rows = vec![vec![F32(0.0); 3], vec![F32(1.0); 3], vec![F32(2.0); 3], vec![F32(3.0); 3]];
+        rows.extend(strips.map(corners));
+        rows
+    };
+    for format in FORMATS {
+        let mesh = read_bytes(&file(format, header, &rows([&[0, 1, 2, 3, -1, 3, 2, 1], &[0, 2, 1]]))).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [3, 2, 1], [0, 2, 1]], "{format}");
+        let refused = refusal(file(format, header, &rows([&[0, 1, 4], &[]])));
+        assert!(refused.contains("refers to vertex 4"), "{refused}");
+        let whole = file(format, header, &rows([&[0, 1, 2], &[0, 2, 1]]));
+        assert!(read_bytes(&whole[..whole.len() - 4]).is_err(), "{format}");
+    }
+}
+
+#[test]
 fn polygons_become_fans() {
     let mesh = read_bytes(SQUARE.as_bytes()).unwrap();
     assert_eq!(mesh.positions, vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);

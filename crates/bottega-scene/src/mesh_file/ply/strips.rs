@@ -1,0 +1,47 @@
+//! Triangle strips, as some scanners write them instead of faces: each corner makes a triangle with the two before it,
+//! every other one turned round, and −1 begins anew.
+
+/// The corners of a strip so far.
+#[derive(Default)]
+pub(super) struct Strip {
+    before: [u32; 2],
+    length: usize,
+}
+
+impl Strip {
+    /// Takes the next corner. Returns the triangle that it completes, unless that has no area by its indices.
+    pub(super) fn next(&mut self, index: i64, vertex_count: usize) -> Result<Option<[u32; 3]>, String> {
+        if index == -1 {
+            self.length = 0;
+            return Ok(None);
+        }
+        let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < vertex_count);
+        let index = in_range.ok_or_else(|| format!("refers to vertex {index}, but there are {vertex_count}"))?;
+        let [a, b] = self.before;
+        let triangle = if self.length % 2 == 0 { [a, b, index] } else { [b, a, index] };
+        let is_triangle = self.length >= 2 && a != b && a != index && b != index;
+        self.before = [b, index];
+        self.length += 1;
+        Ok(is_triangle.then_some(triangle))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangles(corners: &[i64]) -> Result<Vec<[u32; 3]>, String> {
+        let mut strip = Strip::default();
+        corners.iter().filter_map(|&corner| strip.next(corner, 9).transpose()).collect()
+    }
+
+    #[test]
+    fn every_other_triangle_is_turned_and_minus_one_begins_anew() {
+        assert_eq!(triangles(&[0, 1, 2, 3, 4]).unwrap(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+        assert_eq!(triangles(&[0, 1, 2, -1, 3, 4, 5]).unwrap(), [[0, 1, 2], [3, 4, 5]]);
+        // A corner twice keeps the sides in step.
+        assert_eq!(triangles(&[0, 1, 2, 2, 3]).unwrap(), [[0, 1, 2]]);
+        assert_eq!(triangles(&[0, 1, 2, 2, 3, 4]).unwrap(), [[0, 1, 2], [3, 2, 4]]);
+        assert!(triangles(&[0, 1, 9]).is_err() && triangles(&[0, 1, -2]).is_err());
+    }
+}

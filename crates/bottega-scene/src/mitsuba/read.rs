@@ -1,0 +1,447 @@
+//! From text to objects: files included, parameters put in, properties understood, references resolved.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+
+use glam::DMat4;
+
+use super::document::{Child, Class, Document, Object, ObjectId, Property};
+use super::report::Report;
+use super::transform;
+use super::value::{self, Value};
+use super::xml::{self, Element, Fault, Place};
+use crate::SceneError;
+use crate::load::LoadOptions;
+use crate::resource::{Location, Resources};
+use crate::text::shortened;
+
+/// Files that a scene may include, all together.
+const INCLUDES_MAX: usize = 1000;
+
+/// How deep files may include one another.
+const INCLUDE_DEPTH_MAX: usize = 16;
+
+/// Length of an attribute after parameters were put in, in bytes.
+const EXPANDED_MAX: usize = 1 << 16;
+
+/// How deep objects may contain one another, by references too.
+const DEPTH_MAX: usize = 64;
+
+impl Document {
+    /// Reads a scene and all that it includes.
+    pub(super) fn read(
+        text: &[u8],
+        options: &LoadOptions,
+        resources: &Resources<'_>,
+        report: &mut Report,
+    ) -> Result<Self, SceneError> {
+        let mut reader = Reader {
+            resources,
+            report,
+            defines: options.defines.iter().map(|(name, value)| (name.clone(), (value.clone(), false))).collect(),
+            objects: Vec::new(),
+            ids: BTreeMap::new(),
+            aliases: Vec::new(),
+            references: Vec::new(),
+            search_folders: Vec::new(),
+            included: Vec::new(),
+            include_count: 0,
+            depth: 0,
+        };
+        let root = reader.parse(text, 0)?;
+        if root.name != "scene" {
+            return Err(reader
+                .report
+                .invalid(root.at, format!("the outermost element is <{}>, not <scene>", root.name)));
+        }
+        let version = root.attribute("version").unwrap_or_default().trim();
+        let is_old = version.starts_with("0.") || version.starts_with("1.");
+        let mut scene = Container::default();
+        reader.contents(root.children, &mut scene, true)?;
+        reader.resolve(&mut scene)?;
+        for (name, (_, used)) in &reader.defines {
+            if !used && options.defines.iter().any(|(define, _)| define == name) {
+                reader
+                    .report
+                    .warn(Place::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
+            }
+        }
+        let roots = scene.children.iter().map(|child| child.object).collect();
+        for property in &scene.properties {
+            reader
+                .report
+                .warn(property.at, format!("`{}` of the scene itself means nothing", shortened(&property.name)));
+        }
+        let Reader { objects, search_folders, report, .. } = reader;
+        check_cycles(&objects, report)?;
+        Ok(Self { objects, roots, is_old, search_folders })
+    }
+}
+
+/// Properties and children as they are gathered.
+#[derive(Default)]
+struct Container {
+    properties: Vec<Property>,
+    children: Vec<Child>,
+    /// Positions in `children` whose object is still a reference: an index into [`Reader::references`].
+    pending: Vec<(usize, usize)>,
+}
+
+struct Reader<'a, 'b> {
+    resources: &'a Resources<'b>,
+    report: &'a mut Report,
+    /// Value, and whether it was asked for.
+    defines: BTreeMap<String, (String, bool)>,
+    objects: Vec<Object>,
+    ids: BTreeMap<String, (ObjectId, Place)>,
+    /// New name, old name.
+    aliases: Vec<(String, String, Place)>,
+    /// Object and child that wait for an id.
+    references: Vec<(ObjectId, usize, String, Place)>,
+    search_folders: Vec<String>,
+    /// The files that are being read, innermost last.
+    included: Vec<Location>,
+    include_count: usize,
+    /// Objects that are open.
+    depth: usize,
+}
+
+impl Reader<'_, '_> {
+    fn parse(&mut self, text: &[u8], file: u32) -> Result<Element, SceneError> {
+        let text = match std::str::from_utf8(text) {
+            Ok(text) => text,
+            Err(error) => {
+                let before = &text[..error.valid_up_to()];
+                let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
+                let at = Place { file, line: u32::try_from(line).unwrap_or(u32::MAX), column: 1 };
+                return Err(self.report.invalid(at, "the text is not UTF-8"));
+            }
+        };
+        let (budget, path) = (self.resources.budget(), self.report.path(file).to_path_buf());
+        enum Stop {
+            Fault(Fault),
+            Error(SceneError),
+        }
+        impl From<Fault> for Stop {
+            fn from(fault: Fault) -> Self {
+                Self::Fault(fault)
+            }
+        }
+        let book = |bytes| budget.take(&path, "", bytes).map_err(Stop::Error);
+        xml::parse(text, file, book).map_err(|stop| match stop {
+            Stop::Fault(fault) => self.report.invalid(fault.at, fault.problem),
+            Stop::Error(error) => error,
+        })
+    }
+
+    /// Understands what an element contains.
+    fn contents(
+        &mut self,
+        elements: Vec<Element>,
+        container: &mut Container,
+        is_scene: bool,
+    ) -> Result<(), SceneError> {
+        for mut element in elements {
+            match element.name.as_str() {
+                "default" => {
+                    let name = self.required(&element, "name")?;
+                    let value = self.required(&element, "value")?;
+                    self.defines.entry(name).or_insert((value, false));
+                    continue;
+                }
+                "include" => {
+                    self.include(&mut element, container, is_scene)?;
+                    continue;
+                }
+                "path" => {
+                    let folder = self.required(&element, "value")?;
+                    self.search_folders.push(folder);
+                    continue;
+                }
+                "alias" => {
+                    let (id, alias) = (self.required(&element, "id")?, self.required(&element, "as")?);
+                    self.aliases.push((alias, id, element.at));
+                    continue;
+                }
+                _ => {}
+            }
+            self.expand(&mut element)?;
+            let name = snake_case(element.attribute("name").unwrap_or_default());
+            let at = element.at;
+            let is_object = element.attribute("type").is_some();
+            if element.name == "ref" {
+                let id =
+                    element.attribute("id").ok_or_else(|| self.report.invalid(at, "<ref> has no `id`"))?.to_owned();
+                container.pending.push((container.children.len(), self.references.len()));
+                self.references.push((ObjectId(usize::MAX), 0, id, at));
+                container.children.push(Child { name, object: ObjectId(usize::MAX), at, used: Cell::new(false) });
+            } else if let Some(class) = Class::of_tag(&element.name)
+                && (is_object || element.name != "spectrum")
+            {
+                let object = self.object(element, class)?;
+                container.children.push(Child { name, object, at, used: Cell::new(false) });
+            } else {
+                self.property(&element, name, container)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn object(&mut self, element: Element, class: Class) -> Result<ObjectId, SceneError> {
+        let at = element.at;
+        let Some(plugin) = element.attribute("type").map(str::to_owned) else {
+            return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
+        };
+        let id = element.attribute("id").unwrap_or_default().to_owned();
+        self.depth += 1;
+        if self.depth > DEPTH_MAX {
+            let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
+            return Err(self.report.invalid(at, problem));
+        }
+        let mut container = Container::default();
+        self.contents(element.children, &mut container, false)?;
+        self.depth -= 1;
+        let object = ObjectId(self.objects.len());
+        for (child, reference) in container.pending {
+            self.references[reference].0 = object;
+            self.references[reference].1 = child;
+        }
+        if !id.is_empty()
+            && let Some((_, first)) = self.ids.insert(id.clone(), (object, at))
+        {
+            let first = self.report.show(first);
+            return Err(self.report.invalid(at, format!("the id `{}` is already that of {first}", shortened(&id))));
+        }
+        let Container { properties, children, .. } = container;
+        self.objects.push(Object { class, plugin, id, at, properties, children });
+        Ok(object)
+    }
+
+    fn property(&mut self, element: &Element, name: String, container: &mut Container) -> Result<(), SceneError> {
+        let at = element.at;
+        let value = match element.name.as_str() {
+            "transform" => transform::read(element).map(Value::Transform),
+            "animation" => {
+                self.report.warn(at, "nothing moves: the first transformation of an <animation> stands for all");
+                let first = element.children.iter().find(|child| child.name == "transform");
+                first.map_or(Ok(DMat4::IDENTITY), transform::read).map(Value::Transform)
+            }
+            _ => value::read(element),
+        };
+        match value {
+            Ok(Value::Unknown) => {
+                self.report.warn(at, format!("<{}> is not known and left out", shortened(&element.name)));
+                return Ok(());
+            }
+            Ok(value) => {
+                if container.properties.iter().any(|property| property.name == name) {
+                    self.report.warn(at, format!("`{}` is there twice; the first one counts", shortened(&name)));
+                    return Ok(());
+                }
+                container.properties.push(Property { name, value, at, used: Cell::new(false) });
+            }
+            Err(fault) => {
+                return Err(self.report.invalid(fault.at, fault.problem));
+            }
+        }
+        Ok(())
+    }
+
+    /// Splices the contents of another file in.
+    fn include(&mut self, element: &mut Element, container: &mut Container, is_scene: bool) -> Result<(), SceneError> {
+        let reference = self.required(element, "filename")?;
+        let at = element.at;
+        if self.included.len() >= INCLUDE_DEPTH_MAX {
+            return Err(self
+                .report
+                .invalid(at, format!("files include one another more than {INCLUDE_DEPTH_MAX} deep")));
+        }
+        self.include_count += 1;
+        if self.include_count > INCLUDES_MAX {
+            return Err(self.report.invalid(at, format!("more than {INCLUDES_MAX} files are included")));
+        }
+        let place = self.report.show(at);
+        // Beside the scene, or else beside the file that includes it.
+        let mut location = self.resources.locate(&reference, &place)?;
+        if let Some(parent) = self.included.last()
+            && !location.path().is_file()
+            && let Ok(beside) = self.resources.locate(&parent.join(&reference), &place)
+            && beside.path().is_file()
+        {
+            location = beside;
+        }
+        if self.included.contains(&location) {
+            return Err(self.report.invalid(at, format!("`{}` includes itself", shortened(&reference))));
+        }
+        let bytes = self.resources.read(&location)?;
+        let file = self.report.add_file(location.name.clone(), location.path().to_path_buf());
+        let root = self.parse(&bytes, file)?;
+        drop(bytes);
+        self.included.push(location);
+        if root.name == "scene" {
+            self.contents(root.children, container, is_scene)?;
+        } else {
+            self.contents(vec![root], container, is_scene)?;
+        }
+        self.included.pop();
+        Ok(())
+    }
+
+    /// An attribute that must be there, parameters put in.
+    fn required(&mut self, element: &Element, name: &str) -> Result<String, SceneError> {
+        let Some(text) = element.attribute(name) else {
+            return Err(self.report.invalid(element.at, format!("<{}> has no `{name}`", element.name)));
+        };
+        self.with_parameters(text, element.at)
+    }
+
+    /// Puts parameters into all attributes of an element and of the operations of a transformation.
+    fn expand(&mut self, element: &mut Element) -> Result<(), SceneError> {
+        let at = element.at;
+        for index in 0..element.attributes.len() {
+            if element.attributes[index].1.contains('$') {
+                let expanded = self.with_parameters(&element.attributes[index].1, at)?;
+                element.attributes[index].1 = expanded;
+            }
+        }
+        if matches!(element.name.as_str(), "transform" | "animation") {
+            element.children.iter_mut().try_for_each(|child| self.expand(child))?;
+        }
+        Ok(())
+    }
+
+    /// Replaces each `$name` by the value of the parameter with the longest name that fits.
+    fn with_parameters(&mut self, text: &str, at: Place) -> Result<String, SceneError> {
+        if !text.contains('$') {
+            return Ok(text.to_owned());
+        }
+        let mut expanded = String::new();
+        let mut rest = text;
+        while let Some(index) = rest.find('$') {
+            expanded.push_str(&rest[..index]);
+            rest = &rest[index + 1..];
+            let fits = self.defines.iter_mut().filter(|(name, _)| rest.starts_with(name.as_str()) && !name.is_empty());
+            let Some((name, (value, used))) = fits.max_by_key(|(name, _)| name.len()) else {
+                let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                let name = shortened(&name).into_owned();
+                let problem = format!("the parameter `${name}` has no value; give it one with `-D {name}=…`");
+                return Err(self.report.invalid(at, problem));
+            };
+            *used = true;
+            expanded.push_str(value);
+            rest = &rest[name.len()..];
+            if expanded.len() > EXPANDED_MAX {
+                return Err(self.report.invalid(at, format!("parameters grow beyond {EXPANDED_MAX} bytes")));
+            }
+        }
+        expanded.push_str(rest);
+        self.resources.budget().take(self.report.path(at.file), "", expanded.len())?;
+        Ok(expanded)
+    }
+
+    /// Finds what was referred to, also where it stands later.
+    fn resolve(&mut self, scene: &mut Container) -> Result<(), SceneError> {
+        for (alias, id, at) in std::mem::take(&mut self.aliases) {
+            let Some(&target) = self.ids.get(&id) else { return Err(self.no_such_id(&id, at)) };
+            if self.ids.insert(alias.clone(), target).is_some() {
+                return Err(self.report.invalid(at, format!("the id `{}` is already taken", shortened(&alias))));
+            }
+        }
+        for (owner, child, id, at) in std::mem::take(&mut self.references) {
+            let Some(&(target, _)) = self.ids.get(&id) else { return Err(self.no_such_id(&id, at)) };
+            if let Some(owner) = self.objects.get_mut(owner.0) {
+                owner.children[child].object = target;
+            } else if let Some(child) = scene.children.iter_mut().find(|child| child.at == at) {
+                child.object = target;
+            }
+        }
+        Ok(())
+    }
+
+    fn no_such_id(&self, id: &str, at: Place) -> SceneError {
+        self.report.invalid(at, format!("nothing has the id `{}`", shortened(id)))
+    }
+}
+
+/// Whether objects contain themselves, by references.
+fn check_cycles(objects: &[Object], report: &Report) -> Result<(), SceneError> {
+    #[derive(Clone, Copy, PartialEq)]
+    enum State {
+        New,
+        Open,
+        Done,
+    }
+    let mut states = vec![State::New; objects.len()];
+    // Levels below each object that is done.
+    let mut depths = vec![0; objects.len()];
+    for start in 0..objects.len() {
+        if states[start] != State::New {
+            continue;
+        }
+        states[start] = State::Open;
+        // Object and its next child; no recursion, since references may chain as long as the file is.
+        let mut path = vec![(start, 0)];
+        while let Some((object, next)) = path.last_mut() {
+            let object = *object;
+            let Some(child) = objects[object].children.get(*next) else {
+                let below = objects[object].children.iter().map(|child| depths[child.object.0] + 1).max();
+                depths[object] = below.unwrap_or(0);
+                if depths[object] > DEPTH_MAX {
+                    let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
+                    return Err(report.invalid(objects[object].at, problem));
+                }
+                states[object] = State::Done;
+                path.pop();
+                continue;
+            };
+            *next += 1;
+            let target = child.object.0;
+            match states[target] {
+                State::Done => {}
+                State::Open => return Err(report.invalid(child.at, "an object contains itself by this reference")),
+                State::New => {
+                    states[target] = State::Open;
+                    path.push((target, 0));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Names of the 0.x line run their words together: `maxDepth`, `intIOR`.
+fn snake_case(name: &str) -> String {
+    let mut snake = String::with_capacity(name.len() + 4);
+    let mut was_lower = false;
+    for c in name.chars() {
+        if c.is_ascii_uppercase() && was_lower {
+            snake.push('_');
+        }
+        was_lower = c.is_ascii_lowercase() || c.is_ascii_digit();
+        snake.push(c.to_ascii_lowercase());
+    }
+    snake
+}
+
+#[cfg(test)]
+mod tests {
+    use super::snake_case;
+
+    #[test]
+    fn names_of_the_old_line_become_those_of_the_new_one() {
+        let pairs = [
+            ("maxDepth", "max_depth"),
+            ("intIOR", "int_ior"),
+            ("alphaU", "alpha_u"),
+            ("toWorld", "to_world"),
+            ("sigmaT", "sigma_t"),
+            ("diffuseReflectance", "diffuse_reflectance"),
+            ("to_world", "to_world"),
+            ("color0", "color0"),
+            ("p0", "p0"),
+        ];
+        for (old, new) in pairs {
+            assert_eq!(snake_case(old), new);
+        }
+    }
+}
