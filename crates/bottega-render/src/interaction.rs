@@ -1,9 +1,16 @@
 //! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
 
-use bottega_kernels::{Hit, Ray, math, prefetch};
-use bottega_scene::{Material, Mesh, Relief, ScalarParam, Scene, Spectrum, Sphere, Surface, TextureMap};
+mod mesh;
+mod relief;
+
+use bottega_kernels::{Hit, Ray, math};
+use bottega_scene::{Material, Relief, Scene, Spectrum, Sphere, Surface, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
+
+use mesh::{derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
+pub(crate) use mesh::{request_triangle, request_vertices};
+use relief::{bumped_normal, mapped_normal};
 
 use crate::{
     bsdf::anisotropy_at,
@@ -268,154 +275,12 @@ impl Interaction {
     }
 }
 
-/// Asks memory for the triangle that was hit.
-#[inline(always)]
-pub(crate) fn request_triangle(prepared: &PreparedScene, hit: &Hit) {
-    if !hit.is_none() && hit.sphere().is_none() {
-        prefetch(&prepared.mesh(hit.instance).triangles, hit.primitive as usize);
-    }
-}
-
-/// Asks memory for the vertices of the triangle that was hit.
-#[inline(always)]
-pub(crate) fn request_vertices(prepared: &PreparedScene, hit: &Hit) {
-    if hit.is_none() || hit.sphere().is_some() {
-        return;
-    }
-    let mesh = prepared.mesh(hit.instance);
-    for vertex in mesh.triangles[hit.primitive as usize] {
-        prefetch(&mesh.positions, vertex as usize);
-        prefetch(&mesh.normals, vertex as usize);
-        prefetch(&mesh.uvs[0], vertex as usize);
-    }
-}
-
 /// How texture coordinates lie on a surface, for each set of them.
 struct Sides<T, D> {
     /// The tangent of increasing u, and the sign of its bitangent.
     tangent: T,
     /// How the point moves with u and with v; `None` where they do not tell.
     derivatives: D,
-}
-
-/// How far a point of a facet lies below the curved surface that its vertex normals tell of, as an offset.
-///
-/// Source: Hanika 2021, *Hacking the Shadow Terminator*, Ray Tracing Gems II, chapter 4.
-#[inline(always)]
-fn lift_off_facets(p: Vec3, corners: &[Vec3; 3], normals: &[Vec3; 3], weights: [f32; 3], front: bool) -> Vec3 {
-    let side = if front { 1.0 } else { -1.0 };
-    let mut lift = Vec3::ZERO;
-    for i in 0..3 {
-        let below = (side * (p - corners[i]).dot(normals[i])).min(0.0);
-        lift -= normals[i] * (side * weights[i] * below);
-    }
-    lift
-}
-
-/// A value per vertex at barycentric coordinates; `None` where the mesh has none.
-#[inline(always)]
-fn interpolate<T>(values: &[T], triangle: [u32; 3], u: f32, v: f32) -> Option<T>
-where
-    T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
-{
-    if values.is_empty() {
-        return None;
-    }
-    let [a, b, c] = triangle.map(|vertex| values[vertex as usize]);
-    Some(a * (1.0 - u - v) + b * u + c * v)
-}
-
-#[inline(always)]
-fn uvs_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32) -> [Vec2; 2] {
-    let first = interpolate(&mesh.uvs[0], triangle, u, v).unwrap_or_default();
-    [first, interpolate(&mesh.uvs[1], triangle, u, v).unwrap_or(first)]
-}
-
-/// Width of a beam in texture coordinates. Between the long and the short axis of its oblique cut: the geometric mean.
-fn footprint(mesh: &Mesh, triangle: [u32; 3], double_area: f32, width: f32, cosine: f32) -> f32 {
-    if mesh.uvs[0].is_empty() || double_area <= 0.0 {
-        return 0.0;
-    }
-    let [a, b, c] = triangle.map(|vertex| mesh.uvs[0][vertex as usize]);
-    let double_uv_area = (b - a).perp_dot(c - a).abs();
-    width * (double_uv_area / (double_area * cosine.abs().max(0.01))).sqrt()
-}
-
-/// The tangent of increasing u in object space, and the sign of the bitangent.
-fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set: u8) -> (Vec3, f32) {
-    if let Some(tangent) = interpolate(&mesh.tangents, triangle, u, v) {
-        // The sign is that of one vertex: all three agree in a sound mesh.
-        return (tangent.truncate(), mesh.tangents[triangle[0] as usize].w);
-    }
-    let uvs = &mesh.uvs[usize::from(uv_set & 1)];
-    let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
-    if uvs.is_empty() {
-        return (p1 - p0, 1.0);
-    }
-    let [a, b, c] = triangle.map(|vertex| uvs[vertex as usize]);
-    let (d1, d2) = (b - a, c - a);
-    let determinant = d1.perp_dot(d2);
-    let tangent = ((p1 - p0) * d2.y - (p2 - p0) * d1.y) * determinant.signum();
-    // v grows downwards, so texture coordinates that are not mirrored have a negative determinant; n × t then points
-    // up the picture, as normal maps want it.
-    (tangent, -determinant.signum())
-}
-
-/// How a point of a triangle moves with u and with v, in object space; `None` where these do not span the triangle.
-fn derivatives(mesh: &Mesh, triangle: [u32; 3], uv_set: u8) -> Option<[Vec3; 2]> {
-    let uvs = &mesh.uvs[usize::from(uv_set & 1)];
-    if uvs.is_empty() {
-        return None;
-    }
-    let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
-    let [a, b, c] = triangle.map(|vertex| uvs[vertex as usize]);
-    let (e1, e2, d1, d2) = (p1 - p0, p2 - p0, b - a, c - a);
-    let inverse = 1.0 / d1.perp_dot(d2);
-    let along = [(e1 * d2.y - e2 * d1.y) * inverse, (e2 * d1.x - e1 * d2.x) * inverse];
-    along.iter().all(|along| along.is_finite()).then_some(along)
-}
-
-/// The normal of the surface lifted by `height` along `ns`. Outward like `ns`.
-///
-/// Source: Blinn 1978, Simulation of Wrinkled Surfaces, eq. 3, without the term of the surface's own curvature (as Mitsuba
-/// has it). Heights are compared half a texel apart on either side, or half the width of the beam where that is more.
-fn bumped_normal(
-    scene: &Scene,
-    height: &ScalarParam,
-    point: &Interaction,
-    ns: Vec3,
-    derivatives: impl Fn(u8) -> Option<[Vec3; 2]>,
-) -> Vec3 {
-    let Some((map, _)) = &height.texture else { return ns };
-    let Some(along) = derivatives(map.uv_set) else { return ns };
-    let (width, rows) = scene.images[map.image.0 as usize].size();
-    let scale = map.picture_from_uv.matrix2;
-    let texels = Vec2::new(scale.x_axis.length() * width as f32, scale.y_axis.length() * rows as f32);
-    let step = (0.5 / texels.max(Vec2::splat(1e-3))).max(Vec2::splat(0.5 * point.footprint));
-    let at = |shift: Vec2| height.eval(scene, point.uvs.map(|uv| uv + shift), point.footprint);
-    let rise = |step: Vec2| (at(step) - at(-step)) / (2.0 * step.length());
-    let rises = [rise(Vec2::new(step.x, 0.0)), rise(Vec2::new(0.0, step.y))];
-    let [u, v] = [0, 1].map(|i| along[i] + ns * (rises[i] - ns.dot(along[i])));
-    let normal = u.cross(v).normalize_or(ns);
-    if normal.dot(ns) < 0.0 { -normal } else { normal }
-}
-
-/// The normal that a normal map tells of. Outward like `ns`.
-fn mapped_normal(
-    scene: &Scene,
-    map: &TextureMap,
-    scale: f32,
-    point: &Interaction,
-    ns: Vec3,
-    tangent: (Vec3, f32),
-) -> Vec3 {
-    let uv = point.uvs[usize::from(map.uv_set & 1)];
-    let texel = scene.images[map.image.0 as usize].eval(map, uv, point.footprint).truncate();
-    let bent = (texel * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
-    let t = tangent.0 - ns * ns.dot(tangent.0);
-    let Some(t) = t.try_normalize() else { return ns };
-    let b = ns.cross(t) * tangent.1;
-    (t * bent.x + b * bent.y + ns * bent.z).normalize_or(ns)
 }
 
 /// Texture coordinates on a sphere: u around +y, v from the upper pole down.
@@ -471,7 +336,7 @@ pub(crate) fn is_there(prepared: &PreparedScene, ray: &Ray, hit: &Hit, chance: i
 mod tests {
     use std::sync::Arc;
 
-    use bottega_scene::{Instance, Layered};
+    use bottega_scene::{Instance, Layered, Mesh, ScalarParam};
     use glam::Affine3A;
 
     use super::*;

@@ -7,7 +7,7 @@ use std::sync::{
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{AlphaMode, Material, Mesh, MediumId, Scene, Spectrum, Surface};
+use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface};
 use glam::{Affine3A, Mat3};
 
 use crate::{

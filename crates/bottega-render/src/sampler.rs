@@ -125,7 +125,8 @@ impl PixelSampler {
 /// all lanes at once.
 #[inline(always)]
 fn scrambled<const N: usize>(reversed: [u32; N], keys: [u64; N], dimensions: [u32; N]) -> [f32; N] {
-    let seeds: [u32; N] = std::array::from_fn(|i| (keys[i] as u32).wrapping_add(dimensions[i].wrapping_mul(0x9e37_79b9)));
+    let seeds: [u32; N] =
+        std::array::from_fn(|i| (keys[i] as u32).wrapping_add(dimensions[i].wrapping_mul(0x9e37_79b9)));
     // A bijection of 32 bits that mixes well (Wellons 2018, "lowbias32").
     let seeds: [u32; N] = std::array::from_fn(|i| (seeds[i] ^ seeds[i] >> 16).wrapping_mul(0x7feb_352d));
     let seeds: [u32; N] = std::array::from_fn(|i| (seeds[i] ^ seeds[i] >> 15).wrapping_mul(0x846c_a68b));

@@ -196,9 +196,8 @@ impl Guide {
 
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
-        let of_tree = |tree: &Tree| {
-            size_of_val(&*tree.entries) + size_of_val(&*tree.nodes) + size_of_val(&*tree.regions)
-        };
+        let of_tree =
+            |tree: &Tree| size_of_val(&*tree.entries) + size_of_val(&*tree.nodes) + size_of_val(&*tree.regions);
         self.trees.iter().map(of_tree).sum()
     }
 }

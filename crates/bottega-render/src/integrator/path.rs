@@ -3,6 +3,9 @@
 //! Sources: Kajiya 1986, *The Rendering Equation*; Veach 1997, *Robust Monte Carlo Methods for Light Transport
 //! Simulation*, chapters 8 to 10.
 
+mod light;
+mod scatter;
+
 use std::sync::Arc;
 
 use bottega_image::SampleValues;
@@ -17,14 +20,13 @@ use glam::{Vec2, Vec3};
 use super::volume;
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
-    bsdf::{Bsdf, BsdfAt, BsdfSample, LobeFlags, SurfacePoint, scattering, warp::ONE_MINUS_EPSILON},
+    bsdf::{Bsdf, SurfacePoint, scattering},
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
-    guide::{Guide, Region, Trail, train},
-    interaction::{Interaction, emitted, is_there, sphere_uv},
-    lights::{LightSample, Receiver},
-    sampler::{DimensionSet, PixelSampler, Quad},
-    settings::DirectLight,
+    guide::{Guide, Trail, train},
+    interaction::{Interaction, is_there},
+    lights::Receiver,
+    sampler::{DimensionSet, PixelSampler},
 };
 
 /// Greatest probability with which a path survives Russian roulette.
@@ -389,157 +391,6 @@ impl Path<'_> {
     }
 
     #[inline(always)]
-    fn add_environment(&mut self) {
-        let prepared = self.integrator.prepared;
-        let from = self.previous.receiver.p;
-        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
-        if radiance != Spectrum::ZERO {
-            let weight = self.found_by_bsdf(|from| prepared.lights().environment_pdf(from, self.direction));
-            self.radiance += self.throughput * radiance * weight;
-        }
-    }
-
-    /// Adds what a surface emits towards the path.
-    #[inline(always)]
-    fn add_emission(&mut self, point: &Interaction) {
-        let prepared = self.integrator.prepared;
-        let scene = &**prepared.scene();
-        let hit = &point.hit;
-        let radiance = match hit.sphere() {
-            Some(sphere) => {
-                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
-                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
-            }
-            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
-        };
-        if radiance == Spectrum::ZERO {
-            return;
-        }
-        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
-        self.radiance += self.throughput * radiance * weight;
-    }
-
-    /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
-    /// found it from the point before.
-    #[inline(always)]
-    fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
-        let settings = self.integrator.settings;
-        let Some(pdf) = self.previous.pdf else { return 1.0 };
-        match settings.direct_light {
-            DirectLight::LightSampling => 0.0,
-            DirectLight::BsdfSampling => 1.0,
-            DirectLight::Combined => {
-                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
-            }
-        }
-    }
-
-    /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
-    #[inline(always)]
-    fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>, first: Quad) {
-        let settings = self.integrator.settings;
-        let prepared = self.integrator.prepared;
-        if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
-            return;
-        }
-        let count = settings.light_samples.max(1);
-        let receiver = receiver(prepared, point);
-        for part in 0..count {
-            let set = DimensionSet::light(self.depth);
-            let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
-            let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
-            let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
-            if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
-                self.radiance += self.throughput * contribution;
-            }
-        }
-    }
-
-    /// What one of `count` light samples adds if nothing is between.
-    #[inline(always)]
-    fn light_contribution(
-        &self,
-        point: &Interaction,
-        bsdf: &BsdfAt<'_>,
-        region: Option<&Region>,
-        light: &LightSample,
-        count: f32,
-    ) -> Spectrum {
-        let wi = point.to_local(light.wi);
-        // A shading normal must not let light through the real surface.
-        if (wi.z > 0.0) != point.is_reflection(light.wi) {
-            return Spectrum::ZERO;
-        }
-        let (value, bsdf_pdf) = bsdf.eval_pdf(wi);
-        if value == Spectrum::ZERO {
-            return Spectrum::ZERO;
-        }
-        let expected = count * light.pdf;
-        let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let found = || region.map_or(bsdf_pdf, |region| mixed(region.share(), region.pdf(light.wi), bsdf_pdf));
-        let weight = if is_shared { power_heuristic(expected, found()) } else { 1.0 };
-        value * light.radiance * (wi.z.abs() * weight / expected)
-    }
-
-    /// Chooses where the path goes on. False when it ends here.
-    #[inline(always)]
-    fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>, u: Quad) -> bool {
-        let drawn = match region {
-            Some(region) => guided_sample(point, bsdf, region, u),
-            None => bsdf.sample(u[0], [u[1], u[2]]).map(|sample| (sample, sample.pdf)),
-        };
-        let Some((sample, bsdf_pdf)) = drawn else { return false };
-        let wi = point.to_world(sample.wi);
-        let is_reflection = point.is_reflection(wi);
-        if (sample.wi.z > 0.0) != is_reflection {
-            return false;
-        }
-        let is_delta = sample.is_delta();
-        if let Some(trail) = &mut self.trail
-            && !is_delta
-        {
-            trail.go(wi, bsdf_pdf, sample.pdf, self.radiance);
-        }
-        self.throughput *= sample.weight();
-        if !is_reflection {
-            let (material, known) = self.integrator.prepared.material(point.material);
-            // Into the solid when the path came from its outside, else out of it.
-            if !material.surface.is_thin() {
-                self.absorption = known.absorption[usize::from(point.front)];
-            }
-            self.roulette_scale *= sample.eta * sample.eta;
-        }
-        if !is_delta {
-            self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
-            if region.is_some() {
-                self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
-            }
-        }
-        self.previous =
-            Previous { receiver: receiver(self.integrator.prepared, point), pdf: (!is_delta).then_some(sample.pdf) };
-        self.origin = point.ray_origin(wi);
-        self.direction = wi;
-        self.depth += 1;
-        self.survives(u[3])
-    }
-
-    /// Russian roulette: a path goes on with the square root of what it still carries as its probability. With that part
-    /// itself, error times vertices is up to an eighth larger (`bench/runs/2026-11-21-paths.txt`).
-    #[inline(always)]
-    fn survives(&mut self, u: f32) -> bool {
-        let carried = self.throughput.max_element() * self.roulette_scale;
-        if carried <= 0.0 || carried.is_nan() {
-            return false;
-        }
-        if self.depth <= self.integrator.settings.roulette_depth {
-            return true;
-        }
-        let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
-        self.throughput /= survival;
-        u < survival
-    }
-
-    #[inline(always)]
     fn record_first(&mut self, point: &Interaction, distance: f32) {
         let values = &mut self.record.values;
         values.alpha = 1.0;
@@ -590,71 +441,7 @@ pub(crate) fn bsdf_at<'a>(
     place.insert(scattering(prepared.scene(), material, &point))
 }
 
-/// A surface's point as the lights see it.
-#[inline(always)]
-fn receiver(prepared: &PreparedScene, point: &Interaction) -> Receiver {
-    let n = if prepared.material(point.material).1.transmits { Vec3::ZERO } else { point.frame[2] };
-    Receiver { p: point.p_outside, n }
-}
-
-/// The ray that asks whether a light is seen.
-#[inline(always)]
-fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
-    let origin = point.ray_origin(light.wi);
-    if light.distance.is_infinite() {
-        return Ray::new(origin, light.wi);
-    }
-    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
-    let target = point.p_outside + light.wi * light.distance;
-    Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
-}
-
-/// Draws a direction by the guide or the BSDF, with the density of both together, and tells that of the BSDF as well.
-#[inline(always)]
-fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Quad) -> Option<(BsdfSample, f32)> {
-    let share = region.share();
-    if u[0] < share {
-        let (wi, guide_pdf) = region.sample([u[1], u[2]]);
-        let wi = point.to_local(wi);
-        let (value, bsdf_pdf) = bsdf.eval_pdf(wi);
-        let pdf = mixed(share, guide_pdf, bsdf_pdf);
-        let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
-        return (value != Spectrum::ZERO).then_some((BsdfSample { wi, value, pdf, lobe, eta: 1.0 }, bsdf_pdf));
-    }
-    let rest = ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON);
-    let sample = bsdf.sample(rest, [u[1], u[2]])?;
-    let guide_pdf = if sample.is_delta() { 0.0 } else { region.pdf(point.to_world(sample.wi)) };
-    Some((BsdfSample { pdf: mixed(share, guide_pdf, sample.pdf), ..sample }, sample.pdf))
-}
-
-/// Density of a choice between the guide and the BSDF.
-#[inline(always)]
-fn mixed(share: f32, guide_pdf: f32, bsdf_pdf: f32) -> f32 {
-    share * guide_pdf + (1.0 - share) * bsdf_pdf
-}
-
-/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
-#[inline(always)]
-fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    // By the ratio, so that squares of large densities do not overflow.
-    let ratio = other / chosen;
-    1.0 / (1.0 + ratio * ratio)
-}
-
 #[inline(always)]
 fn exp(v: Vec3) -> Vec3 {
     Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn weights_of_two_strategies_add_up_to_one() {
-        for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
-            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
-        }
-        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
-    }
 }

@@ -1,0 +1,157 @@
+//! The light that a path finds: by looking for lights, and by running into them.
+
+use bottega_kernels::Ray;
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::{Path, SHADOW_MARGIN, scatter::mixed};
+use crate::{
+    PreparedScene,
+    bsdf::BsdfAt,
+    guide::Region,
+    interaction::{Interaction, emitted, sphere_uv},
+    lights::{LightSample, Receiver},
+    sampler::{DimensionSet, Quad},
+    settings::DirectLight,
+};
+
+impl Path<'_> {
+    #[inline(always)]
+    pub(super) fn add_environment(&mut self) {
+        let prepared = self.integrator.prepared;
+        let from = self.previous.receiver.p;
+        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
+        if radiance != Spectrum::ZERO {
+            let weight = self.found_by_bsdf(|from| prepared.lights().environment_pdf(from, self.direction));
+            self.radiance += self.throughput * radiance * weight;
+        }
+    }
+
+    /// Adds what a surface emits towards the path.
+    #[inline(always)]
+    pub(super) fn add_emission(&mut self, point: &Interaction) {
+        let prepared = self.integrator.prepared;
+        let scene = &**prepared.scene();
+        let hit = &point.hit;
+        let radiance = match hit.sphere() {
+            Some(sphere) => {
+                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
+                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
+            }
+            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
+        };
+        if radiance == Spectrum::ZERO {
+            return;
+        }
+        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
+        self.radiance += self.throughput * radiance * weight;
+    }
+
+    /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
+    /// found it from the point before.
+    #[inline(always)]
+    fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
+        let settings = self.integrator.settings;
+        let Some(pdf) = self.previous.pdf else { return 1.0 };
+        match settings.direct_light {
+            DirectLight::LightSampling => 0.0,
+            DirectLight::BsdfSampling => 1.0,
+            DirectLight::Combined => {
+                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
+            }
+        }
+    }
+
+    /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
+    #[inline(always)]
+    pub(super) fn add_direct_light(
+        &mut self,
+        point: &Interaction,
+        bsdf: &BsdfAt<'_>,
+        region: Option<&Region>,
+        first: Quad,
+    ) {
+        let settings = self.integrator.settings;
+        let prepared = self.integrator.prepared;
+        if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
+            return;
+        }
+        let count = settings.light_samples.max(1);
+        let receiver = receiver(prepared, point);
+        for part in 0..count {
+            let set = DimensionSet::light(self.depth);
+            let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
+            let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
+            let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
+            if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
+                self.radiance += self.throughput * contribution;
+            }
+        }
+    }
+
+    /// What one of `count` light samples adds if nothing is between.
+    #[inline(always)]
+    fn light_contribution(
+        &self,
+        point: &Interaction,
+        bsdf: &BsdfAt<'_>,
+        region: Option<&Region>,
+        light: &LightSample,
+        count: f32,
+    ) -> Spectrum {
+        let wi = point.to_local(light.wi);
+        // A shading normal must not let light through the real surface.
+        if (wi.z > 0.0) != point.is_reflection(light.wi) {
+            return Spectrum::ZERO;
+        }
+        let (value, bsdf_pdf) = bsdf.eval_pdf(wi);
+        if value == Spectrum::ZERO {
+            return Spectrum::ZERO;
+        }
+        let expected = count * light.pdf;
+        let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
+        let found = || region.map_or(bsdf_pdf, |region| mixed(region.share(), region.pdf(light.wi), bsdf_pdf));
+        let weight = if is_shared { power_heuristic(expected, found()) } else { 1.0 };
+        value * light.radiance * (wi.z.abs() * weight / expected)
+    }
+}
+
+/// A surface's point as the lights see it.
+#[inline(always)]
+pub(super) fn receiver(prepared: &PreparedScene, point: &Interaction) -> Receiver {
+    let n = if prepared.material(point.material).1.transmits { Vec3::ZERO } else { point.frame[2] };
+    Receiver { p: point.p_outside, n }
+}
+
+/// The ray that asks whether a light is seen.
+#[inline(always)]
+fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
+    let origin = point.ray_origin(light.wi);
+    if light.distance.is_infinite() {
+        return Ray::new(origin, light.wi);
+    }
+    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
+    let target = point.p_outside + light.wi * light.distance;
+    Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
+}
+
+/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
+#[inline(always)]
+fn power_heuristic(chosen: f32, other: f32) -> f32 {
+    // By the ratio, so that squares of large densities do not overflow.
+    let ratio = other / chosen;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_two_strategies_add_up_to_one() {
+        for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
+            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
+        }
+        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+    }
+}
