@@ -36,7 +36,7 @@ pub use film::Film;
 pub use layout::{Aov, AovSet, Layout};
 pub use metadata::Metadata;
 pub use metrics::{
-    FlipError, FlipOptions, FlipView, Moments, USUAL_TRIM, flip, mae, mean_z_score, rejected_share,
+    FlipError, FlipOptions, FlipView, Moments, USUAL_TRIM, firefly_count, flip, mae, mean_z_score, rejected_share,
     rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse,
 };
 pub use output::{OutputFormat, check_writable};

@@ -72,6 +72,39 @@ pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, Imag
     Ok(reference.data.iter().zip(&test.data).map(of_pixel).collect())
 }
 
+/// By what factor a firefly is brighter than the pixels around it.
+const FIREFLY_FACTOR: f32 = 100.0;
+/// How far around a pixel the others are.
+const FIREFLY_REACH: u32 = 2;
+/// Part of the picture's mean below which no surrounding counts as dark.
+const FIREFLY_FLOOR: f64 = 1e-3;
+
+/// How many pixels are more than 100 times as bright as the median of the 5 × 5 pixels around them, which counts as a
+/// thousandth of the picture's mean at least.
+pub fn firefly_count(picture: &Picture) -> usize {
+    let (width, height) = picture.size();
+    let luminances: Vec<f32> = picture.data.iter().map(|&pixel| crate::luminance(pixel)).collect();
+    let mean = luminances.iter().map(|&value| f64::from(value)).sum::<f64>() / luminances.len().max(1) as f64;
+    let floor = (FIREFLY_FLOOR * mean) as f32;
+    let mut around = Vec::with_capacity((2 * FIREFLY_REACH as usize + 1).pow(2));
+    let mut is_firefly = |x: u32, y: u32| {
+        let value = luminances[(y * width + x) as usize];
+        // Most pixels are none by this alone.
+        if value <= FIREFLY_FACTOR * floor {
+            return false;
+        }
+        around.clear();
+        for row in y.saturating_sub(FIREFLY_REACH)..=(y + FIREFLY_REACH).min(height - 1) {
+            let (first, last) = (x.saturating_sub(FIREFLY_REACH), (x + FIREFLY_REACH).min(width - 1));
+            around.extend_from_slice(&luminances[(row * width + first) as usize..=(row * width + last) as usize]);
+        }
+        let middle = around.len() / 2;
+        let (_, &mut median, _) = around.select_nth_unstable_by(middle, f32::total_cmp);
+        value > FIREFLY_FACTOR * median.max(floor)
+    };
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&(x, y)| is_firefly(x, y)).count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +127,21 @@ mod tests {
         let trimmed = rel_mse_trimmed(&reference, &test, USUAL_TRIM).unwrap();
         assert!((trimmed - 0.01 / 1.01).abs() < 1e-6, "{trimmed}");
         assert!(rel_mse(&reference, &test).unwrap().is_nan());
+    }
+
+    #[test]
+    fn fireflies_are_far_brighter_than_what_is_around_them() {
+        let mut picture = Picture::from_fn(40, 30, |x, _| [0.01 + 0.1 * x as f32; 3]);
+        assert_eq!(firefly_count(&picture), 0);
+        picture.data[0] = [50.0; 3];
+        picture.data[40 * 30 - 1] = [1e4; 3];
+        picture.data[40 * 15 + 20] = [150.0; 3];
+        assert_eq!(firefly_count(&picture), 2, "the last is 75 times as bright as its surroundings");
+        let mut dark = Picture::new(9, 9);
+        assert_eq!(firefly_count(&dark), 0);
+        dark.data[40] = [1.0; 3];
+        assert_eq!(firefly_count(&dark), 1, "81 times the mean, and all around is black");
+        assert_eq!(firefly_count(&Picture::new(0, 0)), 0);
     }
 
     #[test]

@@ -281,6 +281,10 @@ pub(crate) struct PeersArgs {
     /// Repetitions, interleaved; medians of the times and means of the errors are printed.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     pub(crate) repeat: u16,
+    /// Only those others whose names begin so (`mitsuba`, `mitsuba llvm`, `cycles`, `luxcore`); may be given more than
+    /// once.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) peer: Vec<String>,
     /// Numbers of threads to paint with. Default: one, and as many as there are processors.
     #[arg(long, value_delimiter = ',', value_parser = parse_threads)]
     pub(crate) threads: Vec<usize>,
@@ -296,6 +300,13 @@ pub(crate) struct PeersArgs {
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl PeersArgs {
+    /// Whether another renderer is to be run.
+    pub(crate) fn includes(&self, name: &str) -> bool {
+        self.peer.is_empty() || self.peer.iter().any(|wanted| name.starts_with(wanted.as_str()))
+    }
 }
 
 fn parse_threads(text: &str) -> Result<usize, String> {

@@ -332,16 +332,19 @@ impl Path<'_> {
         let [u_light, u_scattering] =
             self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
         let mut region = None;
+        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
+        let receiver = Receiver { p: point.p_outside, n };
         if !is_delta_only {
-            if !known.transmits {
-                region = self.guide.and_then(|guide| guide.at(point.p, point.frame[2]));
+            // (Closures are not compiled for the vector unit: there are none where it is busy.)
+            if let (Some(guide), false) = (self.guide, known.transmits) {
+                region = guide.at(point.p, point.frame[2]);
             }
             if let Some(trail) = &mut self.trail {
                 trail.come(point.p, point.frame[2], self.throughput, self.radiance);
             }
-            self.add_direct_light(&point, &bsdf, region, u_light);
+            self.add_direct_light(&point, &receiver, &bsdf, region, u_light);
         }
-        self.scatter(&point, &bsdf, region, u_scattering)
+        self.scatter(&point, receiver, &bsdf, region, u_scattering)
     }
 
     #[inline(always)]

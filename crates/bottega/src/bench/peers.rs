@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_image::{Picture, USUAL_TRIM, read_picture, rel_mse_trimmed};
+use bottega_image::{Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed};
 use serde_json::{Value, json};
 
 use super::{
@@ -62,6 +62,8 @@ struct Row {
     mpaths: f64,
     seconds: f64,
     rel_mse: f64,
+    /// Pixels far brighter than what is around them, in one picture.
+    fireflies: f64,
 }
 
 impl Row {
@@ -82,14 +84,15 @@ pub(super) fn run(args: &PeersArgs) -> Result<ExitCode, CliError> {
     for name in &scenes {
         let scene = scene::load(&args.folder.join(name).with_extension("json"))?;
         let reference = read_picture(args.folder.join(format!("reference/ref_{name}.exr")))?;
+        let peers: Vec<&Peer> = PEERS.iter().filter(|peer| args.includes(peer.name)).collect();
         let reference_error = known[name]["ref_relmse"].as_f64().unwrap_or(0.0);
         for &threads in &threads {
             let mut all: Vec<(&'static str, Vec<Painted>)> = vec![(OURS, Vec::new())];
-            all.extend(PEERS.iter().map(|peer| (peer.name, Vec::new())));
+            all.extend(peers.iter().map(|peer| (peer.name, Vec::new())));
             // In turn, so that whatever else the machine does meanwhile meets all of them.
             for seed in 0..args.repeat {
                 all[0].1.push(ours(&scene, threads, args, seed)?);
-                for (peer, (_, painted)) in PEERS.iter().zip(&mut all[1..]) {
+                for (peer, (_, painted)) in peers.iter().zip(&mut all[1..]) {
                     if missing.iter().any(|(name, _)| *name == peer.name) {
                         continue;
                     }
@@ -151,14 +154,15 @@ fn row(
     seconds.sort_by(f64::total_cmp);
     let seconds = seconds[seconds.len() / 2];
     let count = painted.len() as f64;
-    let (mut error, mut samples) = (0.0, 0.0);
+    let (mut error, mut samples, mut fireflies) = (0.0, 0.0, 0.0);
     for painted in painted {
         error += rel_mse_trimmed(reference, &painted.picture, USUAL_TRIM)? / count;
         samples += painted.samples / count;
+        fireflies += firefly_count(&painted.picture) as f64 / count;
     }
     let mpaths = samples * reference.data.len() as f64 / seconds / 1e6;
     let rel_mse = (error - reference_error).max(1e-9);
-    Ok(Row { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse })
+    Ok(Row { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse, fireflies })
 }
 
 fn ours(scene: &NeutralScene, threads: usize, args: &PeersArgs, seed: u16) -> Result<Painted, CliError> {
@@ -293,20 +297,21 @@ fn ratio(rows: &[Row], other: &Row) -> Option<f64> {
 
 fn as_text(rows: &[Row]) -> String {
     let mut out = format!(
-        "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>12}  {}\n",
-        "scene", "threads", "renderer", "Mpaths/s", "seconds", "relMSE", "efficiency", "ours over it"
+        "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>12} {:>9}  {}\n",
+        "scene", "threads", "renderer", "Mpaths/s", "seconds", "relMSE", "efficiency", "fireflies", "ours over it"
     );
     for row in rows {
         let ratio = ratio(rows, row).map_or_else(String::new, |ratio| format!("{ratio:.2}"));
         out += &format!(
-            "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>12.3}  {ratio}\n",
+            "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>12.3} {:>9.1}  {ratio}\n",
             row.scene,
             row.threads,
             row.renderer,
             row.mpaths,
             row.seconds,
             row.rel_mse,
-            row.efficiency()
+            row.efficiency(),
+            row.fireflies
         );
     }
     for (threads, ratios, mean) in ratios(rows) {
@@ -325,7 +330,7 @@ fn as_json(rows: &[Row], missing: &[(&str, String)]) -> Value {
         .map(|row| {
             json!({
                 "scene": row.scene, "threads": row.threads, "renderer": row.renderer, "mpaths_per_second": row.mpaths,
-                "seconds": row.seconds, "rel_mse": row.rel_mse, "efficiency": row.efficiency(),
+                "seconds": row.seconds, "rel_mse": row.rel_mse, "efficiency": row.efficiency(), "fireflies": row.fireflies,
                 "ours_over_it": ratio(rows, row),
             })
         })
@@ -348,7 +353,7 @@ mod tests {
     use super::*;
 
     fn row(renderer: &'static str, scene: &str, seconds: f64, rel_mse: f64) -> Row {
-        Row { scene: scene.to_owned(), threads: 1, renderer, mpaths: 1.0, seconds, rel_mse }
+        Row { scene: scene.to_owned(), threads: 1, renderer, mpaths: 1.0, seconds, rel_mse, fireflies: 0.0 }
     }
 
     #[test]
@@ -376,6 +381,7 @@ mod tests {
             scene: Vec::new(),
             spp: 1,
             repeat: 1,
+            peer: vec!["mitsuba".to_owned()],
             threads: vec![1],
             python: "no such python".to_owned(),
             processor_time: true,
@@ -387,5 +393,6 @@ mod tests {
         assert!(reason.starts_with("no such python"), "{reason}");
         assert!(processor_seconds().is_none_or(|seconds| seconds >= 0.0));
         assert!(scenes(&args).is_err());
+        assert!(args.includes("mitsuba scalar_rgb") && !args.includes("cycles"));
     }
 }

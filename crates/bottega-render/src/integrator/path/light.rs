@@ -2,11 +2,9 @@
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
-use glam::Vec3;
 
 use super::{Path, SHADOW_MARGIN, scatter::mixed};
 use crate::{
-    PreparedScene,
     bsdf::BsdfAt,
     guide::Region,
     interaction::{Interaction, emitted, sphere_uv},
@@ -67,6 +65,7 @@ impl Path<'_> {
     pub(super) fn add_direct_light(
         &mut self,
         point: &Interaction,
+        receiver: &Receiver,
         bsdf: &BsdfAt<'_>,
         region: Option<&Region>,
         first: Quad,
@@ -77,11 +76,10 @@ impl Path<'_> {
             return;
         }
         let count = settings.light_samples.max(1);
-        let receiver = receiver(prepared, point);
         for part in 0..count {
             let set = DimensionSet::light(self.depth);
             let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
-            let Some(light) = prepared.lights().sample(prepared, &receiver, u) else { continue };
+            let Some(light) = prepared.lights().sample(prepared, receiver, u) else { continue };
             let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
             if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
                 self.radiance += self.throughput * contribution;
@@ -110,17 +108,13 @@ impl Path<'_> {
         }
         let expected = count * light.pdf;
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let found = || region.map_or(bsdf_pdf, |region| mixed(region.share(), region.pdf(light.wi), bsdf_pdf));
-        let weight = if is_shared { power_heuristic(expected, found()) } else { 1.0 };
+        let weight = match region {
+            _ if !is_shared => 1.0,
+            None => power_heuristic(expected, bsdf_pdf),
+            Some(region) => power_heuristic(expected, mixed(region.share(), region.pdf(light.wi), bsdf_pdf)),
+        };
         value * light.radiance * (wi.z.abs() * weight / expected)
     }
-}
-
-/// A surface's point as the lights see it.
-#[inline(always)]
-pub(super) fn receiver(prepared: &PreparedScene, point: &Interaction) -> Receiver {
-    let n = if prepared.material(point.material).1.transmits { Vec3::ZERO } else { point.frame[2] };
-    Receiver { p: point.p_outside, n }
 }
 
 /// The ray that asks whether a light is seen.

@@ -2,18 +2,26 @@
 
 use bottega_scene::Spectrum;
 
-use super::{Path, Previous, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, light::receiver};
+use super::{Path, Previous, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, warp::ONE_MINUS_EPSILON},
     guide::Region,
     interaction::Interaction,
+    lights::Receiver,
     sampler::Quad,
 };
 
 impl Path<'_> {
     /// Chooses where the path goes on. False when it ends here.
     #[inline(always)]
-    pub(super) fn scatter(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, region: Option<&Region>, u: Quad) -> bool {
+    pub(super) fn scatter(
+        &mut self,
+        point: &Interaction,
+        receiver: Receiver,
+        bsdf: &BsdfAt<'_>,
+        region: Option<&Region>,
+        u: Quad,
+    ) -> bool {
         let drawn = match region {
             Some(region) => guided_sample(point, bsdf, region, u),
             None => bsdf.sample(u[0], [u[1], u[2]]).map(|sample| (sample, sample.pdf)),
@@ -45,8 +53,7 @@ impl Path<'_> {
                 self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }
         }
-        self.previous =
-            Previous { receiver: receiver(self.integrator.prepared, point), pdf: (!is_delta).then_some(sample.pdf) };
+        self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf) };
         self.origin = point.ray_origin(wi);
         self.direction = wi;
         self.depth += 1;
