@@ -1,9 +1,8 @@
 //! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
 //!
-//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build
-//! holds at most about 95 bytes a triangle, the result included (80 without the optimization, some 15 more with several
-//! threads, a quarter more where many are cut): at the widest 32 for the item, 32 for its copy in a new order and 27
-//! for the binary tree.
+//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build holds some 80
+//! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary
+//! tree at first, which is there twice for a moment, the tree itself in the end.
 
 mod bins;
 mod collapse;
@@ -21,7 +20,8 @@ use bins::Item;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter.
+/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
+/// little left to choose when blocks are filled.)
 const BINARY_LEAF: usize = 6;
 
 /// At most one triangle in so many is cut in two before the build: see [`presplit`].
