@@ -1,9 +1,8 @@
 //! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
 //!
-//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build
-//! holds at most about 95 bytes a triangle, the result included (80 without the optimization, some 15 more with several
-//! threads, a quarter more where many are cut): at the widest 32 for the item, 32 for its copy in a new order and 27
-//! for the binary tree.
+//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build holds some 80
+//! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary
+//! tree at first, which is there twice for a moment, the tree itself in the end.
 
 mod bins;
 mod collapse;
@@ -18,10 +17,11 @@ use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use crate::{Aabb, Hit};
 use bins::Item;
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter.
+/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
+/// little left to choose when blocks are filled.)
 const BINARY_LEAF: usize = 6;
 
 /// At most one triangle in so many is cut in two before the build: see [`presplit`].
@@ -65,6 +65,8 @@ struct World<'a> {
     instances: &'a [InstanceGeometry],
     /// (number of the first triangle, instance), ascending in both.
     starts: Vec<(u32, u32)>,
+    /// Where the instance of each start is put; `None` where it stays in its place.
+    maps: Vec<Option<Affine>>,
     count: u32,
 }
 
@@ -85,27 +87,34 @@ impl<'a> World<'a> {
                 return Err(BuildError::TooMany { what: "triangles", count, limit });
             }
         }
-        Ok(Self { meshes, instances, starts, count: count as u32 })
+        let map = |&(_, instance): &(u32, u32)| {
+            let map = instances[instance as usize].world_from_object;
+            (map != Affine3A::IDENTITY).then(|| Affine::new(&map))
+        };
+        let maps = starts.iter().map(map).collect();
+        Ok(Self { meshes, instances, starts, maps, count: count as u32 })
     }
 
-    /// Instance and primitive of a triangle.
-    fn find(&self, id: u32) -> (u32, u32) {
-        let (start, instance) = self.starts[self.starts.partition_point(|f| f.0 <= id) - 1];
-        (instance, id - start)
+    /// Which start a triangle belongs to.
+    fn find(&self, id: u32) -> usize {
+        self.starts.partition_point(|f| f.0 <= id) - 1
     }
 
     fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        let (instance, primitive) = self.find(id);
-        let instance = &self.instances[instance as usize];
-        let mesh = &self.meshes[instance.mesh as usize];
-        let map = Affine::new(&instance.world_from_object);
-        mesh.triangles[primitive as usize].map(|i| map.point(mesh.positions[i as usize].to_array()))
+        let start = self.find(id);
+        let (first, instance) = self.starts[start];
+        let mesh = &self.meshes[self.instances[instance as usize].mesh as usize];
+        let [a, b, c] = mesh.triangles[(id - first) as usize].map(|i| mesh.positions[i as usize].to_array());
+        match &self.maps[start] {
+            Some(map) => [map.point(a), map.point(b), map.point(c)],
+            None => [a, b, c],
+        }
     }
 
     /// Refuses triangles that their transform moved out of the range of numbers.
     fn check(&self, items: &[Item]) -> Result<(), BuildError> {
         match items.iter().find(|item| !item.is_finite()) {
-            Some(bad) => Err(BuildError::TransformNotFinite { instance: self.find(bad.id()).0 as usize }),
+            Some(bad) => Err(BuildError::TransformNotFinite { instance: self.starts[self.find(bad.id())].1 as usize }),
             None => Ok(()),
         }
     }
@@ -225,13 +234,15 @@ impl Builder<'_> {
         let budget = items.len() / SPLIT_BUDGET;
         presplit::presplit(&mut items, budget, self.parallel, &corners);
         let mut binary = bins::build(&mut items, BINARY_LEAF, self.parallel);
-        if self.options.optimize {
-            binary = reinsert::optimize(binary, &mut items)
-                .unwrap_or_else(|| bins::build(&mut items, BINARY_LEAF, self.parallel));
-        }
         // The boxes have served: the items' numbers are an eighth of them.
-        let ids: Vec<u32> = items.iter().map(Item::id).collect();
+        let mut ids: Vec<u32> =
+            if self.parallel { items.par_iter().map(Item::id).collect() } else { items.iter().map(Item::id).collect() };
         drop(items);
+        if self.options.optimize
+            && let Some(better) = reinsert::optimize(&binary, &ids)
+        {
+            (binary, ids) = better;
+        }
         let choices = collapse::choose(&binary, WIDTH as u32);
         let leaf = |line: usize, _: &_| Child::triangles(line);
         let arena = &mut self.tree.arena;
@@ -288,6 +299,12 @@ impl Builder<'_> {
 /// Whether a triangle has no area. In double precision both products of each component are rounded alike, so corners on
 /// one line give exactly zero whenever the edges are exact in `f64`.
 fn is_flat(corners: &[[f32; 3]; 3]) -> bool {
+    // Far beyond the rounding of single precision there is no doubt.
+    let [a, b, c] = corners.map(Vec3::from);
+    let (e, f) = (b - a, c - a);
+    if e.cross(f).abs().max_element() > 1e-3 * e.abs().max_element() * f.abs().max_element() {
+        return false;
+    }
     let [a, b, c] = corners.map(|p| p.map(f64::from));
     let edge = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
     let (e, f) = (edge(b), edge(c));

@@ -57,8 +57,10 @@ pub(crate) struct Binary {
 /// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.
 const SAH_DEPTH: usize = MAX_DEPTH - 32;
 const BINS: usize = 16;
-/// Smaller nodes are not worth another thread.
+/// Smaller nodes are not worth another thread, nor are those with less than a part of all that many threads would share: each
+/// joint copies the nodes below it.
 const PARALLEL_ITEMS: usize = 16 * 1024;
+const PARALLEL_SHARE: usize = 8;
 
 /// Builds the tree and sorts the items so that each node has a range of them.
 ///
@@ -66,10 +68,11 @@ const PARALLEL_ITEMS: usize = 16 * 1024;
 /// - `parallel`: whether to use the threads of the current pool.
 pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec<Binary> {
     let mut nodes = Vec::new();
-    let builder = Builder { leaf_size, parallel };
+    let share = items.len() / (PARALLEL_SHARE * rayon::current_num_threads());
+    let builder = Builder { leaf_size, parallel_items: if parallel { share.max(PARALLEL_ITEMS) } else { usize::MAX } };
     if !items.is_empty() {
         nodes.reserve(items.len().min(PARALLEL_ITEMS));
-        builder.node(items, 0, 0, &mut nodes);
+        builder.node(items, &Extent::of(items), 0, 0, &mut nodes);
     }
     nodes
 }
@@ -84,17 +87,26 @@ struct Extent {
 }
 
 impl Extent {
-    fn of(items: &[Item]) -> Self {
+    const EMPTY: Self = {
         let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let mut e = Self { lower: low, upper: high, center_lower: low, center_upper: high };
+        Self { lower: low, upper: high, center_lower: low, center_upper: high }
+    };
+
+    fn of(items: &[Item]) -> Self {
+        let mut all = Self::EMPTY;
         for item in items {
-            e.lower = e.lower.min(item.lower);
-            e.upper = e.upper.max(item.upper);
-            let center = item.center();
-            e.center_lower = e.center_lower.min(center);
-            e.center_upper = e.center_upper.max(center);
+            all.add(item);
         }
-        e
+        all
+    }
+
+    #[inline(always)]
+    fn add(&mut self, item: &Item) {
+        self.lower = self.lower.min(item.lower);
+        self.upper = self.upper.max(item.upper);
+        let center = item.center();
+        self.center_lower = self.center_lower.min(center);
+        self.center_upper = self.center_upper.max(center);
     }
 
     fn bounds(&self) -> Aabb {
@@ -147,46 +159,54 @@ impl Binning {
         let last = self.bins as i32 - 1;
         [b.x, b.y, b.z].map(|b| (b.to_bits() as i32 - Self::ROUND.to_bits() as i32).min(last).max(0) as usize)
     }
+
+    /// Whether an item falls into a bin before `bin`, which is neither the first nor beyond the last, on one axis.
+    #[inline(always)]
+    fn before(axis: usize, bin: usize, base: f32, scale: f32) -> impl Fn(&Item) -> bool {
+        let bin = bin as i32 + Self::ROUND.to_bits() as i32;
+        move |item| (((item.lower[axis] + item.upper[axis] - base) * scale + Self::ROUND).to_bits() as i32) < bin
+    }
 }
 
 struct Builder {
     leaf_size: usize,
-    parallel: bool,
+    /// How many items a node must have to be shared among threads.
+    parallel_items: usize,
 }
 
 impl Builder {
-    fn node(&self, items: &mut [Item], first: u32, depth: usize, nodes: &mut Vec<Binary>) {
-        let extent = Extent::of(items);
+    fn node(&self, items: &mut [Item], extent: &Extent, first: u32, depth: usize, nodes: &mut Vec<Binary>) {
         let this = nodes.len();
         let count = items.len() as u32;
         nodes.push(Binary { bounds: extent.bounds(), first, count, second: 0 });
         if items.len() <= self.leaf_size {
             return;
         }
-        let middle = self.divide(items, &extent, depth);
+        let (middle, extents) = self.divide(items, extent, depth);
         let (left, right) = items.split_at_mut(middle);
         let first_right = first + middle as u32;
-        if self.parallel && count as usize >= PARALLEL_ITEMS {
-            let subtree = |items: &mut [Item], first| {
+        if count as usize >= self.parallel_items {
+            let subtree = |items: &mut [Item], extent: &Extent, first| {
                 let mut nodes = Vec::with_capacity(items.len() * 2 / self.leaf_size);
-                self.node(items, first, depth + 1, &mut nodes);
+                self.node(items, extent, first, depth + 1, &mut nodes);
                 nodes
             };
-            let (left, right) = rayon::join(|| subtree(left, first), || subtree(right, first_right));
+            let (left, right) =
+                rayon::join(|| subtree(left, &extents[0], first), || subtree(right, &extents[1], first_right));
             nodes.reserve_exact(left.len() + right.len());
             nodes.extend_from_slice(&left);
             drop(left); // What is touched next takes its memory.
             nodes[this].second = (nodes.len() - this) as u32;
             nodes.extend_from_slice(&right);
         } else {
-            self.node(left, first, depth + 1, nodes);
+            self.node(left, &extents[0], first, depth + 1, nodes);
             nodes[this].second = (nodes.len() - this) as u32;
-            self.node(right, first_right, depth + 1, nodes);
+            self.node(right, &extents[1], first_right, depth + 1, nodes);
         }
     }
 
-    /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all.
-    fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> usize {
+    /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all, and what both fill.
+    fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
         if depth < SAH_DEPTH {
             let binning = Binning::new(extent, items.len());
             // Most nodes are small, and clearing bins takes time.
@@ -196,9 +216,10 @@ impl Builder {
                 best_split::<BINS>(items, &binning)
             };
             if let Some((axis, bin)) = split {
-                let middle = partition(items, |item| binning.of(item.center())[axis] < bin);
+                let (middle, extents) =
+                    partition(items, Binning::before(axis, bin, binning.base[axis], binning.scale[axis]));
                 if middle != 0 && middle != items.len() {
-                    return middle;
+                    return (middle, extents);
                 }
             }
         }
@@ -208,7 +229,7 @@ impl Builder {
         items.select_nth_unstable_by(middle, |a, b| {
             a.center()[axis].total_cmp(&b.center()[axis]).then(a.id().cmp(&b.id()))
         });
-        middle
+        (middle, [Extent::of(&items[..middle]), Extent::of(&items[middle..])])
     }
 }
 
@@ -259,20 +280,25 @@ fn cost(bin: &Bin) -> f32 {
     half_area(bin.lower, bin.upper) * bin.count as f32
 }
 
-/// Moves the items for which `first` holds to the front; returns how many there are.
-fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> usize {
+/// Moves the items for which `first` holds to the front; returns how many there are, and what both parts fill.
+fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> (usize, [Extent; 2]) {
+    let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
     let (mut i, mut j) = (0, items.len());
     loop {
         while i < j && first(&items[i]) {
+            left.add(&items[i]);
             i += 1;
         }
         while i < j && !first(&items[j - 1]) {
+            right.add(&items[j - 1]);
             j -= 1;
         }
         if i >= j {
-            return i;
+            return (i, [left, right]);
         }
         items.swap(i, j - 1);
+        left.add(&items[i]);
+        right.add(&items[j - 1]);
         i += 1;
         j -= 1;
     }

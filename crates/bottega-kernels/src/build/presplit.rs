@@ -12,6 +12,7 @@
 
 use super::bins::Item;
 use crate::Aabb;
+use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -55,25 +56,29 @@ pub(super) fn presplit(
     parallel: bool,
     corners: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
 ) {
-    let scene = items.iter().fold(Aabb::EMPTY, |b, item| b.union(&item.bounds()));
-    let total: f64 = items.iter().map(|item| f64::from(item.bounds().half_area())).sum();
+    let (scene, total) = survey(items, parallel);
     let least = WORTHWHILE * (total / items.len().max(1) as f64) as f32;
-    let consider = |items: &[Item], index: usize| {
+    // `whole`: the item is a whole triangle, of which much is known before it is clipped.
+    let consider = |items: &[Item], index: usize, whole: bool| {
         let bounds = items[index].bounds();
-        if thickness(&bounds) <= least || !least.is_finite() {
+        let most = thickness(&bounds);
+        if most <= least || !least.is_finite() {
             return None;
         }
         let corners = corners(items[index].id());
+        if whole && most - shadows(&corners) <= least {
+            return None;
+        }
         let halves = cut(&bounds, &scene)?;
         let area = |b: &Aabb| thickness(&clipped(b, &parallelogram(&corners)));
-        let saved = thickness(&bounds) - area(&halves[0]) - area(&halves[1]);
+        let saved = most - area(&halves[0]) - area(&halves[1]);
         (saved > least).then(|| Cut { saved, index, parts: halves.map(|half| clipped(&half, &corners)) })
     };
     let all = 0..items.len();
     let cuts: Vec<Cut> = if parallel {
-        all.into_par_iter().with_min_len(4096).filter_map(|index| consider(items, index)).collect()
+        all.into_par_iter().with_min_len(4096).filter_map(|index| consider(items, index, true)).collect()
     } else {
-        all.filter_map(|index| consider(items, index)).collect()
+        all.filter_map(|index| consider(items, index, true)).collect()
     };
     let mut heap = BinaryHeap::from(cuts);
     let limit = items.len() + budget;
@@ -85,9 +90,23 @@ pub(super) fn presplit(
             items.reserve_exact((items.len() / 8).max(64).min(limit - items.len()));
         }
         items.push(Item::new(&parts[1], id));
-        heap.extend(consider(items, index));
-        heap.extend(consider(items, items.len() - 1));
+        heap.extend(consider(items, index, false));
+        heap.extend(consider(items, items.len() - 1, false));
     }
+}
+
+/// The box around all items, and the sum of half their areas: taken in pieces, the same whoever takes them.
+fn survey(items: &[Item], parallel: bool) -> (Aabb, f64) {
+    let piece = |items: &[Item]| {
+        items.iter().fold((Aabb::EMPTY, 0.0), |(all, sum), item| {
+            let bounds = item.bounds();
+            (all.union(&bounds), sum + f64::from(bounds.half_area()))
+        })
+    };
+    const PIECE: usize = 1 << 16;
+    let pieces: Vec<(Aabb, f64)> =
+        if parallel { items.par_chunks(PIECE).map(piece).collect() } else { items.chunks(PIECE).map(piece).collect() };
+    pieces.iter().fold((Aabb::EMPTY, 0.0), |(all, sum), piece| (all.union(&piece.0), sum + piece.1))
 }
 
 /// Half of the surface without the largest face: 0 for a box that is flat.
@@ -95,6 +114,14 @@ fn thickness(bounds: &Aabb) -> f32 {
     let d = bounds.max - bounds.min;
     let faces = [d.x * d.y, d.y * d.z, d.z * d.x];
     faces[0] + faces[1] + faces[2] - faces[0].max(faces[1]).max(faces[2])
+}
+
+/// The [`thickness`] that is left when the triangle's [`parallelogram`] has been cut into boxes without number: what it casts as
+/// shadows along the axes, without the largest.
+fn shadows(corners: &[[f32; 3]; 3]) -> f32 {
+    let [a, b, c] = corners.map(Vec3::from);
+    let shadows = (b - a).cross(c - a).abs();
+    shadows.element_sum() - shadows.max_element()
 }
 
 /// The triangle and its mirror image at the longest side. Most triangles are halves of such a shape, and as both halves
@@ -213,7 +240,6 @@ impl Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     fn item(corners: &[[f32; 3]; 3], id: u32) -> Item {
         Item::new(&corners.iter().fold(Aabb::EMPTY, |b, &p| b.with(Vec3::from(p))), id)

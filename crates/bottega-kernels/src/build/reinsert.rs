@@ -3,8 +3,10 @@
 //! Source: Bittner, Hapala and Havran 2013, "Fast Insertion-Based Optimization of Bounding Volume Hierarchies". Nodes are
 //! taken by decreasing area; the best place is found by branch and bound over the whole tree, then the tree is refitted.
 //! A top-down build decides near the root with little knowledge of what is below; this repairs it.
+//!
+//! Of a large tree only the top is taken apart; what is small below hangs on it as it is.
 
-use super::bins::{Binary, Item};
+use super::bins::Binary;
 use crate::Aabb;
 use crate::tree::MAX_DEPTH;
 use std::cmp::Ordering;
@@ -19,11 +21,14 @@ const MOST: usize = 20_000;
 /// Nodes looked at for one insertion, at most.
 const PATIENCE: usize = 4096;
 
+/// Subtrees with at most this part of all items stay as they are.
+const TOP: usize = 1 << 16;
+
 #[derive(Clone, Copy)]
 struct Link {
     bounds: Aabb,
     parent: u32,
-    /// For a leaf [`LEAF`] | number of items, and the first of them.
+    /// For a leaf [`LEAF`] | the binary node, and how many levels are below it.
     children: [u32; 2],
 }
 
@@ -67,15 +72,23 @@ impl Ord for Candidate {
 
 impl Links {
     fn new(binary: &[Binary]) -> Self {
-        let leaf =
-            |node: &Binary| Link { bounds: node.bounds, parent: NONE, children: [LEAF | node.count, node.first] };
-        let mut nodes: Vec<Link> = binary.iter().map(leaf).collect();
-        for (index, node) in binary.iter().enumerate().filter(|(_, node)| node.second != 0) {
-            let children = [index as u32 + 1, index as u32 + node.second];
-            nodes[index].children = children;
-            for child in children {
-                nodes[child as usize].parent = index as u32;
+        let small = binary[0].count / TOP as u32;
+        let mut nodes: Vec<Link> = Vec::new();
+        // Binary node, and the parent with the slot where it hangs.
+        let mut stack = vec![(0usize, NONE, 0)];
+        while let Some((index, parent, slot)) = stack.pop() {
+            let this = nodes.len() as u32;
+            if parent != NONE {
+                nodes[parent as usize].children[slot] = this;
             }
+            let node = &binary[index];
+            let mut children = [NONE; 2];
+            if node.second == 0 || node.count <= small {
+                children = [LEAF | index as u32, height(binary, index)];
+            } else {
+                stack.extend([(index + node.second as usize, this, 1), (index + 1, this, 0)]);
+            }
+            nodes.push(Link { bounds: node.bounds, parent, children });
         }
         Self { nodes, root: 0 }
     }
@@ -165,41 +178,58 @@ impl Links {
     }
 }
 
-/// Improves a tree; items are reordered along with it. `None` when the result would be too deep: the items are then as
-/// they were.
-pub(super) fn optimize(binary: Vec<Binary>, items: &mut Vec<Item>) -> Option<Vec<Binary>> {
-    if binary.len() < 8 || binary.len() >= LEAF as usize {
-        return Some(binary);
+/// Levels below a node.
+fn height(binary: &[Binary], index: usize) -> u32 {
+    match binary[index].second {
+        0 => 0,
+        second => 1 + height(binary, index + 1).max(height(binary, index + second as usize)),
     }
-    let mut links = Links::new(&binary);
-    drop(binary);
+}
+
+/// The nodes of a subtree, which lie one after the other.
+fn subtree(binary: &[Binary], index: usize) -> &[Binary] {
+    let mut last = index;
+    while binary[last].second != 0 {
+        last += binary[last].second as usize;
+    }
+    &binary[index..=last]
+}
+
+/// An improved tree, and the items' numbers in its order. `None` where it is best left as it is, or when the result would be too
+/// deep.
+pub(super) fn optimize(binary: &[Binary], ids: &[u32]) -> Option<(Vec<Binary>, Vec<u32>)> {
+    if binary.len() < 8 || binary.len() >= LEAF as usize {
+        return None;
+    }
+    let mut links = Links::new(binary);
     let mut heap = BinaryHeap::new();
     for _ in 0..ROUNDS {
         let mut order: Vec<u32> = (0..links.nodes.len() as u32).filter(|&i| i != links.root).collect();
         let area = |i: &u32| links.nodes[*i as usize].bounds.half_area();
         let larger = |a: &u32, b: &u32| area(b).total_cmp(&area(a)).then(a.cmp(b));
         let count = (order.len() / SHARE).min(MOST);
-        order.select_nth_unstable_by(count, larger);
+        if count < order.len() {
+            order.select_nth_unstable_by(count, larger);
+        }
         order.truncate(count);
         order.sort_unstable_by(larger);
         for index in order {
             links.reinsert(index, &mut heap);
         }
     }
-    links.rebuild(items)
+    links.rebuild(binary, ids)
 }
 
 impl Links {
     /// The tree in preorder again.
-    fn rebuild(self, items: &mut Vec<Item>) -> Option<Vec<Binary>> {
-        let mut nodes: Vec<Binary> = Vec::with_capacity(self.nodes.len());
-        let mut order: Vec<u32> = Vec::with_capacity(items.len());
+    fn rebuild(self, binary: &[Binary], ids: &[u32]) -> Option<(Vec<Binary>, Vec<u32>)> {
+        let mut nodes: Vec<Binary> = Vec::with_capacity(binary.len());
+        let mut order: Vec<u32> = Vec::with_capacity(ids.len());
+        // The inner nodes, whose items are counted in the end.
+        let mut inner: Vec<u32> = Vec::with_capacity(self.nodes.len() / 2);
         // Node, depth, and the parent where it is a second child.
         let mut stack = vec![(self.root, 0, NONE)];
         while let Some((index, depth, parent)) = stack.pop() {
-            if depth + 2 >= MAX_DEPTH {
-                return None;
-            }
             let this = nodes.len() as u32;
             if parent != NONE {
                 nodes[parent as usize].second = this - parent;
@@ -207,27 +237,31 @@ impl Links {
             let Link { bounds, children, .. } = self.nodes[index as usize];
             let first = order.len() as u32;
             if children[0] & LEAF != 0 {
-                order.extend(children[1]..children[1] + (children[0] & !LEAF));
+                if depth + children[1] as usize + 2 >= MAX_DEPTH {
+                    return None;
+                }
+                let subtree = subtree(binary, (children[0] & !LEAF) as usize);
+                let (old, count) = (subtree[0].first, subtree[0].count);
+                nodes.extend(subtree.iter().map(|node| Binary { first: node.first - old + first, ..*node }));
+                order.extend_from_slice(&ids[old as usize..(old + count) as usize]);
             } else {
                 stack.push((children[1], depth + 1, this));
                 stack.push((children[0], depth + 1, NONE));
-            }
-            nodes.push(Binary { bounds, first, count: order.len() as u32 - first, second: 0 });
-        }
-        for index in (0..nodes.len()).rev() {
-            if nodes[index].second != 0 {
-                nodes[index].count = nodes[index + 1].count + nodes[index + nodes[index].second as usize].count;
+                inner.push(this);
+                nodes.push(Binary { bounds, first, count: 0, second: 0 });
             }
         }
-        drop(self); // Before the copy of the items, which is as large.
-        *items = order.iter().map(|&index| items[index as usize]).collect();
-        Some(nodes)
+        for &index in inner.iter().rev() {
+            let index = index as usize;
+            nodes[index].count = nodes[index + 1].count + nodes[index + nodes[index].second as usize].count;
+        }
+        Some((nodes, order))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins;
+    use super::super::bins::{self, Item};
     use super::*;
     use crate::bench::Random;
     use glam::Vec3;
@@ -244,17 +278,17 @@ mod tests {
         let before = bins::build(&mut items, 4, false);
         let area = |nodes: &[Binary]| nodes.iter().map(|node| node.bounds.half_area()).sum::<f32>();
         let cost = area(&before);
-        let after = optimize(before, &mut items).expect("not too deep");
+        let ids: Vec<u32> = items.iter().map(Item::id).collect();
+        let (after, mut ids) = optimize(&before, &ids).expect("not too deep");
         assert!(area(&after) < 0.98 * cost, "{} against {cost}", area(&after));
-        let mut ids: Vec<u32> = items.iter().map(Item::id).collect();
-        ids.sort_unstable();
-        assert!(ids.iter().copied().eq(0..3000));
         for node in &after {
-            for item in &items[node.first as usize..(node.first + node.count) as usize] {
-                let b = boxes[item.id() as usize];
+            for &id in &ids[node.first as usize..(node.first + node.count) as usize] {
+                let b = boxes[id as usize];
                 assert!(b.min.cmpge(node.bounds.min).all() && b.max.cmple(node.bounds.max).all());
             }
         }
         assert_eq!(after[0].count, 3000);
+        ids.sort_unstable();
+        assert!(ids.iter().copied().eq(0..3000));
     }
 }

@@ -6,5 +6,6 @@ mod guiding;
 mod known_answers;
 mod media;
 mod scenes;
+mod speckles;
 mod strategies;
 mod surveys;
