@@ -18,7 +18,7 @@ impl Strip {
         let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < vertex_count);
         let index = in_range.ok_or_else(|| format!("refers to vertex {index}, but there are {vertex_count}"))?;
         let [a, b] = self.before;
-        let triangle = if self.length % 2 == 0 { [a, b, index] } else { [b, a, index] };
+        let triangle = if self.length.is_multiple_of(2) { [a, b, index] } else { [b, a, index] };
         let is_triangle = self.length >= 2 && a != b && a != index && b != index;
         self.before = [b, index];
         self.length += 1;
