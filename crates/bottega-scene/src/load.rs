@@ -168,6 +168,20 @@ pub struct Metadata {
     pub extensions: Vec<String>,
 }
 
+/// What an importer is given.
+pub(crate) struct Request<'a> {
+    /// The scene file.
+    pub(crate) path: &'a Path,
+    /// Its bytes.
+    pub(crate) file: &'a [u8],
+    pub(crate) options: &'a LoadOptions,
+    /// What it refers to.
+    pub(crate) resources: &'a Resources<'a>,
+}
+
+/// What an importer makes. Lights and cameras may be missing from the scene.
+pub(crate) type Imported = (Scene, Metadata, RenderHints);
+
 /// Reads a scene. The format is known by the first bytes, or by the extension of the name.
 ///
 /// Lights keep the numbers of the file: of glTF, candela counts as W·sr⁻¹, lux as W·m⁻², and the emissive factor as
@@ -182,7 +196,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
     let mut warnings = Warnings::default();
-    let import = if gltf::recognizes(path, &file) {
+    let import: fn(&Request<'_>, &mut Warnings) -> Result<Imported, SceneError> = if gltf::recognizes(path, &file) {
         gltf::import
     } else if mitsuba::recognizes(path, &file) {
         mitsuba::import
@@ -194,7 +208,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     };
     let resources = Resources::new(path, options, &budget);
-    let (mut scene, metadata, hints) = import(path, &file, options, &resources, &mut warnings)?;
+    let request = Request { path, file: &file, options, resources: &resources };
+    let (mut scene, metadata, hints) = import(&request, &mut warnings)?;
     resources.finish(&mut digest);
     let unsupported = warnings.take_unsupported();
     if options.strict && !unsupported.is_empty() {

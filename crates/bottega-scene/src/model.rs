@@ -1,5 +1,7 @@
 //! The scene and its shapes.
 
+use std::collections::BTreeMap;
+
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -87,6 +89,18 @@ pub(crate) fn is_placeable(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -
         && world_from_object.inverse().is_finite()
         && min.min_element() >= -COORDINATE_MAX
         && max.max_element() <= COORDINATE_MAX
+}
+
+/// Boxes of meshes, each looked for once: instances may be many, and their meshes large.
+#[derive(Debug, Default)]
+pub(crate) struct MeshBounds(BTreeMap<u32, (Vec3, Vec3)>);
+
+impl MeshBounds {
+    /// Whether a mesh of the scene can be placed so; see [`is_placeable`].
+    pub(crate) fn is_placeable(&mut self, scene: &Scene, mesh: u32, world_from_object: &Affine3A) -> bool {
+        let bounds = *self.0.entry(mesh).or_insert_with(|| scene.meshes[mesh as usize].bounds());
+        is_placeable(bounds, world_from_object)
+    }
 }
 
 /// The corners of a box.

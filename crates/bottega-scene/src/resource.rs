@@ -88,6 +88,11 @@ impl<'a> Resources<'a> {
         Ok(Location { name, file })
     }
 
+    /// Whether a reference leads back to the scene file itself.
+    pub(crate) fn is_scene(&self, location: &Location) -> bool {
+        self.path.file_name().is_some_and(|name| name.to_string_lossy() == location.name)
+    }
+
     /// Reads a file. Its hash will be part of the scene's digest.
     pub(crate) fn read(&self, location: &Location) -> Result<Vec<u8>, SceneError> {
         let bytes = read_file(&location.file, self.budget)?;
@@ -188,6 +193,8 @@ mod tests {
                 assert_eq!(resources.open(reference, "").unwrap(), b"a");
             }
             assert_eq!(resources.locate("sub/a", "").unwrap().join("../b.png"), "sub/../b.png");
+            assert!(resources.is_scene(&resources.locate("./sub/../scene.x", "").unwrap()));
+            assert!(!resources.is_scene(&resources.locate("sub/a", "").unwrap()));
             for reference in ["", ".", "a/..", "a\0b"] {
                 assert!(matches!(resources.locate(reference, ""), Err(SceneError::Invalid { .. })), "{reference:?}");
             }

@@ -7,6 +7,9 @@ use bottega_scene::{
     Surface, load,
 };
 use glam::{Vec2, Vec3};
+use mutation::{Random, damage, survive};
+
+mod mutation;
 
 const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/pbrt");
 
@@ -215,6 +218,26 @@ fn lights_with_pictures_have_the_power_that_they_say() {
 }
 
 #[test]
+fn a_mesh_and_a_picture_that_are_used_often_are_there_once() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.pfm"), [b"PF\n1 1\n-1.0\n".to_vec(), vec![0; 12]].concat()).unwrap();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    std::fs::write(folder.path().join("a.ply"), ply).unwrap();
+    let text = r#"WorldBegin
+        Texture "one" "spectrum" "imagemap" "string filename" "a.pfm"
+        Texture "two" "spectrum" "imagemap" "string filename" "./a.pfm" "float scale" 0.5
+        Material "diffuse" "texture reflectance" "one" Shape "plymesh" "string filename" "a.ply"
+        Translate 1 0 0 Shape "plymesh" "string filename" "./a.ply"
+        Material "coateddiffuse" "texture reflectance" "two" Shape "plymesh" "string filename" "a.ply""#;
+    let path = folder.path().join("scene.pbrt");
+    std::fs::write(&path, text).unwrap();
+    let scene = load(&path, &LoadOptions { add_sky: false, ..LoadOptions::default() }).unwrap().scene;
+    // One for each of the two materials.
+    assert_eq!((scene.meshes.len(), scene.instances.len(), scene.images.len()), (2, 3, 1));
+}
+
+#[test]
 fn textures_that_no_picture_shows_are_baked() {
     let scene = world(&format!(
         r#"Texture "c" "spectrum" "checkerboard" "float uscale" 2 "float vscale" 2 "rgb tex1" [ 1 0 0 ] "rgb tex2" [ 0 0 1 ]
@@ -407,7 +430,7 @@ fn includes_stay_in_the_folder_and_do_not_run_in_circles() {
 #[test]
 fn memory_is_bounded() {
     let options = LoadOptions { max_memory_bytes: 4 << 20, ..LoadOptions::default() };
-    let subdivided = "WorldBegin Shape \"loopsubdiv\" \"integer levels\" 12 \"integer indices\" [ 0 1 2 ] \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ]";
+    let subdivided = "WorldBegin Shape \"loopsubdiv\" \"integer levels\" 9 \"integer indices\" [ 0 1 2 ] \"point3 P\" [ 0 0 0 1 0 0 0 1 0 ]";
     let object = "ObjectBegin \"o\" ".to_owned() + &"Translate 1 0 0 Shape \"sphere\" ".repeat(1000) + "ObjectEnd ";
     let squared = format!("WorldBegin {object} {}", "ObjectInstance \"o\" ".repeat(1000));
     let nested = format!("WorldBegin {}", "AttributeBegin ".repeat(100_000));
@@ -415,6 +438,8 @@ fn memory_is_bounded() {
     for text in [subdivided, &squared, &materials] {
         assert!(matches!(load_with(text, &options), Err(SceneError::Limit { .. })), "{}", &text[..80]);
     }
+    let finer = subdivided.replace(" 9 ", " 12 ");
+    assert!(load_with(&finer, &options).unwrap_err().to_string().contains("would make more than"));
     assert!(load_with(&nested, &options).unwrap_err().to_string().contains("blocks within each other"));
     // Twice as many textures in each step.
     let mut text = String::from("WorldBegin Texture \"t0\" \"spectrum\" \"checkerboard\" ");
@@ -444,52 +469,41 @@ fn mutations_of_the_corpus_are_survived() {
     let odd: [&[u8]; 8] = [b"nan", b"-1", b"1e308", b"[", b"]", b"\"", b"4294967296", b"\xff\xfe"];
     let extreme: [&[u8]; 8] = [b"0", b"-1", b"1e30", b"1e-30", b"1e308", b"2", b"7", b"0.5"];
     let options = LoadOptions { max_memory_bytes: 64 << 20, ..LoadOptions::default() };
-    // SplitMix64 (Steele, Lea and Flood 2014).
-    let mut state = 0u64;
-    let mut random = |bound: usize| {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) % bound as u64) as usize
-    };
-    let (mut read, mut refused) = (0, 0);
-    for _ in 0..300 {
+    let mutated = |random: &mut Random| {
         let mut text = words.clone();
-        for _ in 0..=random(3) {
-            let at = random(text.len());
-            match random(10) {
-                0 => text[at] = odd[random(odd.len())],
-                1 => text[at] = words[random(words.len())],
+        for _ in 0..=random.below(3) {
+            let at = random.below(text.len());
+            match random.below(10) {
+                0 => text[at] = odd[random.below(odd.len())],
+                1 => text[at] = words[random.below(words.len())],
                 2 => drop(text.remove(at)),
-                3 => text.insert(at, words[random(words.len())]),
+                3 => text.insert(at, words[random.below(words.len())]),
                 4 => text.truncate(at.max(1)),
                 // Numbers that are wrong leave a file that can be read so far.
                 _ => {
                     let is_number = |word: &&[u8]| word.iter().all(|byte| b"0123456789.-".contains(byte));
                     let places: Vec<usize> = (0..text.len()).filter(|&index| is_number(&text[index])).collect();
                     if !places.is_empty() {
-                        text[places[random(places.len())]] = extreme[random(extreme.len())];
+                        text[places[random.below(places.len())]] = extreme[random.below(extreme.len())];
                     }
                 }
             }
         }
         let mut bytes = text.join(&b' ');
-        if random(4) == 0 {
-            let at = random(bytes.len());
-            bytes[at] = random(256) as u8;
+        if random.below(4) == 0 {
+            let at = random.below(bytes.len());
+            damage(&mut bytes, at, random);
         }
-        std::fs::write(&path, &bytes).unwrap();
+        bytes
+    };
+    let good = survive("box.pbrt", 300, mutated, |bytes| {
+        std::fs::write(&path, bytes).unwrap();
         match load(&path, &options) {
-            Ok(loaded) => {
-                assert!(loaded.scene.validate().is_ok());
-                read += 1;
-            }
+            Ok(loaded) => loaded.scene.validate().is_ok(),
             // Only the model itself may not be broken by what was read.
-            Err(SceneError::Inconsistent { place, problem }) => {
-                panic!("{place}: {problem}\n{}", String::from_utf8_lossy(&bytes))
-            }
-            Err(_) => refused += 1,
+            Err(SceneError::Inconsistent { place, problem }) => panic!("{place}: {problem}"),
+            Err(_) => false,
         }
-    }
-    assert!(read > 20 && refused > 20, "{read} {refused}");
+    });
+    assert!((0.05..0.95).contains(&good), "{good} of the mutations were scenes");
 }

@@ -109,8 +109,9 @@ impl Opening {
 
     /// The direction of a place of the square, and the solid angle of a unit of its area there.
     fn direction(&self, [u, v]: [f64; 2]) -> (Vec3, f32) {
-        // Just within the plane of the window.
-        let tan = |x: f64| math::tan((x as f32 * PI - FRAC_PI_2).clamp(-1.5707, 1.5707));
+        // Just short of the plane of the window.
+        const STEEP: f32 = FRAC_PI_2 - 1e-4;
+        let tan = |x: f64| math::tan((x as f32 * PI - FRAC_PI_2).clamp(-STEEP, STEEP));
         let local = Vec3::new(tan(u), tan(v), 1.0).normalize();
         (self.world_from_local * local, PI * PI * solid_angle_part(local))
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{DirectLight, Filter, PathSettings, PreparedScene};
-use bottega_scene::{Environment, Image, ImageId, Layered, Material, Scene};
+use bottega_scene::{Environment, Image, ImageId, Layered, Material, Portal, Scene};
 use glam::{Mat3, Vec3};
 use statrs::function::erf::erfc;
 
@@ -100,6 +100,52 @@ fn under_a_sky_with_bright_spots() {
     let compensated = Arc::new(PreparedScene::new(Arc::new(scene.clone()), &options).unwrap());
     let plain = paint_by(&prepare(scene), DirectLight::Combined, 1, 3);
     assert_same_mean("compensated", &paint_by(&compensated, DirectLight::Combined, 1, 4), &plain);
+}
+
+/// A hall whose ceiling has a window, of 2 by 1: open to the sky, or closed by nothing but the word of a portal.
+fn hall(is_open: bool) -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.8, 2.5), Vec3::ZERO, 0.9)], ..Scene::default() };
+    add_quad(&mut scene, Vec3::new(-3.0, -0.5, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, matte(Vec3::splat(0.6)));
+    let plastic = Layered { roughness: 0.35.into(), ..Layered::default() }.into();
+    add_sphere(&mut scene, Vec3::ZERO, 0.5, plastic);
+    if is_open {
+        // Four walls, and a ceiling in four parts.
+        let black = || matte(Vec3::ZERO);
+        for (corner, along) in [
+            (Vec3::new(-3.0, -0.5, -3.0), Vec3::X),
+            (Vec3::new(-3.0, -0.5, 3.0), Vec3::X),
+            (Vec3::new(-3.0, -0.5, -3.0), Vec3::Z),
+            (Vec3::new(3.0, -0.5, -3.0), Vec3::Z),
+        ] {
+            add_quad(&mut scene, corner, along * 6.0, Vec3::Y * 2.0, black());
+        }
+        for [x0, x1, z0, z1] in
+            [[-3.0, -1.0, -3.0, 3.0], [1.0, 3.0, -3.0, 3.0], [-1.0, 1.0, -3.0, -0.5], [-1.0, 1.0, 0.5, 3.0]]
+        {
+            add_quad(&mut scene, Vec3::new(x0, 1.5, z0), Vec3::X * (x1 - x0), Vec3::Z * (z1 - z0), black());
+        }
+    }
+    let texel = |i: u32| {
+        let (x, y) = (i % 16, i / 16);
+        if (3..6).contains(&x) && y == 2 { [20.0, 18.0, 12.0] } else { [0.2, 0.3, 0.1 + 0.05 * y as f32] }
+    };
+    scene.images.push(Image::from_linear_rgb("sky", 16, 8, (0..128).map(texel).collect()));
+    let edges = [Vec3::Z, 2.0 * Vec3::X];
+    let portals = if is_open { Vec::new() } else { vec![Portal { corner: Vec3::new(-1.0, 1.5, -0.5), edges }] };
+    let sky = Environment::picture(ImageId(0), Vec3::ONE, Mat3::from_rotation_y(0.4));
+    scene.environment = Some(Environment { portals, ..sky });
+    scene
+}
+
+#[test]
+fn a_portal_lets_in_what_a_window_does() {
+    assert_strategies_agree("portal", hall(false));
+    let portal = paint_by(&prepare(hall(false)), DirectLight::Combined, 1, 5);
+    let window = paint_by(&prepare(hall(true)), DirectLight::Combined, 1, 6);
+    assert_same_mean("portal and window", &window, &portal);
+    // What is sampled through the portal is nowhere noisier on the whole.
+    let rect = portal.rect();
+    assert!(moments(&portal, &rect).1 < moments(&window, &rect).1);
 }
 
 #[test]

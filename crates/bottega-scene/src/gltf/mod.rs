@@ -37,7 +37,7 @@ use std::path::Path;
 use document::Document;
 
 use crate::error::Warnings;
-use crate::load::{LoadOptions, MemoryBudget, Metadata, RenderHints};
+use crate::load::{Imported, LoadOptions, MemoryBudget, Metadata, RenderHints, Request};
 use crate::resource::Resources;
 use crate::text::shortened;
 use crate::{Scene, SceneError};
@@ -123,13 +123,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
-pub(crate) fn import(
-    path: &Path,
-    file: &[u8],
-    options: &LoadOptions,
-    resources: &Resources<'_>,
-    warnings: &mut Warnings,
-) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &Request { path, file, options, resources } = request;
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;

@@ -30,11 +30,20 @@ pub(super) struct Textures<'a> {
     /// The image of the document (`None`: the one for what is missing) and its use.
     wanted: Vec<(Option<usize>, Use)>,
     id_of: BTreeMap<(Option<usize>, Use), ImageId>,
+    /// Of each image of the document the first one with the same bytes.
+    first: Vec<usize>,
 }
 
 impl<'a> Textures<'a> {
     pub(super) fn new(source: &'a Source<'a>) -> Self {
-        Self { source, wanted: Vec::new(), id_of: BTreeMap::new() }
+        // Some exporters write an image for each use of a file.
+        let mut known = BTreeMap::new();
+        let images = source.document.images.iter().enumerate();
+        let first = images.map(|(index, image)| match (&image.uri, image.buffer_view) {
+            (None, None) => index,
+            key => *known.entry((key, &image.mime_type)).or_insert(index),
+        });
+        Self { source, wanted: Vec::new(), id_of: BTreeMap::new(), first: first.collect() }
     }
 
     /// Understands a reference to a texture, and remembers its picture.
@@ -66,7 +75,7 @@ impl<'a> Textures<'a> {
             warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
         }
         Ok(TextureMap {
-            image: self.id(texture.picture(), picture),
+            image: self.id(texture.picture().map(|image| self.first[image]), picture),
             uv_set: if uv_set == 1 { 1 } else { 0 },
             picture_from_uv: transform.map_or(Affine2::IDENTITY, picture_from_uv),
             wrap_u: wrap(sampler.wrap_s),

@@ -66,14 +66,16 @@ pub(crate) fn unfolded<'a>(
     inflate::gunzip(Source { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
 }
 
+/// A colour that can be computed with: no channel is negative, infinite or not a number.
+fn clean(color: Vec4) -> Vec4 {
+    Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO)
+}
+
 /// Mends what would poison the shading, and drops what says nothing.
 fn finish(mut mesh: Mesh) -> Mesh {
     mesh.mend_normals();
     mesh.uvs[0].par_iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
-    let clean = |color: &mut Vec4| {
-        *color = Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO);
-    };
-    mesh.colors.par_iter_mut().for_each(clean);
+    mesh.colors.par_iter_mut().for_each(|color| *color = clean(*color));
     if mesh.colors.par_iter().all(|&color| color == Vec4::ONE) {
         mesh.colors = Vec::new();
     }

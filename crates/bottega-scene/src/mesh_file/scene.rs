@@ -5,7 +5,7 @@ use std::path::Path;
 use super::obj::{self, materials::Library};
 use super::{ply, serialized};
 use crate::error::Warnings;
-use crate::load::{LoadOptions, Metadata, RenderHints};
+use crate::load::{Imported, LoadOptions, Metadata, RenderHints, Request};
 use crate::resource::Resources;
 use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
 
@@ -15,13 +15,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a file that [`recognizes`] accepts. It has neither lights nor cameras, unless a material shines.
-pub(crate) fn import(
-    path: &Path,
-    file: &[u8],
-    options: &LoadOptions,
-    resources: &Resources<'_>,
-    warnings: &mut Warnings,
-) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &Request { path, file, options, resources } = request;
     let budget = resources.budget();
     let mut scene = Scene::default();
     let format = if ply::recognizes(path, file) {

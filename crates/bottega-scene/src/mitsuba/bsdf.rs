@@ -20,7 +20,10 @@ pub(super) type MaterialKey = (Option<ObjectId>, Option<ObjectId>, Option<Medium
 pub(super) struct Needs {
     pub(super) uvs: bool,
     pub(super) tangents: bool,
+    /// Colours of its vertices.
     pub(super) colors: bool,
+    /// Colours of its faces.
+    pub(super) face_colors: bool,
 }
 
 /// A bsdf, before there is an emitter.
@@ -56,7 +59,7 @@ impl Importer<'_> {
             return Ok(known);
         }
         let (bsdf, emitter, interior, exterior) = key;
-        self.wants_vertex_colors = false;
+        (self.wants_vertex_colors, self.wants_face_colors) = (false, false);
         let lowered = match bsdf {
             Some(bsdf) => self.bsdf(bsdf)?,
             // What only shines is black.
@@ -83,7 +86,8 @@ impl Importer<'_> {
         };
         let tangents = material.needs_tangents();
         let uvs = tangents || !material.textures().is_empty();
-        let needs = Needs { uvs, tangents, colors: self.wants_vertex_colors };
+        let (colors, face_colors) = (self.wants_vertex_colors, self.wants_face_colors);
+        let needs = Needs { uvs, tangents, colors, face_colors };
         let made = (self.scene.push_material(material), needs);
         self.materials.insert(key, made);
         Ok(made)

@@ -34,7 +34,10 @@ impl Importer<'_> {
             return Ok(self.property_color(property, role)?.into());
         }
         let Some(child) = object.child(name) else { return Ok(default.into()) };
-        let texture = self.texture(child.object, Use::Color(role))?;
+        // Colours of a mesh multiply what a surface mainly reflects, and nothing else.
+        let is_base = matches!(name, "reflectance" | "diffuse_reflectance" | "base_color");
+        let wanted = if is_base { Use::Base } else { Use::Color(role) };
+        let texture = self.texture(child.object, wanted)?;
         let factor = self.in_range(texture.factor, role, child.at);
         Ok(ColorParam { factor, texture: texture.map.map(|(map, _)| map) })
     }

@@ -46,6 +46,27 @@ impl Importer<'_> {
         Ok(mesh)
     }
 
+    /// The same triangles, each in the colour of its face.
+    pub(super) fn with_face_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
+        if object.plugin != "ply" {
+            self.report.warn(object.at, format!("the {} has no colours of faces; they are white", object.describe()));
+            return Ok(Mesh { colors: Vec::new(), ..mesh });
+        }
+        let location = self.filename(object)?;
+        let bytes = self.resources.read(&location)?;
+        let colors = ply::face_colors(location.path(), &bytes, self.resources.budget())?;
+        if colors.len() != mesh.triangles.len() {
+            self.report.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
+            return Ok(Mesh { colors: Vec::new(), ..mesh });
+        }
+        self.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
+        // Faces that share no vertices have no smooth normals.
+        if mesh.normals.is_empty() {
+            mesh.smooth_normals();
+        }
+        Ok(Mesh { colors: colors.iter().flat_map(|&color| [color; 3]).collect(), ..split(&mesh) })
+    }
+
     /// Whether normals are flat or flipped.
     pub(super) fn normals(&self, object: &Object) -> Result<Normals, SceneError> {
         Ok(Normals {
@@ -92,7 +113,7 @@ pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: N
     if needs.tangents && !mesh.uvs[0].is_empty() {
         add_tangents(&mut mesh);
     }
-    if !needs.colors {
+    if !needs.colors && !needs.face_colors {
         mesh.colors = Vec::new();
     }
     Some(mesh)

@@ -37,7 +37,7 @@ use xml::Place;
 
 use crate::error::Warnings;
 use crate::image::Pictures;
-use crate::load::{LoadOptions, Metadata, RenderHints};
+use crate::load::{Imported, Metadata, RenderHints, Request};
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{Scene, SceneError};
@@ -56,13 +56,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a file. Lights and cameras may be missing from it.
-pub(crate) fn import(
-    path: &Path,
-    file: &[u8],
-    options: &LoadOptions,
-    resources: &Resources<'_>,
-    warnings: &mut Warnings,
-) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &Request { path, file, options, resources } = request;
     let mut report = Report::new(path);
     let document = Document::read(file, options, resources, &mut report)?;
     let mut importer = Importer {
@@ -76,8 +71,10 @@ pub(crate) fn import(
         materials: BTreeMap::new(),
         media: BTreeMap::new(),
         groups: BTreeMap::new(),
+        shared: shape::Shared::new(&document),
         visited: vec![false; document.objects.len()],
         wants_vertex_colors: false,
+        wants_face_colors: false,
     };
     for &root in &document.roots {
         importer.root(root)?;
@@ -107,10 +104,13 @@ struct Importer<'a> {
     materials: BTreeMap<bsdf::MaterialKey, (u32, bsdf::Needs)>,
     media: BTreeMap<ObjectId, crate::MediumId>,
     groups: BTreeMap<ObjectId, shape::Group>,
+    shared: shape::Shared,
     /// Objects that were looked at: what they hold and nobody asked for is not known.
     visited: Vec<bool>,
     /// Whether a texture of the material that is being made is the colours of the mesh.
     wants_vertex_colors: bool,
+    /// The same of the colours of its faces.
+    wants_face_colors: bool,
 }
 
 impl<'a> Importer<'a> {

@@ -270,7 +270,7 @@ impl Reader<'_, '_> {
         {
             location = beside;
         }
-        if self.included.contains(&location) {
+        if self.resources.is_scene(&location) || self.included.contains(&location) {
             return Err(self.report.invalid(at, format!("`{}` includes itself", shortened(&reference))));
         }
         let bytes = self.resources.read(&location)?;

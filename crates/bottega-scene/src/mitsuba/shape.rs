@@ -6,16 +6,62 @@ use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 
 use super::Importer;
 use super::bsdf::{Needs, turned};
-use super::document::{Class, Object, ObjectId};
+use super::document::{Class, Document, Object, ObjectId};
 use super::mesh::{Normals, place};
 use super::solids;
-use crate::model::is_placeable;
+use super::xml::Place;
+use crate::model::MeshBounds;
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
+
+/// Meshes with fewer triangles are not worth an instance.
+const SHARED_MIN: usize = 256;
+
+/// What a mesh from a file is made of, apart from where it is: plugin, properties, and what stands within it.
+pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
+
+/// The key of a shape that is in a file.
+fn mesh_key(object: &Object) -> Option<MeshKey> {
+    if !matches!(object.plugin.as_str(), "obj" | "ply" | "serialized") {
+        return None;
+    }
+    let properties = object.properties.iter().filter(|property| property.name != "to_world");
+    // Files are looked for beside the one that asks for them, too.
+    let mut texts: Vec<String> =
+        properties.map(|property| format!("{} {:?} {}", property.name, property.value, property.at.file)).collect();
+    texts.sort();
+    let mut parts: Vec<ObjectId> = object.children.iter().map(|child| child.object).collect();
+    parts.sort();
+    Some((object.plugin.clone(), texts, parts))
+}
+
+/// Meshes that several shapes show.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    /// How many shapes, and the mesh once it is there; of one with few triangles every shape gets its own.
+    meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
+    /// Mirrored copies, where they were asked for.
+    mirrored: BTreeMap<u32, u32>,
+    bounds: MeshBounds,
+}
+
+impl Shared {
+    /// Counts the shapes of a document.
+    pub(super) fn new(document: &Document) -> Self {
+        let mut shared = Self::default();
+        for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
+            shared.meshes.entry(key).or_default().0 += 1;
+        }
+        shared.meshes.retain(|_, (uses, _)| *uses > 1);
+        shared
+    }
+}
 
 /// A shape in the space of its group.
 #[derive(Clone, Debug)]
 enum Part {
     Mesh(Mesh),
+    /// A mesh of the scene that other shapes show as well.
+    Shared(u32, DMat4),
     Sphere(Ball),
     /// An instance of a group.
     Group(ObjectId, DMat4),
@@ -38,8 +84,6 @@ pub(super) struct Group {
     /// Mesh of the scene, and where it is.
     meshes: Vec<(u32, DMat4)>,
     balls: Vec<Ball>,
-    /// Mirrored copies of its meshes, where they were asked for.
-    mirrored: BTreeMap<u32, u32>,
 }
 
 impl Importer<'_> {
@@ -52,6 +96,7 @@ impl Importer<'_> {
         for part in self.parts(id, to_world)? {
             match part {
                 Part::Mesh(mesh) => self.scene.push_surface(mesh),
+                Part::Shared(mesh, matrix) => self.show(mesh, &matrix, self.document.get(id).at)?,
                 Part::Sphere(ball) => self.add_ball(ball)?,
                 Part::Group(group, matrix) => self.add_instance(group, matrix)?,
             }
@@ -71,7 +116,10 @@ impl Importer<'_> {
             return Ok(Vec::new());
         }
         let mesh = match object.plugin.as_str() {
-            "obj" | "ply" | "serialized" => self.read_mesh(object)?,
+            "obj" | "ply" | "serialized" => match self.shared_mesh(object)? {
+                Some(mesh) => return Ok(vec![Part::Shared(mesh, matrix)]),
+                None => self.read_mesh(object)?,
+            },
             "rectangle" => solids::rectangle(),
             "cube" => solids::cube(),
             "disk" => solids::disk(),
@@ -97,6 +145,52 @@ impl Importer<'_> {
         let normals = self.normals(object)?;
         let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk");
         self.finish(object, mesh, matrix, normals, is_flat)
+    }
+
+    /// The mesh that several shapes show, made for the first of them. `None`: each is to have its own.
+    fn shared_mesh(&mut self, object: &Object) -> Result<Option<u32>, SceneError> {
+        let Some(key) = mesh_key(object).filter(|key| self.shared.meshes.contains_key(key)) else { return Ok(None) };
+        if let Some((_, Some(known))) = self.shared.meshes.get(&key) {
+            self.accept_all(object);
+            return Ok(Some(*known));
+        }
+        let mesh = self.read_mesh(object)?;
+        if mesh.triangles.len() < SHARED_MIN {
+            self.shared.meshes.remove(&key);
+            return Ok(None);
+        }
+        let normals = self.normals(object)?;
+        let Some(Part::Mesh(mesh)) = self.finish(object, mesh, DMat4::IDENTITY, normals, false)?.pop() else {
+            return Ok(None);
+        };
+        let made = self.scene.push_mesh(mesh);
+        self.shared.meshes.insert(key, (0, Some(made)));
+        Ok(Some(made))
+    }
+
+    /// Shows a mesh of the scene.
+    fn show(&mut self, mesh: u32, matrix: &DMat4, at: Place) -> Result<(), SceneError> {
+        self.resources.budget().take(self.report.path(at.file), "", size_of::<Instance>())?;
+        let mirrors = DMat3::from_mat4(*matrix).determinant() < 0.0;
+        let (mesh, matrix) = match self.shared.mirrored.get(&mesh) {
+            _ if !mirrors => (mesh, *matrix),
+            Some(&mirrored) => (mirrored, *matrix * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0))),
+            None => {
+                let original = &self.scene.meshes[mesh as usize];
+                self.resources.budget().take(self.report.path(at.file), "", original.memory_bytes())?;
+                let copy = original.clone().mirrored();
+                let mirrored = self.scene.push_mesh(copy);
+                self.shared.mirrored.insert(mesh, mirrored);
+                (mirrored, *matrix * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)))
+            }
+        };
+        let world_from_object = affine(&matrix);
+        if self.shared.bounds.is_placeable(&self.scene, mesh, &world_from_object) {
+            self.scene.instances.push(Instance { mesh, world_from_object });
+        } else {
+            self.report.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
+        }
+        Ok(())
     }
 
     fn accept_shape(&self, object: &Object) {
@@ -137,6 +231,9 @@ impl Importer<'_> {
             mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
         }
         self.resources.budget().take(self.report.path(object.at.file), "", mesh.memory_bytes())?;
+        if needs.face_colors {
+            mesh = self.with_face_colors(object, mesh)?;
+        }
         let Some(mut mesh) = place(mesh.with_material(material), &matrix, normals, needs) else {
             self.report.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
             return Ok(Vec::new());
@@ -204,6 +301,7 @@ impl Importer<'_> {
             for part in self.parts(child.object, DMat4::IDENTITY)? {
                 match part {
                     Part::Mesh(mesh) => group.meshes.push((self.scene.push_mesh(mesh), DMat4::IDENTITY)),
+                    Part::Shared(mesh, matrix) => group.meshes.push((mesh, matrix)),
                     Part::Sphere(ball) => group.balls.push(ball),
                     Part::Group(inner, matrix) => {
                         self.load_group(inner)?;
@@ -225,29 +323,12 @@ impl Importer<'_> {
     fn add_instance(&mut self, id: ObjectId, matrix: DMat4) -> Result<(), SceneError> {
         self.load_group(id)?;
         let at = self.document.get(id).at;
-        let Some(mut group) = self.groups.remove(&id) else { return Ok(()) };
-        let bytes = group.meshes.len() * size_of::<Instance>() + group.balls.len() * size_of::<Sphere>();
-        self.resources.budget().take(self.report.path(at.file), "", bytes)?;
+        let Some(group) = self.groups.remove(&id) else { return Ok(()) };
         for &(mesh, inside) in &group.meshes {
-            let world_from_object = matrix * inside;
-            let mirrors = DMat3::from_mat4(world_from_object).determinant() < 0.0;
-            let (mesh, world_from_object) = if mirrors {
-                let scene = &mut self.scene;
-                let mirrored = *group.mirrored.entry(mesh).or_insert_with(|| {
-                    let copy = scene.meshes[mesh as usize].clone().mirrored();
-                    scene.push_mesh(copy)
-                });
-                (mirrored, world_from_object * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)))
-            } else {
-                (mesh, world_from_object)
-            };
-            let world_from_object = affine(&world_from_object);
-            if is_placeable(self.scene.meshes[mesh as usize].bounds(), &world_from_object) {
-                self.scene.instances.push(Instance { mesh, world_from_object });
-            } else {
-                self.report.warn(at, "an instance is squeezed flat or out of reach, and left out");
-            }
+            self.show(mesh, &(matrix * inside), at)?;
         }
+        let bytes = group.balls.len() * size_of::<Sphere>();
+        self.resources.budget().take(self.report.path(at.file), "", bytes)?;
         for &ball in &group.balls {
             self.add_ball(Ball { to_group: matrix * ball.to_group, ..ball })?;
         }

@@ -12,6 +12,8 @@ use crate::{Channel, Image, SceneError, Spectrum, TextureMap, Wrap};
 /// What a texture is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
+    /// The main colour of a surface, which that of a mesh multiplies.
+    Base,
     Color(Role),
     /// Its luminance.
     Number,
@@ -37,7 +39,11 @@ impl Importer<'_> {
     /// Converts a texture or a spectrum.
     pub(super) fn texture(&mut self, id: ObjectId, wanted: Use) -> Result<Texture, SceneError> {
         let object = self.visit(id)?;
-        let role = if let Use::Color(role) = wanted { role } else { Role::Unbounded };
+        let role = match wanted {
+            Use::Base => Role::Reflectance,
+            Use::Color(role) => role,
+            Use::Number | Use::Vector => Role::Unbounded,
+        };
         if let Some(color) = self.spectrum_plugin(id, role)? {
             return Ok(color.into());
         }
@@ -56,11 +62,13 @@ impl Importer<'_> {
             "mesh_attribute" | "vertexcolors" => {
                 let name = self.bad(object.string("name"))?.unwrap_or("vertex_color");
                 let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
-                if name == "vertex_color" {
-                    self.wants_vertex_colors = true;
+                if matches!(name, "vertex_color" | "face_color") && wanted == Use::Base {
+                    self.wants_vertex_colors |= name == "vertex_color";
+                    self.wants_face_colors |= name == "face_color";
                     return Ok(Spectrum::splat(scale).into());
                 }
-                let message = format!("the mesh attribute `{}` is not kept; 0.5 stands for it", shortened(name));
+                let message =
+                    format!("the mesh attribute `{}` is not supported here; 0.5 stands for it", shortened(name));
                 self.report.warn(object.at, message);
                 Ok(Spectrum::splat(0.5).into())
             }

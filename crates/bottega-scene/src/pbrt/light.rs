@@ -62,84 +62,26 @@ impl Lights {
         }
         let name = if entity.kind == "distant" || entity.kind == "infinite" { "L" } else { "I" };
         let color = context.color(params, name)?.map(|color| color.to_rec709(Meaning::Light));
-        let power = params.float("power")?.filter(|power| *power > 0.0);
-        let shine = |strength: f64| exposure.apply(color.unwrap_or(Spectrum::ONE)) * (scale * strength) as f32;
+        if entity.kind == "infinite" {
+            return self.environment.add(context, textures, entity, color, scale, exposure);
+        }
+        let strength = Strength {
+            color: exposure.apply(color.unwrap_or(Spectrum::ONE)),
+            scale,
+            power: params.float("power")?.filter(|power| *power > 0.0),
+        };
         let from = params.point3("from", "point3")?.unwrap_or(DVec3::ZERO);
         let to = params.point3("to", "point3")?.unwrap_or(DVec3::Z);
-        let position = position(&entity.ctm, from, at)?;
         let kind = match entity.kind.as_str() {
-            "infinite" => return self.environment.add(context, textures, entity, color, scale, exposure),
             "distant" => {
                 let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
                 let direction = direction(&entity.ctm, to - from, at)?;
-                LightKind::Directional { direction, irradiance: shine(illuminance.unwrap_or(1.0)) }
+                LightKind::Directional { direction, irradiance: strength.times(illuminance.unwrap_or(1.0)) }
             }
-            "point" => LightKind::Point { position, intensity: shine(power.map_or(1.0, |power| power / (4.0 * PI))) },
-            "spot" => {
-                let outer = params.float("coneangle")?.unwrap_or(30.0);
-                let delta = params.float("conedeltaangle")?.unwrap_or(5.0);
-                if !(outer > 0.0 && outer <= 180.0 && delta >= 0.0) {
-                    return Err(params.place_of("coneangle").fault("the cone of the spot is empty").into());
-                }
-                let cos_outer = outer.to_radians().cos();
-                let cos_inner = (outer - delta).max(0.0).to_radians().cos();
-                let solid_angle = 2.0 * PI * ((1.0 - cos_inner) + 0.5 * (cos_inner - cos_outer));
-                // The edge is never quite sharp here.
-                let cos_outer = (cos_outer as f32).max(-1.0);
-                let cos_inner = (cos_inner as f32).max(cos_outer + 1e-6).min(1.0);
-                LightKind::Spot {
-                    position,
-                    direction: direction(&entity.ctm, to - from, at)?,
-                    intensity: shine(power.map_or(1.0, |power| power / solid_angle)),
-                    cos_inner,
-                    cos_outer: cos_outer.min(cos_inner - 1e-6),
-                    falloff: SpotFalloff::SmoothCosine,
-                }
-            }
-            "goniometric" => {
-                let position = self::position(&entity.ctm, DVec3::ZERO, at)?;
-                match params.text("filename")? {
-                    Some(file) => {
-                        let image = textures.picture(context, file, false, params.place_of("filename"))?.image;
-                        self.goniometric.push((image, params.place_of("filename")));
-                        self.powers.extend(power.map(|power| (self.list.len(), power)));
-                        // Its pole is +y.
-                        let swapped = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
-                        LightKind::Goniometric {
-                            position,
-                            world_from_light: (axes(context, &entity.ctm, at)? * swapped).as_mat3(),
-                            image,
-                            intensity: shine(1.0),
-                        }
-                    }
-                    None => {
-                        context.warn(at, "a goniometric light without `filename` shines equally in all directions");
-                        let intensity = shine(power.map_or(1.0, |power| power / (4.0 * PI)));
-                        LightKind::Point { position, intensity }
-                    }
-                }
-            }
-            "projection" => {
-                let file = params.text("filename")?.ok_or_else(|| at.fault("`projection` needs a `filename`"))?;
-                let fov = params.float("fov")?.unwrap_or(90.0);
-                if !(fov > 0.0 && fov < 180.0) {
-                    return Err(params.place_of("fov").fault("`fov` must be between 0 and 180 degrees").into());
-                }
-                self.powers.extend(power.map(|power| (self.list.len(), power)));
-                let image = textures.projection(context, file, fov, params.place_of("filename"))?;
-                let axes = axes(context, &entity.ctm, at)? * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
-                LightKind::Projector {
-                    world_from_light: Affine3A {
-                        matrix3: Mat3A::from(axes.as_mat3()),
-                        translation: Vec3A::from(self::position(&entity.ctm, DVec3::ZERO, at)?),
-                    },
-                    image,
-                    intensity: shine(1.0),
-                    // Of the shorter side; it is known when the picture is.
-                    vertical_fov: fov.to_radians() as f32,
-                    aspect: 1.0,
-                }
-            }
+            "point" => point(strength, position(&entity.ctm, from, at)?),
+            "spot" => spot(entity, strength, from, to)?,
+            "goniometric" => self.goniometric(context, textures, entity, strength)?,
+            "projection" => self.projection(context, textures, entity, strength)?,
             kind => {
                 context.unsupported(at, format!("the light \"{}\" is not known, and left out", shortened(kind)));
                 return Ok(());
@@ -155,6 +97,57 @@ impl Lights {
         }
         self.list.push(Light { name: String::new(), kind });
         Ok(())
+    }
+
+    fn goniometric(
+        &mut self,
+        context: &mut Context<'_>,
+        textures: &mut Textures<'_, '_>,
+        entity: &Entity,
+        strength: Strength,
+    ) -> Outcome<LightKind> {
+        let (params, at) = (&entity.params, entity.at);
+        let position = position(&entity.ctm, DVec3::ZERO, at)?;
+        let Some(file) = params.text("filename")? else {
+            context.warn(at, "a goniometric light without `filename` shines equally in all directions");
+            return Ok(point(strength, position));
+        };
+        let image = textures.picture(context, file, false, params.place_of("filename"))?.image;
+        self.goniometric.push((image, params.place_of("filename")));
+        self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
+        // Its pole is +y.
+        let swapped = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+        let world_from_light = (axes(context, &entity.ctm, at)? * swapped).as_mat3();
+        Ok(LightKind::Goniometric { position, world_from_light, image, intensity: strength.times(1.0) })
+    }
+
+    fn projection(
+        &mut self,
+        context: &mut Context<'_>,
+        textures: &mut Textures<'_, '_>,
+        entity: &Entity,
+        strength: Strength,
+    ) -> Outcome<LightKind> {
+        let (params, at) = (&entity.params, entity.at);
+        let file = params.text("filename")?.ok_or_else(|| at.fault("`projection` needs a `filename`"))?;
+        let fov = params.float("fov")?.unwrap_or(90.0);
+        if !(fov > 0.0 && fov < 180.0) {
+            return Err(params.place_of("fov").fault("`fov` must be between 0 and 180 degrees").into());
+        }
+        self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
+        let image = textures.projection(context, file, fov, params.place_of("filename"))?;
+        let axes = axes(context, &entity.ctm, at)? * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+        Ok(LightKind::Projector {
+            world_from_light: Affine3A {
+                matrix3: Mat3A::from(axes.as_mat3()),
+                translation: Vec3A::from(position(&entity.ctm, DVec3::ZERO, at)?),
+            },
+            image,
+            intensity: strength.times(1.0),
+            // Of the shorter side; it is known when the picture is.
+            vertical_fov: fov.to_radians() as f32,
+            aspect: 1.0,
+        })
     }
 
     /// Adds the lights to a scene whose pictures are there.
@@ -193,6 +186,54 @@ impl Lights {
         scene.environment = self.environment.finish(context, scene)?;
         Ok(())
     }
+}
+
+/// How bright a light is.
+#[derive(Clone, Copy)]
+struct Strength {
+    /// After the exposure.
+    color: Spectrum,
+    scale: f64,
+    /// In watts, where that is given.
+    power: Option<f64>,
+}
+
+impl Strength {
+    fn times(self, factor: f64) -> Spectrum {
+        self.color * (self.scale * factor) as f32
+    }
+
+    /// The intensity of a light that shines into a solid angle.
+    fn intensity(self, solid_angle: f64) -> Spectrum {
+        self.times(self.power.map_or(1.0, |power| power / solid_angle))
+    }
+}
+
+fn point(strength: Strength, position: Vec3) -> LightKind {
+    LightKind::Point { position, intensity: strength.intensity(4.0 * PI) }
+}
+
+fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> Outcome<LightKind> {
+    let (params, at) = (&entity.params, entity.at);
+    let outer = params.float("coneangle")?.unwrap_or(30.0);
+    let delta = params.float("conedeltaangle")?.unwrap_or(5.0);
+    if !(outer > 0.0 && outer <= 180.0 && delta >= 0.0) {
+        return Err(params.place_of("coneangle").fault("the cone of the spot is empty").into());
+    }
+    let cos_outer = outer.to_radians().cos();
+    let cos_inner = (outer - delta).max(0.0).to_radians().cos();
+    let solid_angle = 2.0 * PI * ((1.0 - cos_inner) + 0.5 * (cos_inner - cos_outer));
+    // The edge is never quite sharp here.
+    let cos_outer = (cos_outer as f32).max(-1.0);
+    let cos_inner = (cos_inner as f32).max(cos_outer + 1e-6).min(1.0);
+    Ok(LightKind::Spot {
+        position: position(&entity.ctm, from, at)?,
+        direction: direction(&entity.ctm, to - from, at)?,
+        intensity: strength.intensity(solid_angle),
+        cos_inner,
+        cos_outer: cos_outer.min(cos_inner - 1e-6),
+        falloff: SpotFalloff::SmoothCosine,
+    })
 }
 
 /// What a surface emits.

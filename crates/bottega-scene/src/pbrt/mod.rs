@@ -24,8 +24,10 @@ mod film;
 mod light;
 mod material;
 mod medium;
+mod movement;
 mod params;
 mod parser;
+mod place;
 mod shape;
 mod texture;
 mod token;
@@ -39,8 +41,7 @@ use context::{Context, Outcome};
 use parser::Parser;
 
 use crate::error::Warnings;
-use crate::load::{LoadOptions, Metadata, RenderHints};
-use crate::resource::Resources;
+use crate::load::{Imported, Metadata, RenderHints, Request};
 use crate::{Scene, SceneError};
 
 /// Whether a file looks like one of ours, by its name.
@@ -49,13 +50,8 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Builds the scene of a file whose bytes are `file`, read from `path`.
-pub(crate) fn import(
-    path: &Path,
-    file: &[u8],
-    options: &LoadOptions,
-    resources: &Resources<'_>,
-    warnings: &mut Warnings,
-) -> Result<(Scene, Metadata, RenderHints), SceneError> {
+pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &Request { path, file, options, resources } = request;
     let mut context = Context::new(path, resources, options, warnings);
     let (scene, hints) = read(&mut context, file).map_err(|stop| context.error(stop))?;
     let metadata = Metadata { format: "pbrt-v4", generator: None, extensions: Vec::new() };

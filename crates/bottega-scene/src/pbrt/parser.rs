@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 
 use super::color::ColorSpace;
 use super::context::{Context, Outcome};
-use super::params::{Params, UPGRADE, number};
+use super::params::{Params, UPGRADE};
 use super::token::{Fault, Place, Token, Tokens};
-use super::transform::{from_columns, look_at};
 use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, Target, World};
 use super::{dialect, shape};
 use crate::mesh_file::unfolded;
@@ -28,10 +27,10 @@ const ATTRIBUTE_DEPTH_MAX: usize = 1024;
 pub(super) struct Parser<'c, 'a> {
     context: &'c mut Context<'a>,
     pub(super) world: World,
-    state: GraphicsState,
+    pub(super) state: GraphicsState,
     /// What was saved, by what, and where.
     saved: Vec<(GraphicsState, Block, Place)>,
-    coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
+    pub(super) coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
     in_world: bool,
     /// The object that is being described.
     object: Option<String>,
@@ -243,68 +242,6 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn transformation(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
-        match word {
-            "Identity" => self.state.transform(|_| DAffine3::IDENTITY),
-            "Translate" => {
-                let offset = DVec3::from_array(numbers(tokens, at, word)?);
-                self.state.transform(|ctm| *ctm * DAffine3::from_translation(offset));
-            }
-            "Scale" => {
-                let scale = DVec3::from_array(numbers(tokens, at, word)?);
-                self.state.transform(|ctm| *ctm * DAffine3::from_scale(scale));
-            }
-            "Rotate" => {
-                let [degrees, x, y, z] = numbers(tokens, at, word)?;
-                let axis = DVec3::new(x, y, z).try_normalize().ok_or_else(|| at.fault("the axis has no direction"))?;
-                let rotation = DAffine3::from_axis_angle(axis, degrees.to_radians());
-                self.state.transform(|ctm| *ctm * rotation);
-            }
-            "LookAt" => {
-                let [ex, ey, ez, lx, ly, lz, ux, uy, uz] = numbers(tokens, at, word)?;
-                let (eye, look, up) = (DVec3::new(ex, ey, ez), DVec3::new(lx, ly, lz), DVec3::new(ux, uy, uz));
-                let camera = look_at(eye, look, up)
-                    .ok_or_else(|| at.fault("the eye is at the target, or the target straight up or down from it"))?;
-                self.state.transform(|ctm| *ctm * camera);
-            }
-            "Transform" | "ConcatTransform" => {
-                let matrix = from_columns(&numbers(tokens, at, word)?, at)?;
-                match word {
-                    "Transform" => self.state.transform(|_| matrix),
-                    _ => self.state.transform(|ctm| *ctm * matrix),
-                }
-            }
-            "CoordinateSystem" => {
-                let (name, _) = text(tokens, at, word)?;
-                self.coordinate_systems.insert(name, self.state.ctm);
-            }
-            "CoordSysTransform" => {
-                let (name, name_at) = text(tokens, at, word)?;
-                match self.coordinate_systems.get(&name) {
-                    Some(ctm) => self.state.ctm = *ctm,
-                    None => {
-                        let problem = format!("there is no coordinate system \"{}\"", shortened(&name));
-                        return Err(name_at.fault(problem).into());
-                    }
-                }
-            }
-            "ActiveTransform" => match tokens.next()? {
-                Some((Token::Word(which), _)) if which == "All" => self.state.active = [true; 2],
-                Some((Token::Word(which), _)) if which == "StartTime" => self.state.active = [true, false],
-                Some((Token::Word(which), _)) if which == "EndTime" => self.state.active = [false, true],
-                _ => return Err(at.fault("ActiveTransform is All, StartTime or EndTime").into()),
-            },
-            _ => {
-                let _times: [f64; 2] = numbers(tokens, at, word)?;
-            }
-        }
-        if self.state.ctm.iter().all(DAffine3::is_finite) {
-            Ok(())
-        } else {
-            Err(at.fault("the transformation exceeds all bounds").into())
-        }
-    }
-
     fn option_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
         self.only_before_world(at, word)?;
         let entity = Some(self.entity(word, at, tokens, None)?);
@@ -392,7 +329,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         let (reference, reference_at) = text(tokens, at, word)?;
         let place = self.context.place(reference_at);
         let location = self.context.resources.locate(&reference, &place)?;
-        if location.path() == self.context.path(0) || self.open_files.contains(&location.name) {
+        if self.context.resources.is_scene(&location) || self.open_files.contains(&location.name) {
             let problem = format!("`{}` includes itself, directly or by way of others", shortened(&reference));
             return Err(reference_at.fault(problem).into());
         }
@@ -509,42 +446,17 @@ impl Entity {
     }
 }
 
-fn ended(at: Place, word: &str) -> Fault {
+pub(super) fn ended(at: Place, word: &str) -> Fault {
     at.fault(format!("the file ends within {word}"))
 }
 
 /// The quoted text that follows a directive.
-fn text(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<(String, Place), Fault> {
+pub(super) fn text(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<(String, Place), Fault> {
     match tokens.next()? {
         Some((Token::Text(text), at)) => Ok((text.into_owned(), at)),
         Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),
         None => Err(ended(at, word)),
     }
-}
-
-/// The numbers that follow a directive, with or without brackets.
-fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<[f64; N], Fault> {
-    let mut numbers = [0.0; N];
-    let has_brackets = matches!(tokens.peek()?, Some((Token::Open, _)));
-    if has_brackets {
-        tokens.next()?;
-    }
-    let wrong = |at: Place| at.fault(format!("{word} is followed by {N} numbers"));
-    for value in &mut numbers {
-        *value = match tokens.next()? {
-            Some((Token::Word(word), at)) => number(&word).ok_or_else(|| wrong(at))?,
-            Some((_, at)) => return Err(wrong(at)),
-            None => return Err(ended(at, word)),
-        };
-    }
-    if has_brackets {
-        match tokens.next()? {
-            Some((Token::Close, _)) => {}
-            Some((_, at)) => return Err(wrong(at)),
-            None => return Err(ended(at, word)),
-        }
-    }
-    Ok(numbers)
 }
 
 /// What to say of a file for pbrt-v3, for [`dialect`].

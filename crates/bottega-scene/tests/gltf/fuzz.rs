@@ -1,33 +1,15 @@
 //! Whatever the bytes are, the importer returns: it does not panic, hang, or take more memory than it may.
-//!
-//! Deterministic: mutation i of a file is a function of i. `BOTTEGA_FUZZ` multiplies the number of mutations.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use bottega_scene::{LoadOptions, load};
 use serde_json::{Value, json};
 
 use crate::compressed::data;
+use crate::mutation::{Random, damage, survive};
 use crate::pictures::{ktx2, sample_pictures};
 use crate::sample_scenes::scenes;
 use crate::support::{F32, File, U8, png, warns, write};
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
-    }
-}
 
 /// Numbers that are at the edges of something.
 const NUMBERS: [&str; 14] = [
@@ -54,28 +36,14 @@ fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
             break;
         }
         let at = random.below(file.len());
-        match random.below(7) {
-            0 => file[at] = random.next() as u8,
-            1 => file[at] ^= 1 << random.below(8),
-            2 => file.truncate(at),
-            3 => {
-                file.remove(at);
-            }
-            // A number of the JSON text becomes another one.
-            4 | 5 => {
-                let Some(start) = (at..file.len()).find(|&i| file[i].is_ascii_digit()) else { continue };
-                let end = (start..file.len()).find(|&i| !file[i].is_ascii_digit()).unwrap_or(file.len());
-                let number = NUMBERS[random.below(NUMBERS.len())];
-                file.splice(start..end, number.bytes());
-            }
-            // A piece is repeated somewhere else.
-            _ => {
-                let end = (at + random.below(64)).min(file.len());
-                let piece = file[at..end].to_vec();
-                let to = random.below(file.len());
-                file.splice(to..to, piece);
-            }
+        if random.below(7) < 5 {
+            damage(&mut file, at, random);
+            continue;
         }
+        // A number of the JSON text becomes another one.
+        let Some(start) = (at..file.len()).find(|&i| file[i].is_ascii_digit()) else { continue };
+        let end = (start..file.len()).find(|&i| !file[i].is_ascii_digit()).unwrap_or(file.len());
+        file.splice(start..end, NUMBERS[random.below(NUMBERS.len())].bytes());
     }
     // A container that knows its new length lets mutations through to the document.
     if file.starts_with(b"glTF") && file.len() >= 20 && random.below(4) > 0 {
@@ -141,7 +109,7 @@ fn mutate_document(json: &Value, random: &mut Random) -> Value {
 }
 
 /// Loads mutations of a file, in the folder of the files that it refers to.
-fn check(folder: &Path, name: &str, count: usize, mutated: impl Fn(&mut Random) -> Vec<u8>) {
+fn check(folder: &Path, name: &str, count: u64, mutated: impl Fn(&mut Random) -> Vec<u8>) {
     let options = LoadOptions {
         at: Some(0.5),
         variant: None,
@@ -149,25 +117,7 @@ fn check(folder: &Path, name: &str, count: usize, mutated: impl Fn(&mut Random) 
         max_image_pixels: 1 << 20,
         ..LoadOptions::default()
     };
-    let mut good = 0;
-    for index in 0..count * factor() {
-        let mut random = Random(index as u64);
-        let mutated = mutated(&mut random);
-        let path = write(folder, name, &mutated);
-        match catch_unwind(AssertUnwindSafe(|| load(&path, &options))) {
-            Ok(result) => good += usize::from(result.is_ok()),
-            Err(_) => {
-                let kept = std::env::temp_dir().join(format!("bottega-fuzz-{index}-{name}"));
-                std::fs::write(&kept, &mutated).unwrap();
-                panic!("mutation {index} of {name} panics; it is kept as {}", kept.display());
-            }
-        }
-    }
-    eprintln!("{name}: {good} of {} mutations were still scenes", count * factor());
-}
-
-fn factor() -> usize {
-    std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1)
+    survive(name, count, mutated, |bytes| load(&write(folder, name, bytes), &options).is_ok());
 }
 
 /// A file that uses most of what the importer knows.
@@ -233,7 +183,7 @@ fn mutated_files_never_panic() {
         let mut bin = file.bin.clone();
         if random.below(4) == 0 {
             let at = random.below(bin.len());
-            bin[at] = random.next() as u8;
+            bin[at] = random.byte();
         }
         File { json: mutate_document(&file.json, random), bin }.glb()
     });
@@ -251,7 +201,7 @@ fn mutate_bin(file: &[u8], random: &mut Random) -> Vec<u8> {
     for _ in 0..=random.below(4) {
         let at = bin + random.below(file.len() - bin);
         match random.below(3) {
-            0 => file[at] = random.next() as u8,
+            0 => file[at] = random.byte(),
             1 => file[at] ^= 1 << random.below(8),
             _ => file[at..(at + 4).min(bin + (at - bin) / 4 * 4 + 4)].fill(0xff),
         }
@@ -294,11 +244,7 @@ fn mutated_textures_never_panic() {
         };
         let loaded = load_it(&file).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(!warns(&loaded, &["magenta"]), "{name}: {:?}", loaded.warnings);
-        for index in 0..100 * factor() as u64 {
-            let mutated = mutate(&file, &mut Random(index));
-            let result = catch_unwind(AssertUnwindSafe(|| load_it(&mutated).is_ok()));
-            assert!(result.is_ok(), "mutation {index} of {name} panics");
-        }
+        survive(&name, 100, |random| mutate(&file, random), |bytes| load_it(bytes).is_ok());
     }
 }
 
@@ -341,14 +287,11 @@ fn mutated_pictures_never_panic() {
         let path = write(folder.path(), name, &file);
         let options = LoadOptions { environment: Some(path.clone()), ..options.clone() };
         assert!(load(&scene, &options).is_ok(), "{name}: {:?}", load(&scene, &options).err());
-        for index in 0..200 * factor() as u64 {
-            let mutated = mutate(&file, &mut Random(index));
-            std::fs::write(&path, &mutated).unwrap();
-            assert!(
-                catch_unwind(AssertUnwindSafe(|| load(&scene, &options).is_ok())).is_ok(),
-                "mutation {index} of {name}"
-            );
-        }
+        let load_it = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            load(&scene, &options).is_ok()
+        };
+        survive(name, 200, |random| mutate(&file, random), load_it);
     }
 }
 

@@ -6,6 +6,8 @@ mod compressed;
 mod fuzz;
 mod geometry;
 mod materials;
+#[path = "../mutation/mod.rs"]
+mod mutation;
 mod pictures;
 mod sample_scenes;
 mod size;

@@ -191,8 +191,9 @@ fn pictures_are_shared_between_materials_and_loaded_only_when_used() {
     ]);
     let picture = png(2, 1, &[[255; 4], [0; 4]]);
     file.texture(&picture);
-    file.json["textures"] = json!([{"source": 0}, {"source": 0}, {"source": 1}]);
-    file.json["images"] = json!([file.json["images"][0], {"uri": "this is missing.png"}]);
+    // The third image is the first one again.
+    file.json["textures"] = json!([{"source": 0}, {"source": 2}, {"source": 1}]);
+    file.json["images"] = json!([file.json["images"][0], {"uri": "this is missing.png"}, file.json["images"][0]]);
     let mut second = file.json["meshes"][0]["primitives"][0].clone();
     second["material"] = json!(2);
     file.primitive(second);

@@ -1,30 +1,12 @@
 //! Whatever the bytes are, the readers return: they do not panic, hang, or take more memory than they may.
-//!
-//! Deterministic: mutation i of a file is a function of i. `BOTTEGA_FUZZ` multiplies the number of mutations.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use bottega_scene::{LoadOptions, load};
 
+use crate::mutation::{Random, damage, survive};
 use crate::scenes::real_scenes;
 use crate::support::{MTL, OBJ, PLY, binary_ply, gzip, png, serialized, write};
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
-    }
-}
 
 /// Words that are at the edges of something.
 const WORDS: [&str; 20] = [
@@ -59,52 +41,27 @@ fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
         // Headers are short, and what they say matters most.
         let reach = if random.below(2) == 0 { file.len().min(300) } else { file.len() };
         let at = random.below(reach);
-        match random.below(8) {
-            0 => file[at] = random.next() as u8,
-            1 => file[at] ^= 1 << random.below(8),
-            2 => file.truncate(at),
-            3 => drop(file.remove(at)),
-            // A word becomes another one.
-            4..=6 => {
-                let Some(start) = (at..file.len()).find(|&i| file[i].is_ascii_graphic()) else { continue };
-                let end = (start..file.len()).find(|&i| !file[i].is_ascii_graphic()).unwrap_or(file.len());
-                file.splice(start..end, WORDS[random.below(WORDS.len())].bytes());
-            }
-            // A piece is repeated somewhere else.
-            _ => {
-                let end = (at + random.below(64)).min(file.len());
-                let piece = file[at..end].to_vec();
-                let to = random.below(file.len());
-                file.splice(to..to, piece);
-            }
+        if random.below(8) < 5 {
+            damage(&mut file, at, random);
+            continue;
         }
+        // A word becomes another one.
+        let Some(start) = (at..file.len()).find(|&i| file[i].is_ascii_graphic()) else { continue };
+        let end = (start..file.len()).find(|&i| !file[i].is_ascii_graphic()).unwrap_or(file.len());
+        file.splice(start..end, WORDS[random.below(WORDS.len())].bytes());
     }
     file
-}
-
-fn factor() -> u64 {
-    std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1)
 }
 
 /// Loads `scene` of a folder while another file of it, or the scene itself, is mutated.
 fn check(folder: &Path, scene: &str, mutated: &str, count: u64, change: impl Fn(&mut Random) -> Vec<u8>) {
     let options =
         LoadOptions { add_sky: false, max_memory_bytes: 64 << 20, max_image_pixels: 1 << 20, ..LoadOptions::default() };
-    let mut good = 0;
-    for index in 0..count * factor() {
-        let bytes = change(&mut Random(index));
-        write(folder, mutated, &bytes);
-        match catch_unwind(AssertUnwindSafe(|| load(&folder.join(scene), &options))) {
-            Ok(result) => good += u64::from(result.is_ok()),
-            Err(_) => {
-                let kept = std::env::temp_dir().join(format!("bottega-fuzz-{index}-{}", mutated.replace('/', "-")));
-                std::fs::write(&kept, &bytes).unwrap();
-                panic!("mutation {index} of {mutated} panics; it is kept as {}", kept.display());
-            }
-        }
-    }
-    eprintln!("{mutated}: {good} of {} mutations were still scenes", count * factor());
-    assert!(good > 0, "no mutation of {mutated} was a scene: too much is refused, or too much is broken");
+    let good = survive(mutated, count, change, |bytes| {
+        write(folder, mutated, bytes);
+        load(&folder.join(scene), &options).is_ok()
+    });
+    assert!(good > 0.0, "no mutation of {mutated} was a scene: too much is refused, or too much is broken");
 }
 
 #[test]
@@ -159,10 +116,14 @@ fn mutated_pictures_never_panic() {
         let path = write(folder.path(), &name, &file);
         let options = LoadOptions { environment: Some(path.clone()), ..options.clone() };
         assert!(load(&scene, &options).is_ok(), "{name}: {:?}", load(&scene, &options).err());
-        for index in 0..200 * factor() {
-            std::fs::write(&path, mutate(&file, &mut Random(index))).unwrap();
-            let result = catch_unwind(AssertUnwindSafe(|| load(&scene, &options).is_ok()));
-            assert!(result.is_ok(), "mutation {index} of {name}");
-        }
+        survive(
+            &name,
+            200,
+            |random| mutate(&file, random),
+            |bytes| {
+                std::fs::write(&path, bytes).unwrap();
+                load(&scene, &options).is_ok()
+            },
+        );
     }
 }

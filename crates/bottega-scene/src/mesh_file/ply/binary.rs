@@ -1,9 +1,10 @@
 //! Binary PLY: rows of numbers, cut into pieces whose places are known before they are decoded, so that threads decode
 //! them straight into the mesh.
 
+use glam::Vec4;
 use rayon::prelude::*;
 
-use super::super::Source;
+use super::super::{Source, clean};
 use super::header::{Element, Header, Kind, Property};
 use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
@@ -74,6 +75,25 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8], big_endian
         };
     }
     Ok(Mesh { triangles, ..mesh })
+}
+
+/// See [`super::face_colors`].
+pub(super) fn face_colors(
+    source: Source<'_>,
+    header: &Header,
+    bytes: &[u8],
+    big_endian: bool,
+) -> Result<Vec<Vec4>, SceneError> {
+    let mut colors = Vec::new();
+    let mut offset = header.body;
+    for element in &header.elements {
+        let body = Body { source, element, big_endian, bytes: &bytes[offset..], offset };
+        match element.corners() {
+            Some(corners) if element.is_faces() => offset += body.face_colors(corners, &mut colors)?,
+            _ => offset += body.skip()?,
+        }
+    }
+    Ok(colors)
 }
 
 /// Where a piece of the faces is, and what it becomes.
@@ -236,6 +256,33 @@ impl Body<'_> {
             .collect();
         decoded.into_iter().collect::<Result<(), SceneError>>()?;
         Ok((triangles, length))
+    }
+
+    /// Adds a colour for each triangle. Returns the bytes that the faces take.
+    fn face_colors(&self, corners: usize, colors: &mut Vec<Vec4>) -> Result<usize, SceneError> {
+        let roles = self.element.roles();
+        let mut at = 0;
+        for row in 0..self.element.count {
+            let (bytes, _, length) = self.row(at, corners).ok_or_else(|| self.truncated(row))?;
+            let mut color = Vec4::ONE;
+            let mut place = at;
+            for (property, role) in self.element.properties.iter().zip(&roles) {
+                if let Some(Role::Color(channel)) = *role {
+                    let number = &self.bytes[place..];
+                    let value = with_reader!(property.kind, self.big_endian, read => f64::from(read(number)));
+                    color[channel] = vertices::color(value, property.kind, channel) as f32;
+                }
+                place += match property.count {
+                    Some(kind) => kind.bytes() + self.count(place, kind).unwrap_or_default() * property.kind.bytes(),
+                    None => property.kind.bytes(),
+                };
+            }
+            let triangles = length.saturating_sub(2);
+            self.source.budget.take(self.source.path, "", triangles * size_of::<Vec4>())?;
+            colors.extend(std::iter::repeat_n(clean(color), triangles));
+            at += bytes;
+        }
+        Ok(at)
     }
 
     /// Adds the triangles of strips, one after the other. Returns the bytes that the strips take.

@@ -11,6 +11,7 @@ mod vertices;
 
 use std::path::Path;
 
+use glam::Vec4;
 use header::{Encoding, Header};
 
 use super::{Source, finish, inflate};
@@ -37,6 +38,24 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
         Encoding::BigEndian => binary::read(source, &header, bytes, true)?,
     };
     Ok(finish(mesh))
+}
+
+/// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it; white where faces have none.
+pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Vec<Vec4>, SceneError> {
+    let source = Source { path, budget };
+    let unfolded;
+    let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
+        unfolded = inflate::gunzip(source, bytes)?;
+        &unfolded.0[..]
+    } else {
+        bytes
+    };
+    let header = Header::parse(source, bytes)?;
+    match header.encoding {
+        Encoding::Ascii => ascii::face_colors(source, &header, bytes),
+        Encoding::LittleEndian => binary::face_colors(source, &header, bytes, false),
+        Encoding::BigEndian => binary::face_colors(source, &header, bytes, true),
+    }
 }
 
 /// Whether a file is one of ours, by its first bytes, or by its name where it is compressed.

@@ -139,7 +139,7 @@ fn fill(to: &mut [f32], width: usize, component: usize, values: impl Iterator<It
 }
 
 /// A colour of the file as linear value.
-fn color(value: f64, kind: Kind, channel: usize) -> f64 {
+pub(super) fn color(value: f64, kind: Kind, channel: usize) -> f64 {
     let value = value / kind.color_max();
     if kind.is_integer() && channel < 3 { linear_of_srgb(value.clamp(0.0, 1.0)) } else { value }
 }

@@ -14,6 +14,9 @@ use crate::Mesh;
 /// Each level has four times the triangles.
 const LEVELS_MAX: i64 = 12;
 
+/// Triangles that one surface may become.
+const TRIANGLES_MAX: usize = 1 << 23;
+
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`loopsubdiv` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;
@@ -28,6 +31,10 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Out
     let is_sound =
         |triangle: &[u32; 3]| triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0];
     let triangles: Vec<[u32; 3]> = triangles.iter().copied().filter(is_sound).collect();
+    if triangles.len() > TRIANGLES_MAX >> (2 * levels) {
+        let problem = format!("{levels} levels would make more than {TRIANGLES_MAX} triangles of it");
+        return Err(params.place_of("levels").fault(problem).into());
+    }
     // Vertices, triangles and what finds the edges.
     let bytes = (points.len() * 48 + triangles.len() * 160) << (2 * levels);
     let place = context.place(at);

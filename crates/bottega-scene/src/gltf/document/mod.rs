@@ -4,7 +4,6 @@
 //! absurd. Whoever follows an index checks it, and names the place.
 
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 /// A `struct` of the document: camelCase names, absent members have their default. What is rare is boxed, so that a
 /// small text cannot become large in memory.
@@ -13,8 +12,8 @@ macro_rules! object {
         $(#[$meta])*
         #[derive(Clone, Debug, Default, Deserialize)]
         #[serde(rename_all = "camelCase", default)]
-        pub(super) struct $name {
-            $($(#[$field_meta])* pub(super) $field: $type,)*
+        pub(in crate::gltf) struct $name {
+            $($(#[$field_meta])* pub(in crate::gltf) $field: $type,)*
         }
     };
 }
@@ -24,11 +23,15 @@ macro_rules! strict_object {
     ($name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
         #[derive(Clone, Debug, Default, Deserialize)]
         #[serde(rename_all = "camelCase")]
-        pub(super) struct $name {
-            $($(#[$field_meta])* pub(super) $field: $type,)*
+        pub(in crate::gltf) struct $name {
+            $($(#[$field_meta])* pub(in crate::gltf) $field: $type,)*
         }
     };
 }
+
+mod looks;
+
+pub(in crate::gltf) use looks::*;
 
 object!(Document {
     asset: Asset,
@@ -221,7 +224,7 @@ object!(BufferViewExtensions {
 
 impl BufferViewExtensions {
     /// How the view is compressed, and the name of the extension that says so.
-    pub(super) fn meshopt(&self) -> Option<(&'static str, &Meshopt)> {
+    pub(in crate::gltf) fn meshopt(&self) -> Option<(&'static str, &Meshopt)> {
         let khr = self.khr_meshopt.as_deref().map(|meshopt| ("KHR_meshopt_compression", meshopt));
         khr.or(self.ext_meshopt.as_deref().map(|meshopt| ("EXT_meshopt_compression", meshopt)))
     }
@@ -254,194 +257,12 @@ object!(BufferExtensions {
 
 impl BufferExtensions {
     /// Whether the buffer is only for those who cannot decompress its views.
-    pub(super) fn is_fallback(&self) -> bool {
+    pub(in crate::gltf) fn is_fallback(&self) -> bool {
         [&self.ext_meshopt, &self.khr_meshopt].into_iter().flatten().any(|meshopt| meshopt.fallback)
     }
 }
 
 object!(MeshoptFallback { fallback: bool });
-
-object!(Material {
-    name: String,
-    pbr_metallic_roughness: Option<Box<MetallicRoughness>>,
-    normal_texture: Option<Box<TextureInfo>>,
-    emissive_texture: Option<Box<TextureInfo>>,
-    emissive_factor: [f32; 3],
-    alpha_mode: Option<String>,
-    alpha_cutoff: Option<f32>,
-    double_sided: bool,
-    extensions: Option<Box<MaterialExtensions>>,
-});
-
-object!(MetallicRoughness {
-    base_color_factor: Option<[f32; 4]>,
-    base_color_texture: Option<Box<TextureInfo>>,
-    metallic_factor: Option<f32>,
-    roughness_factor: Option<f32>,
-    metallic_roughness_texture: Option<Box<TextureInfo>>,
-});
-
-strict_object!(TextureInfo {
-    index: usize,
-    #[serde(default)]
-    tex_coord: u64,
-    /// Of a normal texture.
-    scale: Option<f32>,
-    #[serde(default)]
-    extensions: TextureInfoExtensions,
-});
-
-object!(TextureInfoExtensions {
-    #[serde(rename = "KHR_texture_transform")]
-    transform: Option<Box<TextureTransform>>,
-});
-
-object!(TextureTransform {
-    offset: [f32; 2],
-    rotation: f32,
-    scale: Option<[f32; 2]>,
-    tex_coord: Option<u64>,
-});
-
-object!(MaterialExtensions {
-    #[serde(rename = "KHR_materials_transmission")]
-    transmission: Option<Box<Transmission>>,
-    #[serde(rename = "KHR_materials_volume")]
-    volume: Option<Box<Volume>>,
-    #[serde(rename = "KHR_materials_ior")]
-    ior: Option<Ior>,
-    #[serde(rename = "KHR_materials_clearcoat")]
-    clearcoat: Option<Box<Clearcoat>>,
-    #[serde(rename = "KHR_materials_sheen")]
-    sheen: Option<Box<Sheen>>,
-    #[serde(rename = "KHR_materials_specular")]
-    specular: Option<Box<Specular>>,
-    #[serde(rename = "KHR_materials_emissive_strength")]
-    emissive_strength: Option<EmissiveStrength>,
-    #[serde(rename = "KHR_materials_anisotropy")]
-    anisotropy: Option<Box<Anisotropy>>,
-    #[serde(rename = "KHR_materials_iridescence")]
-    iridescence: Option<Box<Iridescence>>,
-    #[serde(rename = "KHR_materials_dispersion")]
-    dispersion: Option<Dispersion>,
-    #[serde(rename = "KHR_materials_diffuse_transmission")]
-    diffuse_transmission: Option<Box<DiffuseTransmission>>,
-    #[serde(rename = "KHR_materials_unlit")]
-    unlit: Option<IgnoredAny>,
-    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-    specular_glossiness: Option<Box<SpecularGlossiness>>,
-});
-
-object!(Transmission {
-    transmission_factor: f32,
-    transmission_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Volume {
-    thickness_factor: f32,
-    attenuation_distance: Option<f32>,
-    attenuation_color: Option<[f32; 3]>,
-});
-
-object!(Ior {
-    ior: Option<f32>,
-});
-
-object!(Clearcoat {
-    clearcoat_factor: f32,
-    clearcoat_texture: Option<Box<TextureInfo>>,
-    clearcoat_roughness_factor: f32,
-    clearcoat_roughness_texture: Option<Box<TextureInfo>>,
-    clearcoat_normal_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Sheen {
-    sheen_color_factor: [f32; 3],
-    sheen_color_texture: Option<Box<TextureInfo>>,
-    sheen_roughness_factor: f32,
-    sheen_roughness_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Specular {
-    specular_factor: Option<f32>,
-    specular_texture: Option<Box<TextureInfo>>,
-    specular_color_factor: Option<[f32; 3]>,
-    specular_color_texture: Option<Box<TextureInfo>>,
-});
-
-object!(EmissiveStrength {
-    emissive_strength: Option<f32>,
-});
-
-object!(Anisotropy {
-    anisotropy_strength: f32,
-    anisotropy_rotation: f32,
-    anisotropy_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Iridescence {
-    iridescence_factor: f32,
-    iridescence_texture: Option<Box<TextureInfo>>,
-    iridescence_ior: Option<f32>,
-    iridescence_thickness_minimum: Option<f32>,
-    iridescence_thickness_maximum: Option<f32>,
-    iridescence_thickness_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Dispersion { dispersion: f32 });
-
-object!(DiffuseTransmission {
-    diffuse_transmission_factor: f32,
-    diffuse_transmission_texture: Option<Box<TextureInfo>>,
-    diffuse_transmission_color_factor: Option<[f32; 3]>,
-    diffuse_transmission_color_texture: Option<Box<TextureInfo>>,
-});
-
-object!(SpecularGlossiness {
-    diffuse_factor: Option<[f32; 4]>,
-    diffuse_texture: Option<Box<TextureInfo>>,
-    specular_factor: Option<[f32; 3]>,
-    glossiness_factor: Option<f32>,
-    specular_glossiness_texture: Option<Box<TextureInfo>>,
-});
-
-object!(Texture {
-    sampler: Option<usize>,
-    source: Option<usize>,
-    extensions: TextureExtensions,
-});
-
-object!(TextureExtensions {
-    #[serde(rename = "KHR_texture_basisu")]
-    basisu: Option<TextureSource>,
-    #[serde(rename = "EXT_texture_webp")]
-    webp: Option<TextureSource>,
-});
-
-object!(TextureSource {
-    source: Option<usize>,
-});
-
-impl Texture {
-    /// The picture. Those of extensions come before the one for readers that do not know them.
-    pub(super) fn picture(&self) -> Option<usize> {
-        let extensions = [&self.extensions.basisu, &self.extensions.webp];
-        extensions.into_iter().flatten().find_map(|extension| extension.source).or(self.source)
-    }
-}
-
-object!(Image {
-    name: String,
-    uri: Option<String>,
-    mime_type: Option<String>,
-    buffer_view: Option<usize>,
-});
-
-object!(Sampler {
-    mag_filter: Option<u64>,
-    wrap_s: Option<u64>,
-    wrap_t: Option<u64>,
-});
 
 object!(Camera {
     name: String,
@@ -501,7 +322,7 @@ object!(Spot {
 });
 
 /// No object takes more memory than this, so that the count of objects in a text bounds the memory of its document.
-pub(super) const OBJECT_BYTES_MAX: usize = 320;
+pub(in crate::gltf) const OBJECT_BYTES_MAX: usize = 320;
 
 const _: () = {
     let sizes = [

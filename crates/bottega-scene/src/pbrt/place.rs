@@ -1,0 +1,123 @@
+//! Where shapes end up: spheres that stay spheres, and small meshes that are moved into the world and joined.
+
+use std::collections::BTreeMap;
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Mat3, Quat, Vec2};
+
+use super::context::{Context, Outcome};
+use super::token::Place;
+use super::transform::axes_and_scale;
+use crate::{Mesh, Sphere};
+
+/// A joined mesh with more vertices is closed.
+const JOINED_MAX: usize = 1 << 22;
+
+/// The sphere that a transformation makes of one; `None` where it makes none.
+///
+/// - `needs_azimuth`: whether it matters where its texture begins.
+pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: bool) -> Option<Sphere> {
+    let (axes, scale) = axes_and_scale(world_from_sphere);
+    let is_round = scale.max_element() <= scale.min_element() * (1.0 + 1e-5)
+        && (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-5);
+    let mirrors = axes.determinant() < 0.0;
+    if !is_round || (mirrors && needs_azimuth) {
+        return None;
+    }
+    let axes = if mirrors { axes * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) } else { axes };
+    // Our pole is +y, and our azimuth begins at −z; pbrt's are +z and +x.
+    let pbrt_from_ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
+    let rotation = DQuat::from_mat3(&(axes * pbrt_from_ours)).normalize();
+    let (center, radius) = (world_from_sphere.translation.as_vec3(), (radius * scale.max_element()) as f32);
+    let is_in_reach = center.abs().max_element() < crate::COORDINATE_MAX && radius < crate::COORDINATE_MAX;
+    let rotation: Quat = rotation.as_quat().normalize();
+    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
+}
+
+/// A mesh in the space that a transformation leads to.
+pub(super) fn baked(context: &mut Context<'_>, mut mesh: Mesh, transform: &DAffine3, at: Place) -> Outcome<Mesh> {
+    let linear = transform.matrix3;
+    let normal_matrix: Option<Mat3> = {
+        let inverse = linear.inverse().transpose();
+        // Normals keep their direction whatever the scale.
+        let scale = inverse.to_cols_array().iter().fold(0.0f64, |greatest, x| greatest.max(x.abs()));
+        let matrix = inverse * (1.0 / scale);
+        matrix.is_finite().then(|| matrix.as_mat3())
+    };
+    for position in &mut mesh.positions {
+        *position = transform.transform_point3(position.as_dvec3()).as_vec3();
+    }
+    if mesh.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > crate::COORDINATE_MAX) {
+        return Err(at.fault("the shape is out of reach").into());
+    }
+    match normal_matrix {
+        Some(matrix) => mesh.normals.iter_mut().for_each(|normal| *normal = matrix * *normal),
+        None => {
+            context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
+            mesh.normals = Vec::new();
+        }
+    }
+    for tangent in &mut mesh.tangents {
+        *tangent = (linear.as_mat3() * tangent.truncate()).extend(tangent.w);
+    }
+    if linear.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        mesh.tangents.iter_mut().for_each(|tangent| tangent.w = -tangent.w);
+    }
+    mesh.mend_normals();
+    mesh.mend_tangents();
+    Ok(mesh)
+}
+
+/// Every triangle with corners of its own, and pbrt's texture coordinates for triangles that have none.
+pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
+    let corners = || mesh.triangles.iter().flatten().map(|&vertex| vertex as usize);
+    let count = mesh.triangles.len() as u32;
+    Mesh {
+        name: mesh.name.clone(),
+        positions: corners().map(|vertex| mesh.positions[vertex]).collect(),
+        normals: if mesh.normals.is_empty() {
+            Vec::new()
+        } else {
+            corners().map(|vertex| mesh.normals[vertex]).collect()
+        },
+        uvs: [mesh.triangles.iter().flat_map(|_| [Vec2::Y, Vec2::ONE, Vec2::X]).collect(), Vec::new()],
+        triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
+        material: mesh.material,
+        ..Mesh::default()
+    }
+}
+
+/// Small meshes, joined by material and by what their vertices have.
+#[derive(Default)]
+pub(super) struct Joined {
+    meshes: BTreeMap<(u32, [bool; 3]), (Mesh, Place)>,
+}
+
+impl Joined {
+    /// Returns a mesh that has become large.
+    pub(super) fn add(&mut self, mesh: Mesh, at: Place) -> Option<Mesh> {
+        let key = (mesh.material, [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()]);
+        let (joined, _) = match self.meshes.entry(key) {
+            std::collections::btree_map::Entry::Vacant(entry) => {
+                entry.insert((mesh, at));
+                return None;
+            }
+            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+        };
+        let first = joined.positions.len() as u32;
+        joined.positions.extend(mesh.positions);
+        joined.normals.extend(mesh.normals);
+        joined.tangents.extend(mesh.tangents);
+        let [uvs, _] = mesh.uvs;
+        joined.uvs[0].extend(uvs);
+        joined.triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        if joined.positions.len() > JOINED_MAX {
+            return self.meshes.remove(&key).map(|(mesh, _)| mesh);
+        }
+        None
+    }
+
+    pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, Place)> {
+        self.meshes.into_values()
+    }
+}

@@ -1,0 +1,72 @@
+//! Files that are almost right, for the readers to survive.
+//!
+//! Deterministic: mutation i of a file is a function of i. `BOTTEGA_FUZZ` multiplies the number of mutations.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+pub(crate) struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    pub(crate) fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit.max(1) as u64) as usize
+    }
+
+    pub(crate) fn byte(&mut self) -> u8 {
+        self.next() as u8
+    }
+}
+
+/// Loads mutations of a file. One that panics is kept for a look at it.
+///
+/// - `count`: how many, before `BOTTEGA_FUZZ` multiplies them.
+/// - `load`: whether the mutation is still a scene.
+///
+/// Returns the share of mutations that are.
+pub(crate) fn survive(
+    name: &str,
+    count: u64,
+    mutated: impl Fn(&mut Random) -> Vec<u8>,
+    load: impl Fn(&[u8]) -> bool,
+) -> f64 {
+    let factor = std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1);
+    let count = count * factor;
+    let mut good = 0;
+    for index in 0..count {
+        let bytes = mutated(&mut Random(index));
+        match catch_unwind(AssertUnwindSafe(|| load(&bytes))) {
+            Ok(is_scene) => good += u64::from(is_scene),
+            Err(_) => {
+                let kept = std::env::temp_dir().join(format!("bottega-fuzz-{index}-{}", name.replace('/', "-")));
+                std::fs::write(&kept, &bytes).unwrap();
+                panic!("mutation {index} of {name} panics; it is kept as {}", kept.display());
+            }
+        }
+    }
+    eprintln!("{name}: {good} of {count} mutations were still scenes");
+    good as f64 / count as f64
+}
+
+/// One of the changes that any bytes may suffer.
+pub(crate) fn damage(file: &mut Vec<u8>, at: usize, random: &mut Random) {
+    match random.below(5) {
+        0 => file[at] = random.byte(),
+        1 => file[at] ^= 1 << random.below(8),
+        2 => file.truncate(at),
+        3 => drop(file.remove(at)),
+        // A piece is repeated somewhere else.
+        _ => {
+            let end = (at + random.below(64)).min(file.len());
+            let piece = file[at..end].to_vec();
+            let to = random.below(file.len());
+            file.splice(to..to, piece);
+        }
+    }
+}
