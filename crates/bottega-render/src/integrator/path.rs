@@ -270,7 +270,7 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        let bsdf = bsdf.at(wo);
+        let bsdf = bsdf.at_carrying(wo, self.throughput);
         let mut region = None;
         if !is_delta_only {
             if !known.transmits {

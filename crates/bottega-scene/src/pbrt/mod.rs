@@ -20,6 +20,7 @@ mod color;
 mod context;
 mod dialect;
 mod film;
+mod grid;
 mod light;
 mod material;
 mod medium;
