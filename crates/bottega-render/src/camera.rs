@@ -53,13 +53,17 @@ pub struct CameraRays {
 }
 
 impl CameraRays {
-    /// The vertical extent is the camera's, whatever the shape of the picture; pixels are square.
+    /// That extent is the camera's which its [`FovAxis`](bottega_scene::FovAxis) names, whatever the shape of the picture;
+    /// pixels are square.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
-        let (half_height, parallel) = match camera.projection {
+        let (mut half_height, parallel) = match camera.projection {
             Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), false),
             Projection::Orthographic { height } => (0.5 * height, true),
         };
+        if let Some(aspect) = camera.aspect {
+            half_height *= camera.fov_axis.over_height(aspect) / camera.fov_axis.over_height(size.x / size.y);
+        }
         let pixel = 2.0 * half_height / size.y;
         let cone = if parallel { RayCone { width: pixel, spread: 0.0 } } else { RayCone { width: 0.0, spread: pixel } };
         Self {
@@ -124,6 +128,30 @@ mod tests {
         assert!((upper - Vec3::new(0.0, 0.5_f32.sin(), -0.5_f32.cos())).length() < 1e-6);
         let right = rays.ray(Vec2::new(40.0, 10.0), [0.0; 2]).direction;
         assert!((right.x / -right.z - 2.0 * 0.5_f32.tan()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn pictures_of_another_shape_keep_the_extent_that_the_axis_names() {
+        use bottega_scene::FovAxis;
+        // Half extents of a picture twice as high as wide, of a camera made for twice as wide as high.
+        let cases = [
+            (FovAxis::X, Vec2::new(2.0, 4.0)),
+            (FovAxis::Y, Vec2::new(0.5, 1.0)),
+            (FovAxis::Diagonal, Vec2::new(1.0, 2.0)),
+            (FovAxis::Smaller, Vec2::new(1.0, 2.0)),
+            (FovAxis::Larger, Vec2::new(1.0, 2.0)),
+        ];
+        for projection in [
+            Projection::Perspective { vertical_fov: std::f32::consts::FRAC_PI_2 },
+            Projection::Orthographic { height: 2.0 },
+        ] {
+            for (fov_axis, expected) in cases {
+                let camera = Camera { aspect: Some(2.0), fov_axis, ..camera(projection, 0.0) };
+                let extent = CameraRays::new(&camera, 10, 20).half_extent;
+                assert!((extent - expected).length() < 1e-5, "{fov_axis:?}: {extent}");
+                assert_eq!(CameraRays::new(&camera, 20, 10).half_extent, CameraRays::new(&camera, 40, 20).half_extent);
+            }
+        }
     }
 
     #[test]

@@ -1,4 +1,7 @@
-//! Homogeneous participating media: how far light gets in them, and where it goes when it is scattered.
+//! Participating media: how far light gets in them, and where it goes when it is scattered. Those that vary in space are
+//! in [`varying`].
+
+pub(crate) mod varying;
 
 use std::f32::consts::PI;
 
@@ -6,9 +9,17 @@ use bottega_kernels::math;
 use bottega_scene::{Medium, Spectrum};
 use glam::Vec3;
 
+use self::varying::Varying;
 use crate::sampling::orthonormal_basis;
 
-/// A medium, ready for use. Coefficients are per unit of length.
+/// A medium of either kind, ready for use.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Filling<'a> {
+    Homogeneous(Homogeneous),
+    Varying(Varying<'a>),
+}
+
+/// A homogeneous medium, ready for use. Coefficients are per unit of length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Homogeneous {
     /// σ_t = σ_a + σ_s.

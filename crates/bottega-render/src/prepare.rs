@@ -15,6 +15,10 @@ use crate::{
     bsdf::{Bsdf, SurfacePoint, scattering},
     guide::Guide,
     lights::{Lights, NO_LIGHT},
+    media::{
+        Filling, Homogeneous,
+        varying::{Majorants, Varying},
+    },
 };
 
 /// How a scene is prepared.
@@ -39,6 +43,8 @@ pub struct PreparedScene {
     accel: Accel,
     instances: Vec<PreparedInstance>,
     materials: Vec<PreparedMaterial>,
+    /// Of the media that vary in space.
+    majorants: Vec<Option<Majorants>>,
     lights: Lights,
     has_opacity: bool,
     has_boundaries: bool,
@@ -104,6 +110,8 @@ impl PreparedScene {
         let needs_volume = has_boundaries
             || scene.cameras.iter().any(|camera| camera.medium.is_some())
             || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
+        let majorants = scene.media.iter().map(|medium| Some(Majorants::new(medium, medium.variation.as_deref()?)));
+        let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
         Ok(Self {
@@ -111,6 +119,7 @@ impl PreparedScene {
             accel,
             instances,
             materials,
+            majorants,
             lights,
             has_opacity,
             has_boundaries,
@@ -165,11 +174,21 @@ impl PreparedScene {
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)
+            + self.majorants.iter().flatten().map(Majorants::memory_bytes).sum::<usize>()
     }
 
     #[inline(always)]
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// What fills space.
+    pub(crate) fn medium(&self, id: MediumId) -> Filling<'_> {
+        let medium = &self.scene.media[id.0 as usize];
+        match (&medium.variation, &self.majorants[id.0 as usize]) {
+            (Some(variation), Some(majorants)) => Filling::Varying(Varying::new(medium, variation, majorants)),
+            _ => Filling::Homogeneous(Homogeneous::new(medium)),
+        }
     }
 
     /// Threads that may be used for what is made once.

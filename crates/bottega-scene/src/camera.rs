@@ -9,14 +9,45 @@ use crate::MediumId;
 pub enum Projection {
     /// A pinhole, or a thin lens where [`Camera::lens_radius`] is above 0.
     Perspective {
-        /// Full angle between the upper and the lower edge of the picture, in radians.
+        /// Full angle between the upper and the lower edge of a picture of the camera's aspect, in radians.
         vertical_fov: f32,
     },
     /// Parallel projection.
     Orthographic {
-        /// Distance between the upper and the lower edge of the picture, in scene units.
+        /// Distance between the upper and the lower edge of a picture of the camera's aspect, in scene units.
         height: f32,
     },
+}
+
+/// Which extent of the picture a camera's projection is about: it stays as it is in a picture of another shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FovAxis {
+    /// From the left to the right edge.
+    X,
+    /// From the lower to the upper edge.
+    #[default]
+    Y,
+    /// From corner to corner.
+    Diagonal,
+    /// The shorter of both.
+    Smaller,
+    /// The longer of both.
+    Larger,
+}
+
+impl FovAxis {
+    /// This extent over the picture's height.
+    ///
+    /// - `aspect`: width over height.
+    pub fn over_height(self, aspect: f32) -> f32 {
+        match self {
+            Self::X => aspect,
+            Self::Y => 1.0,
+            Self::Diagonal => (1.0 + aspect * aspect).sqrt(),
+            Self::Smaller => aspect.min(1.0),
+            Self::Larger => aspect.max(1.0),
+        }
+    }
 }
 
 /// A camera. It looks along its own −z, +y is up and +x to the right.
@@ -30,6 +61,8 @@ pub struct Camera {
     pub projection: Projection,
     /// Width over height as the file wants it; `None`: as the picture has it.
     pub aspect: Option<f32>,
+    /// Which extent stays as it is in a picture of another shape than [`Self::aspect`].
+    pub fov_axis: FovAxis,
     /// Radius of the thin lens in scene units; 0: everything is sharp.
     pub lens_radius: f32,
     /// Distance of the plane in focus, in scene units.
@@ -48,6 +81,7 @@ impl Default for Camera {
             world_from_camera: Affine3A::IDENTITY,
             projection: Projection::Perspective { vertical_fov: 0.7 },
             aspect: None,
+            fov_axis: FovAxis::Y,
             lens_radius: 0.0,
             focus_distance: 1.0,
             lens_shift: Vec2::ZERO,

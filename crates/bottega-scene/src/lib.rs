@@ -14,6 +14,7 @@ mod error;
 mod file;
 mod framing;
 mod gltf;
+mod grid;
 mod image;
 mod light;
 mod load;
@@ -34,13 +35,14 @@ mod text;
 mod texture;
 mod validate;
 
-pub use camera::{Camera, Projection};
+pub use camera::{Camera, FovAxis, Projection};
 pub use error::{SceneError, Warning};
+pub use grid::{Blend, Grid, GridError};
 pub use image::{Encoding, Image};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
 pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ScalarParam, Sides};
-pub use medium::{Medium, MediumId};
+pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use summary::SceneSummary;
 pub use surface::{

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Camera, Environment, Image, Light, Material, Medium, MediumId};
+use crate::{Camera, Environment, Grid, Image, Light, Material, Medium, MediumId, Variation};
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
 /// Importers leave out texture coordinates and tangents that no texture of the material asks for.
@@ -222,8 +222,10 @@ impl Scene {
 
     /// Bytes that meshes, instances, spheres and pictures take.
     pub fn memory_bytes(&self) -> usize {
+        let grids = self.media.iter().filter_map(|medium| medium.variation.as_deref()).flat_map(Variation::grids);
         self.meshes.iter().map(Mesh::memory_bytes).sum::<usize>()
             + self.images.iter().map(Image::memory_bytes).sum::<usize>()
+            + grids.map(Grid::memory_bytes).sum::<usize>()
             + bytes_of(&self.instances)
             + bytes_of(&self.spheres)
     }

@@ -168,7 +168,9 @@ fn check_medium(medium: &Medium) -> Result<(), String> {
         coefficients.iter().all(|c| c.is_finite() && c.min_element() >= 0.0),
         "a coefficient is negative or not finite",
     )?;
-    check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")
+    check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;
+    let is_placed = medium.variation.as_ref().is_none_or(|variation| variation.grid_from_world.is_finite());
+    check(is_placed, "its grid is nowhere")
 }
 
 fn is_orthonormal(matrix: &glam::Mat3) -> bool {

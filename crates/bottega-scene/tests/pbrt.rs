@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use bottega_scene::{
-    AlphaMode, FilmFilter, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides, Spectrum,
-    Surface, load,
+    AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides,
+    Spectrum, Surface, load,
 };
 use glam::{Vec2, Vec3};
 use mutation::{Random, damage, survive};
@@ -124,6 +124,7 @@ fn cameras_see_what_pbrts_see() {
     // The angle is that of the shorter side.
     let high = r#"Film "rgb" "integer xresolution" 100 "integer yresolution" 200 Camera "perspective" "float fov" 90"#;
     let scene = camera(high);
+    assert_eq!(scene.cameras[0].fov_axis, FovAxis::Smaller);
     assert!((project(&scene, 0.5, Vec3::new(1.0, 2.0, 1.0)) - Vec2::ONE).length() < 1e-5);
     // Mirrored and scaled, the same things are seen.
     let scene = camera(&format!(r#"{wide} Scale -3 3 3 LookAt 0 0 2 0 0 0 0 1 0 Camera "perspective""#));
@@ -132,6 +133,7 @@ fn cameras_see_what_pbrts_see() {
     assert!((project(&scene, 2.0, Vec3::new(3.0, 2.0, 5.0)) - Vec2::ONE).length() < 1e-5);
     assert!((project(&scene, 2.0, Vec3::new(-1.0, 0.0, 5.0)) + Vec2::ONE).length() < 1e-5);
     let scene = camera(&format!(r#"{wide} Camera "perspective" "float screenwindow" [ 0 2 0 1 ]"#));
+    assert_eq!(scene.cameras[0].fov_axis, FovAxis::Y);
     assert!((project(&scene, 2.0, Vec3::new(2.0, 1.0, 1.0)) - Vec2::ONE).length() < 1e-5);
 }
 
@@ -273,6 +275,36 @@ fn a_surface_that_parts_nothing_has_no_media() {
     assert_eq!((material.interior, material.exterior, &material.surface), (None, None, &Surface::Null));
     let scene = world(&format!(r#"{fog} MediumInterface "" "fog" Material "dielectric" Shape "sphere""#));
     assert!(scene.materials[0].interior.is_none() && scene.materials[0].exterior.is_some());
+}
+
+#[test]
+fn media_that_vary_in_space_have_pbrts_densities() {
+    let around = |medium: &str| {
+        format!(r#"MakeNamedMedium "fog" {medium} MediumInterface "fog" "" Material "interface" Shape "sphere""#)
+    };
+    let grid = r#""string type" "uniformgrid" "integer nx" 2 "integer ny" 1 "integer nz" 1 "float density" [ 1 3 ]"#;
+    let placed = format!(r#"Translate 5 0 0 {}"#, around(&format!(r#"{grid} "point3 p1" [ 2 1 1 ] "float scale" 2"#)));
+    let scene = world(&placed);
+    let medium = &scene.media[0];
+    let variation = medium.variation.as_ref().unwrap();
+    let at = |x: f32| {
+        let p = variation.grid_from_world.transform_point3(Vec3::new(x, 0.5, 0.5));
+        medium.coefficients(variation, p).scattering.x
+    };
+    // Between the centres of cells linearly, and to 0 beyond the outermost; nothing outside.
+    for (x, expected) in [(5.5, 2.0), (6.0, 4.0), (6.5, 6.0), (7.0, 3.0), (4.9, 0.0), (7.1, 0.0)] {
+        assert!((at(x) - expected).abs() < 1e-5, "{x}: {}", at(x));
+    }
+    let colored = r#""string type" "rgbgrid" "integer nz" 2 "rgb sigma_a" [ 1 2 3 4 5 6 ] "float scale" 10"#;
+    let scene = world(&around(colored));
+    let medium = &scene.media[0];
+    let there = medium.coefficients(medium.variation.as_ref().unwrap(), Vec3::new(0.5, 0.5, 0.75));
+    assert_eq!((there.absorption, there.scattering), (Vec3::new(40.0, 50.0, 60.0), Vec3::splat(10.0)));
+    let short = around(r#""string type" "uniformgrid" "integer nx" 3 "float density" [ 1 3 ]"#);
+    let error = load_text(&format!("WorldBegin {short}")).unwrap_err().to_string();
+    assert!(error.contains("3 cells has 2 values"), "{error}");
+    let loaded = load_text(&format!("WorldBegin {}", around(r#""string type" "nanovdb" "string filename" "x.nvdb""#)));
+    assert!(loaded.unwrap().warnings.iter().any(|warning| warning.to_string().contains("nanovdb")));
 }
 
 #[test]

@@ -99,7 +99,8 @@ impl Interface {
         (metal, film.mix(dielectric, coloured))
     }
 
-    fn split(&self, cos: f32) -> Split {
+    /// - `carried`: what a path carries in each channel: where colours go apart, it is decided by that which way it goes.
+    fn split(&self, cos: f32, carried: Spectrum) -> Split {
         let (metal, dielectric) = self.reflectances(cos);
         let reflected = self.metal * metal + self.dielectric * dielectric;
         if self.through == Through::Nothing {
@@ -111,7 +112,11 @@ impl Interface {
             Spectrum::splat(1.0 - dielectric.max_element())
         };
         let transmitted = self.tint * passed;
-        let (r, t) = (mean(reflected), mean(transmitted));
+        let (r, t) = if self.is_dispersive() {
+            (carried.dot(reflected), carried.dot(transmitted))
+        } else {
+            (mean(reflected), mean(transmitted))
+        };
         let reflection = if r + t > 0.0 { r / (r + t) } else { 1.0 };
         Split { reflected, transmitted, reflection }
     }
@@ -132,42 +137,51 @@ impl Interface {
 
     /// What the boundary does at first sight with light at cosine `cos`: for choosing between lobes.
     pub(super) fn smooth_albedo(&self, cos: f32) -> Spectrum {
-        let split = self.split(cos);
+        let split = self.split(cos, Spectrum::ONE);
         split.reflected + split.transmitted
     }
 
-    /// f and density of a rough boundary; nothing of a smooth one.
-    pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+    /// f and density of a rough boundary; nothing of a smooth one. `carried`: see [`BsdfAt`](super::BsdfAt).
+    pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode, carried: Spectrum) -> (Spectrum, f32) {
         if self.ggx.is_smooth() || self.is_black() {
             return (Spectrum::ZERO, 0.0);
         }
         match (wi.z > 0.0, self.through) {
-            (true, _) => self.mirrored(wo, wi, |split| (split.reflected, split.reflection)),
+            (true, _) => self.mirrored(wo, wi, carried, |split| (split.reflected, split.reflection)),
             (false, Through::Nothing) => (Spectrum::ZERO, 0.0),
             (false, Through::Thin) => {
                 let above = Vec3::new(wi.x, wi.y, -wi.z);
-                self.mirrored(wo, above, |split| (split.transmitted, 1.0 - split.reflection))
+                self.mirrored(wo, above, carried, |split| (split.transmitted, 1.0 - split.reflection))
             }
-            (false, Through::Solid) => self.refracted(wo, wi, mode),
+            (false, Through::Solid) => self.refracted(wo, wi, mode, carried),
         }
     }
 
-    fn mirrored(&self, wo: Vec3, wi: Vec3, share: impl Fn(Split) -> (Spectrum, f32)) -> (Spectrum, f32) {
+    fn mirrored(
+        &self,
+        wo: Vec3,
+        wi: Vec3,
+        carried: Spectrum,
+        share: impl Fn(Split) -> (Spectrum, f32),
+    ) -> (Spectrum, f32) {
         let Some(h) = (wo + wi).try_normalize() else { return (Spectrum::ZERO, 0.0) };
-        let (color, probability) = share(self.split(wo.dot(h)));
+        let (color, probability) = share(self.split(wo.dot(h), carried));
         let value = color * (self.ggx.density(h) * self.ggx.visibility(wo, wi));
         (value, probability * self.ggx.reflection_pdf(wo, h))
     }
 
-    fn refracted(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+    fn refracted(&self, wo: Vec3, wi: Vec3, mode: TransportMode, carried: Spectrum) -> (Spectrum, f32) {
+        let by = |eta, share: &dyn Fn(&Split) -> (Spectrum, f32)| {
+            self.refracted_by(wo, wi, eta, mode, |cos| share(&self.split(cos, carried)))
+        };
         if !self.is_dispersive() {
-            return self.refracted_by(wo, wi, self.eta(), mode, |split| (split.transmitted, 1.0 - split.reflection));
+            return by(self.eta(), &|split| (split.transmitted, 1.0 - split.reflection));
         }
         // Each channel by its own index, and with its own facet.
         let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
         for (channel, eta) in self.etas().into_iter().enumerate() {
-            let (part, density) = self.refracted_by(wo, wi, eta, mode, |split| {
-                let chance = (1.0 - split.reflection) * split.channel_chance(channel);
+            let (part, density) = by(eta, &|split| {
+                let chance = (1.0 - split.reflection) * split.channel_chance(channel, carried);
                 (split.transmitted * Spectrum::AXES[channel], chance)
             });
             value += part;
@@ -183,7 +197,7 @@ impl Interface {
         wi: Vec3,
         eta: f32,
         mode: TransportMode,
-        share: impl Fn(&Split) -> (Spectrum, f32),
+        share: impl Fn(f32) -> (Spectrum, f32),
     ) -> (Spectrum, f32) {
         let sum = wo + eta * wi;
         let length2 = sum.length_squared();
@@ -192,7 +206,7 @@ impl Interface {
         if !(cos_o > 0.0 && cos_i < 0.0) {
             return (Spectrum::ZERO, 0.0);
         }
-        let (color, chance) = share(&self.split(cos_o));
+        let (color, chance) = share(cos_o);
         // dω_h / dω_i, eq. 17.
         let jacobian = eta * eta * -cos_i / length2;
         let pdf = chance * self.ggx.visible_normal_pdf(wo, h) * jacobian;
@@ -202,10 +216,17 @@ impl Interface {
     }
 
     /// Draws a facet, then one of its two ways. `None`: the light goes on between the facets.
-    pub(super) fn sample(&self, wo: Vec3, u_way: f32, u: [f32; 2], mode: TransportMode) -> Option<Drawn> {
+    pub(super) fn sample(
+        &self,
+        wo: Vec3,
+        u_way: f32,
+        u: [f32; 2],
+        mode: TransportMode,
+        carried: Spectrum,
+    ) -> Option<Drawn> {
         let smooth = self.ggx.is_smooth();
         let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
-        let split = self.split(wo.dot(h));
+        let split = self.split(wo.dot(h), carried);
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
         if u_way < split.reflection {
             let wi = fresnel::reflect(wo, h);
@@ -218,8 +239,8 @@ impl Interface {
         }
         let (eta, color, chance) = if self.is_dispersive() {
             let u = (u_way - split.reflection) / (1.0 - split.reflection);
-            let channel = split.channel_at(u);
-            (self.etas()[channel], split.transmitted * Spectrum::AXES[channel], split.channel_chance(channel))
+            let channel = split.channel_at(u, carried);
+            (self.etas()[channel], split.transmitted * Spectrum::AXES[channel], split.channel_chance(channel, carried))
         } else {
             (self.eta(), split.transmitted, 1.0)
         };
@@ -238,16 +259,16 @@ impl Interface {
 }
 
 impl Split {
-    /// Probability of a channel among the light that goes through.
-    fn channel_chance(&self, channel: usize) -> f32 {
-        let sum = self.transmitted.element_sum();
-        if sum > 0.0 { self.transmitted[channel] / sum } else { 0.0 }
+    /// Probability of a channel among the light that goes through: a path that carries but one keeps to it.
+    fn channel_chance(&self, channel: usize, carried: Spectrum) -> f32 {
+        let sum = self.transmitted.dot(carried);
+        if sum > 0.0 { self.transmitted[channel] * carried[channel] / sum } else { 0.0 }
     }
 
     /// The channel that a number in [0, 1) falls to.
-    fn channel_at(&self, u: f32) -> usize {
-        let red = self.channel_chance(0);
-        let green = self.channel_chance(1);
+    fn channel_at(&self, u: f32, carried: Spectrum) -> usize {
+        let red = self.channel_chance(0, carried);
+        let green = self.channel_chance(1, carried);
         if u < red {
             0
         } else if u < red + green {

@@ -28,6 +28,7 @@ pub(super) struct LayeredAt<'a> {
     layers: &'a Layered,
     mode: TransportMode,
     wo: Vec3,
+    carried: Spectrum,
     profile: Profile,
     /// Probabilities of [`LOBES`].
     chances: [f32; 5],
@@ -80,12 +81,12 @@ impl Layered {
         (is_bare && !self.has_non_delta && !self.is_black).then_some(self.base.interface)
     }
 
-    /// What is seen from `wo`, above the surface; `None` where nothing is scattered.
+    /// What is seen from `wo`, above the surface, by a path that carries `carried`; `None` where nothing is scattered.
     #[inline]
-    pub(super) fn at(&self, wo: Vec3, mode: TransportMode) -> Option<LayeredAt<'_>> {
+    pub(super) fn at(&self, wo: Vec3, mode: TransportMode, carried: Spectrum) -> Option<LayeredAt<'_>> {
         let (profile, albedo) = self.outgoing(wo);
         let chances = chances(&albedo)?;
-        Some(LayeredAt { layers: self, mode, wo, profile, chances })
+        Some(LayeredAt { layers: self, mode, wo, carried, profile, chances })
     }
 
     /// See [`Bsdf::albedo`](super::Bsdf::albedo); `wo` is above the surface.
@@ -147,12 +148,12 @@ impl Layered {
 impl LayeredAt<'_> {
     /// See [`BsdfAt::sample`](super::BsdfAt::sample).
     pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let Self { layers, mode, wo, profile, chances } = self;
+        let Self { layers, mode, wo, carried, profile, chances } = self;
         let base = &layers.base;
         let (lobe, chance, u_rest) = choose(chances, u_lobe)?;
         let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
         let drawn = match lobe {
-            Lobe::Interface => base.interface.sample(*wo, u_rest, u, *mode)?,
+            Lobe::Interface => base.interface.sample(*wo, u_rest, u, *mode, *carried)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Coat => layers.coat.as_ref()?.sample(*wo, u)?,
@@ -183,11 +184,11 @@ impl LayeredAt<'_> {
 
     /// Sums of all lobes but Dirac ones. wi is not in the surface.
     pub(super) fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
-        let Self { layers, mode, wo, profile, chances } = self;
+        let Self { layers, mode, wo, carried, profile, chances } = self;
         let [interface, cosine, cosine_through, coat, uniform] = *chances;
         let base = &layers.base;
         let other = layers.on_side_of(wi);
-        let (facets, facets_pdf) = base.interface.eval_pdf(*wo, wi, *mode);
+        let (facets, facets_pdf) = base.interface.eval_pdf(*wo, wi, *mode, *carried);
         let (diffuse, diffuse_chance) = if wi.z > 0.0 {
             (base.cosine(&profile.base, &other.base), cosine)
         } else {

@@ -89,7 +89,7 @@ pub struct BsdfAt<'a>(KindAt<'a>);
 enum KindAt<'a> {
     Nothing,
     Lambert(Spectrum),
-    Smooth(&'a Interface, Vec3, TransportMode),
+    Smooth(&'a Interface, Vec3, TransportMode, Spectrum),
     Layered(LayeredAt<'a>),
     Other(&'a Other, Vec3, TransportMode),
 }
@@ -134,13 +134,20 @@ impl Bsdf {
     /// What is seen from `wo`; nothing unless wo is above the surface.
     #[inline(always)]
     pub fn at(&self, wo: Vec3) -> BsdfAt<'_> {
+        self.at_carrying(wo, Spectrum::ONE)
+    }
+
+    /// What is seen from `wo` by a path that carries so much in each channel; only the ratios count. Where colours go apart,
+    /// samples are drawn by that, so that a path which lost all colours but one keeps to the way of that one.
+    #[inline(always)]
+    pub fn at_carrying(&self, wo: Vec3, carried: Spectrum) -> BsdfAt<'_> {
         if !is_above(wo) {
             return BsdfAt(KindAt::Nothing);
         }
         BsdfAt(match &self.kind {
             Kind::Lambert(color) => KindAt::Lambert(*color),
-            Kind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode),
-            Kind::Layered(layers) => layers.at(wo, self.mode).map_or(KindAt::Nothing, KindAt::Layered),
+            Kind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode, carried),
+            Kind::Layered(layers) => layers.at(wo, self.mode, carried).map_or(KindAt::Nothing, KindAt::Layered),
             Kind::Other(other) => KindAt::Other(other, wo, self.mode),
             Kind::Black => KindAt::Nothing,
         })
@@ -256,8 +263,8 @@ impl BsdfAt<'_> {
                 let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
                 (pdf > 0.0).then_some(BsdfSample { wi, value, pdf, lobe, eta: 1.0 })
             }
-            KindAt::Smooth(boundary, wo, mode) => {
-                let drawn = boundary.sample(*wo, u_lobe, u, *mode)?;
+            KindAt::Smooth(boundary, wo, mode, carried) => {
+                let drawn = boundary.sample(*wo, u_lobe, u, *mode, *carried)?;
                 let (reflectance, pdf) = drawn.delta?;
                 let value = reflectance / drawn.wi.z.abs();
                 let sound = pdf > 0.0 && value.max_element() > 0.0;

@@ -328,7 +328,7 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        let bsdf = bsdf.at(wo);
+        let bsdf = bsdf.at_carrying(wo, self.throughput);
         let [u_light, u_scattering] =
             self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
         let mut region = None;

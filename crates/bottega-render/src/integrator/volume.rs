@@ -1,9 +1,10 @@
 //! Path tracing through participating media.
 //!
-//! Light that is scattered on a segment of a path is found in three ways, which are combined by the power heuristic: at a
+//! Light that is scattered on a segment of a path through a homogeneous medium is found in three ways, which are combined by the power heuristic: at a
 //! distance drawn by extinction, by sampling a light from there (1) or by the phase function (2); and at a distance drawn
 //! for a light, uniform by the angle as it sees the segment (3). What shines at the end of a segment is always counted,
-//! weakened by the medium, wherever the path goes on.
+//! weakened by the medium, wherever the path goes on. Through a medium that varies in space a path is tracked, and only the
+//! first two ways are there.
 //!
 //! Sources: Kulla and Fajardo 2012, *Importance Sampling Techniques for Path Tracing in Participating Media*; Veach 1997,
 //! *Robust Monte Carlo Methods for Light Transport Simulation*, chapter 9.
@@ -19,7 +20,10 @@ use crate::{
     camera::{CameraRay, RayCone},
     interaction::{Interaction, emitted, is_there, sphere_uv},
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
-    media::{Homogeneous, channel_probabilities},
+    media::{
+        Filling, Homogeneous, Phase, channel_probabilities,
+        varying::{Carried, Line, Varying},
+    },
     sampler::{DimensionSet, PixelSampler},
     settings::DirectLight,
 };
@@ -28,6 +32,8 @@ use crate::{
 const BOUNDARIES_MAX: u32 = 256;
 /// Cost of a vertex, and of a shadow ray, in traversal steps.
 const STEPS: f32 = 8.0;
+/// Sets the numbers of tracking apart from those that other decisions take.
+const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
 /// Follows one path. The integrator gives the camera and the settings.
 pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
@@ -44,6 +50,7 @@ pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray:
         segment: 0,
         boundaries: 0,
         travelled: 0.0,
+        numbers_drawn: 0,
         origin: ray.origin,
         direction: ray.direction,
         cone: ray.cone,
@@ -92,6 +99,8 @@ struct Path<'a> {
     boundaries: u32,
     /// How far the path came since it was scattered last.
     travelled: f32,
+    /// Numbers that tracking took so far.
+    numbers_drawn: u64,
     origin: Vec3,
     direction: Vec3,
     cone: RayCone,
@@ -114,25 +123,19 @@ impl Path<'_> {
             Some(point) => self.emission(point),
             None => self.environment(),
         };
-        if let Some(medium) = self.homogeneous(self.medium) {
-            self.radiance += self.throughput * medium.emitted(hit.t);
-            let transmittance = medium.transmittance(hit.t);
-            self.radiance += self.throughput * transmittance * arriving;
-            if medium.scatters() && self.depth < self.settings.max_depth {
-                let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t };
-                self.add_light_along(&medium, &segment);
-                let [u_channel, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
-                let channels = channel_probabilities(self.throughput);
-                let distance = medium.sample_distance(channels, u_channel, u);
-                if distance < hit.t {
-                    return self.scatter_within(&medium, segment, channels, distance);
+        let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t };
+        match self.medium.map(|medium| prepared.medium(medium)) {
+            None => self.radiance += self.throughput * arriving,
+            Some(Filling::Homogeneous(medium)) => {
+                if let Some(goes_on) = self.pass(&medium, segment, arriving) {
+                    return goes_on;
                 }
-                self.throughput *= transmittance / medium.survival(channels, hit.t);
-            } else {
-                self.throughput *= transmittance;
             }
-        } else {
-            self.radiance += self.throughput * arriving;
+            Some(Filling::Varying(medium)) => {
+                if let Some(goes_on) = self.pass_varying(&medium, segment, arriving) {
+                    return goes_on;
+                }
+            }
         }
         let Some(point) = point else { return false };
         self.cone = cone;
@@ -156,6 +159,48 @@ impl Path<'_> {
         self.meet(&point)
     }
 
+    /// Goes through a homogeneous medium. Returns whether the path goes on if it was scattered, and `None` if not.
+    ///
+    /// - `arriving`: what comes from the end of the segment.
+    fn pass(&mut self, medium: &Homogeneous, segment: Segment, arriving: Spectrum) -> Option<bool> {
+        self.radiance += self.throughput * medium.emitted(segment.length);
+        let transmittance = medium.transmittance(segment.length);
+        self.radiance += self.throughput * transmittance * arriving;
+        if !(medium.scatters() && self.depth < self.settings.max_depth) {
+            self.throughput *= transmittance;
+            return None;
+        }
+        self.add_light_along(medium, &segment);
+        let [u_channel, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
+        let channels = channel_probabilities(self.throughput);
+        let distance = medium.sample_distance(channels, u_channel, u);
+        if distance < segment.length {
+            let pdf = medium.distance_pdf(channels, distance);
+            self.throughput *= medium.transmittance(distance) * medium.scattering / pdf;
+            let along = Along { segment, distance, pdf };
+            return Some(self.scatter_within(medium.phase, medium.albedo(), &segment, distance, Some(along)));
+        }
+        self.throughput *= transmittance / medium.survival(channels, segment.length);
+        None
+    }
+
+    /// Goes through a medium that varies in space; see [`Self::pass`].
+    fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: Spectrum) -> Option<bool> {
+        let [u_kind, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
+        let line = Line { origin: segment.origin, direction: segment.direction, length: segment.length };
+        let mut carried = Carried { throughput: self.throughput, radiance: self.radiance };
+        let collision = medium.track(&line, &mut carried, [u_kind, u], numbers(self.sampler, &mut self.numbers_drawn));
+        Carried { throughput: self.throughput, radiance: self.radiance } = carried;
+        let Some(collision) = collision else {
+            self.radiance += self.throughput * arriving;
+            return None;
+        };
+        if self.depth >= self.settings.max_depth {
+            return Some(false);
+        }
+        Some(self.scatter_within(medium.phase, collision.albedo, &segment, collision.distance, None))
+    }
+
     /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
     fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
         let scene = self.prepared.scene();
@@ -169,10 +214,6 @@ impl Path<'_> {
                 let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
                 self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
             })
-    }
-
-    fn homogeneous(&self, medium: Option<MediumId>) -> Option<Homogeneous> {
-        medium.map(|medium| Homogeneous::new(&self.prepared.scene().media[medium.0 as usize]))
     }
 
     /// What comes from where there is no surface, with its weight.
@@ -282,37 +323,44 @@ impl Path<'_> {
         self.add_if_seen(contribution, p, p, &sample, self.medium);
     }
 
-    /// Scatters at a distance in the medium. False when the path is at its end.
-    fn scatter_within(&mut self, medium: &Homogeneous, segment: Segment, channels: Spectrum, distance: f32) -> bool {
-        let pdf = medium.distance_pdf(channels, distance);
-        self.throughput *= medium.transmittance(distance) * medium.scattering / pdf;
+    /// Scatters at a distance in a medium. False when the path is at its end.
+    ///
+    /// - `along`: how the distance was drawn, where there are several ways to find light there.
+    fn scatter_within(
+        &mut self,
+        phase: Phase,
+        albedo: Spectrum,
+        segment: &Segment,
+        distance: f32,
+        along: Option<Along>,
+    ) -> bool {
         self.cone = self.cone.at(distance);
         let p = segment.origin + segment.direction * distance;
-        let along = Along { segment, distance, pdf };
         let receiver = Receiver { p, n: Vec3::ZERO };
         self.record.vertex_count += 1;
         self.record_first(distance, Vec3::ZERO);
-        self.record_albedo(medium.albedo());
+        self.record_albedo(albedo);
         if self.samples_lights() {
             let count = self.light_samples();
             for part in 0..count {
                 let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
                 let Some(light) = self.prepared.lights().sample(self.prepared, &receiver, u) else { continue };
-                let phase = medium.phase.eval(segment.direction.dot(light.wi));
+                let value = phase.eval(segment.direction.dot(light.wi));
                 let expected = count as f32 * light.pdf;
-                let by_arc = if light.light == NO_LIGHT {
-                    0.0
-                } else {
-                    self.pdf_ratio(&along, light.light) * (light.pdf / light.pmf)
+                let by_arc = match &along {
+                    Some(along) if light.light != NO_LIGHT => {
+                        self.pdf_ratio(along, light.light) * (light.pdf / light.pmf)
+                    }
+                    _ => 0.0,
                 };
-                let weight = power_heuristic(expected, [by_arc, self.shared(&light, phase)]);
-                let contribution = self.throughput * light.radiance * (phase * weight / expected);
+                let weight = power_heuristic(expected, [by_arc, self.shared(&light, value)]);
+                let contribution = self.throughput * light.radiance * (value * weight / expected);
                 self.add_if_seen(contribution, p, p, &light, self.medium);
             }
         }
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
-        let (wi, pdf) = medium.phase.sample(segment.direction, [u[1], u[2]]);
-        self.previous = Previous { receiver, pdf: Some(pdf), along: Some(along) };
+        let (wi, pdf) = phase.sample(segment.direction, [u[1], u[2]]);
+        self.previous = Previous { receiver, pdf: Some(pdf), along };
         self.go_on(p, wi, pdf, u[3])
     }
 
@@ -334,7 +382,7 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        let bsdf = bsdf.at(wo);
+        let bsdf = bsdf.at_carrying(wo, self.throughput);
         let known = prepared.material(point.material).1;
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
@@ -424,8 +472,14 @@ impl Path<'_> {
             } else {
                 Hit::NONE
             };
-            if let Some(medium) = self.homogeneous(medium) {
-                transmittance *= medium.transmittance(hit.t.min(length));
+            let length = hit.t.min(length);
+            match medium.map(|medium| prepared.medium(medium)) {
+                None => {}
+                Some(Filling::Homogeneous(medium)) => transmittance *= medium.transmittance(length),
+                Some(Filling::Varying(medium)) => {
+                    let line = Line { origin, direction, length };
+                    transmittance *= medium.transmittance(&line, numbers(self.sampler, &mut self.numbers_drawn));
+                }
             }
             if hit.is_none() {
                 self.radiance += contribution * transmittance;
@@ -482,6 +536,14 @@ impl Path<'_> {
             self.record.values.radiance = self.radiance.to_array();
         }
         self.record
+    }
+}
+
+/// The numbers that tracking takes, one after the other.
+fn numbers(sampler: PixelSampler, drawn: &mut u64) -> impl FnMut() -> f32 {
+    move || {
+        *drawn += 1;
+        sampler.hashed(TRACKING ^ *drawn)
     }
 }
 

@@ -206,3 +206,24 @@ proptest! {
         prop_assert_eq!(bsdf.eval_pdf(-wo, wi), (Spectrum::ZERO, 0.0));
     }
 }
+
+#[test]
+fn a_path_that_lost_all_colours_but_one_keeps_to_the_way_of_that_one() {
+    for (roughness, front) in [(0.0, true), (0.0, false), (0.4, true), (0.4, false)] {
+        let bsdf = Bsdf::new(&SurfaceParams { dispersion: 4.0, roughness, front, ..GLASS });
+        let bsdf = bsdf.with_mode(TransportMode::Importance);
+        let bsdf = bsdf.at_carrying(at(0.85, 0.3), Spectrum::new(0.0, 0.2, 0.0));
+        let mut uniform = Uniform::new(4);
+        let mut energy = 0.0;
+        const COUNT: u32 = 30_000;
+        for i in 0..COUNT {
+            let Some(sample) = bsdf.sample((i as f32 + 0.5) / COUNT as f32, uniform.pair()) else { continue };
+            assert!(sample.weight().y > 0.0, "{sample:?}");
+            if !sample.is_delta() {
+                assert_eq!(bsdf.eval_pdf(sample.wi), (sample.value, sample.pdf));
+            }
+            energy += sample.weight().y / COUNT as f32;
+        }
+        assert!((energy - 1.0).abs() < 0.02, "{roughness} {front}: {energy}");
+    }
+}

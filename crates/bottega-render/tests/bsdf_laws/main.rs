@@ -2,6 +2,7 @@
 //! light finds its way back. Statistical tests have fixed seeds and say at what significance they would fail by chance.
 
 mod chi_square;
+mod coats;
 mod energy;
 mod golden;
 mod kinds;

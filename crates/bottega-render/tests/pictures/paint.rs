@@ -4,18 +4,22 @@ use std::{path::Path, sync::Arc, thread};
 
 use bottega_image::{AovSet, Film, Layout, Rect, Tile};
 use bottega_render::{BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, View};
-use bottega_scene::LoadOptions;
+use bottega_scene::{LoadOptions, Loaded};
 
 /// Threads that paint; the picture does not depend on it.
 const THREADS: u32 = 2;
 
 /// Pictures of each scene, whose differences tell of their noise.
-pub(crate) const SEEDS: u32 = 4;
+const SEEDS: u32 = 4;
 
-/// Paints a scene with several seeds so that one pixel covers `shrink` × `shrink` pixels of a picture of the size `full`.
-pub(crate) fn paint(path: &Path, full: (u32, u32), shrink: u32, samples: u32) -> Vec<Film> {
+/// Paints a scene with several seeds.
+///
+/// - `change`: what is to be changed before.
+/// - `samples`: of each pixel, all seeds together.
+pub(crate) fn paint(path: &Path, size: (u32, u32), samples: u32, change: impl FnOnce(&mut Loaded)) -> Vec<Film> {
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
-    let loaded = bottega_scene::load(path, &options).expect("a scene");
+    let mut loaded = bottega_scene::load(path, &options).expect("a scene");
+    change(&mut loaded);
     let options = PrepareOptions { threads: THREADS as usize, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options).expect("a sound scene"));
     let settings = |seed: u32| PathSettings {
@@ -25,7 +29,7 @@ pub(crate) fn paint(path: &Path, full: (u32, u32), shrink: u32, samples: u32) ->
         filter: Filter::PIXEL,
         ..PathSettings::default()
     };
-    let size = (full.0 / shrink, full.1 / shrink);
+    let samples = samples.div_ceil(SEEDS);
     (0..SEEDS).map(|seed| paint_once(&prepared, &Arc::new(settings(seed)), size, samples)).collect()
 }
 

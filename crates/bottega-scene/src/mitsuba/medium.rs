@@ -1,9 +1,30 @@
 //! Participating media.
 
+use std::sync::Arc;
+
+use glam::{Affine3A, DAffine3};
+
 use super::Importer;
 use super::color::Role;
 use super::document::{Class, Object, ObjectId};
-use crate::{Medium, MediumId, SceneError, Spectrum};
+use super::volume::{self, Volume};
+use crate::{Blend, Density, Grid, Medium, MediumId, SceneError, Spectrum, Variation};
+
+/// A property of a medium.
+enum Field {
+    Constant(Spectrum),
+    Grid(Grid, Affine3A),
+}
+
+impl Field {
+    /// Of one that varies, its mean.
+    fn mean(&self) -> Spectrum {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Grid(grid, _) => grid.mean(),
+        }
+    }
+}
 
 impl Importer<'_> {
     /// A medium. `None`: it has no effect.
@@ -19,8 +40,9 @@ impl Importer<'_> {
         }
         let (albedo, extinction) = self.coefficients(object)?;
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
+        let (extinction, variation) = self.variation(object, extinction, &albedo)?;
         let extinction = (extinction * scale).min(Spectrum::splat(1e30));
-        let scattering = extinction * albedo;
+        let scattering = extinction * albedo.mean().min(Spectrum::ONE);
         let g = self.asymmetry(object)?;
         let medium = Medium {
             name: object.label(),
@@ -28,22 +50,62 @@ impl Importer<'_> {
             scattering,
             emission: Spectrum::ZERO,
             g: g as f32,
+            variation,
         };
         let made = self.scene.push_medium(medium);
         self.media.insert(id, made);
         Ok(Some(made))
     }
 
+    /// Extinction per unit of length, and what multiplies it in space.
+    fn variation(
+        &mut self,
+        object: &Object,
+        extinction: Field,
+        albedo: &Field,
+    ) -> Result<(Spectrum, Option<Arc<Variation>>), SceneError> {
+        let (grid, grid_from_world) = match extinction {
+            Field::Grid(grid, place) => (grid, place),
+            Field::Constant(extinction) => {
+                if matches!(albedo, Field::Grid(..)) {
+                    self.report
+                        .warn(object.at, "the albedo varies in space, but the extinction does not: its mean is taken");
+                }
+                return Ok((extinction, None));
+            }
+        };
+        if object.plugin == "homogeneous" {
+            self.report
+                .warn(object.at, "the medium is called homogeneous, but varies in space: it is painted as it is");
+        }
+        let density = match albedo {
+            Field::Constant(_) => Density::Both(grid),
+            Field::Grid(albedo, place) => {
+                if *place != grid_from_world {
+                    self.report.warn(object.at, "the albedo is taken to fill the same box as the extinction");
+                }
+                Density::WithAlbedo { extinction: grid, albedo: albedo.clone() }
+            }
+        };
+        Ok((Spectrum::ONE, Some(Arc::new(Variation { density, emission: None, grid_from_world }))))
+    }
+
     /// Albedo, and extinction per unit of length.
-    fn coefficients(&mut self, object: &Object) -> Result<(Spectrum, Spectrum), SceneError> {
+    fn coefficients(&mut self, object: &Object) -> Result<(Field, Field), SceneError> {
         let is_given = |name: &str| object.property(name).is_some() || object.child(name).is_some();
         // The old line may give scattering and absorption apart.
         if is_given("sigma_s") || is_given("sigma_a") {
-            let scattering = self.volume(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
-            let absorption = self.volume(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
+            let mut mean = |name: &str| {
+                let field = self.field(object, name, Role::Unbounded, Spectrum::ZERO)?;
+                if matches!(field, Field::Grid(..)) {
+                    self.report.warn(object.at, format!("`{name}` varies in space; its mean stands for it everywhere"));
+                }
+                Ok::<_, SceneError>(field.mean())
+            };
+            let (scattering, absorption) = (mean("sigma_s")?, mean("sigma_a")?);
             let extinction = scattering + absorption;
             let albedo = Spectrum::select(extinction.cmpgt(Spectrum::ZERO), scattering / extinction, Spectrum::ZERO);
-            return Ok((albedo, extinction));
+            return Ok((Field::Constant(albedo), Field::Constant(extinction)));
         }
         if let Some(name) = self.bad(object.string("material"))? {
             let message =
@@ -51,35 +113,51 @@ impl Importer<'_> {
             self.report.warn(object.at, message);
         }
         let density = if is_given("density") { "density" } else { "sigma_t" };
-        let extinction = self.volume(object, density, Role::Unbounded, Spectrum::ONE)?;
-        Ok((self.volume(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?, extinction))
+        let extinction = self.field(object, density, Role::Unbounded, Spectrum::ONE)?;
+        Ok((self.field(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?, extinction))
     }
 
-    /// A property of a medium; of one that varies in space, its mean.
-    fn volume(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<Spectrum, SceneError> {
+    /// A property of a medium.
+    fn field(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<Field, SceneError> {
         let child = object.child(name).filter(|child| self.document.get(child.object).class == Class::Volume);
-        let Some(child) = child else { return self.plain_color(object, name, role, default) };
+        let Some(child) = child else { return self.plain_color(object, name, role, default).map(Field::Constant) };
         let volume = self.visit(child.object)?;
         match volume.plugin.as_str() {
-            "constvolume" => self.plain_color(volume, "value", role, default),
-            "gridvolume" => {
-                object.ignore(&["filter_type", "wrap_mode"]);
-                let location = self.filename(volume)?;
-                let bytes = self.resources.read(&location)?;
-                let mean = super::volume::mean(&bytes)
-                    .map_err(|problem| SceneError::Damaged { path: location.path().into(), problem: problem.into() })?;
-                self.accept_all(volume);
-                self.report.warn(volume.at, "the medium varies in space; its mean stands for it everywhere");
-                let mean = mean.max(Spectrum::ZERO);
-                Ok(if role == Role::Reflectance { mean.min(Spectrum::ONE) } else { mean })
-            }
+            "constvolume" => self.plain_color(volume, "value", role, default).map(Field::Constant),
+            "gridvolume" => self.grid_volume(volume),
             _ => {
                 self.accept_all(volume);
                 let message = format!("the {} is not supported; a default stands for it", volume.describe());
                 self.report.warn(volume.at, message);
-                Ok(default)
+                Ok(Field::Constant(default))
             }
         }
+    }
+
+    fn grid_volume(&mut self, volume: &Object) -> Result<Field, SceneError> {
+        // Values are taken as they are; how they are stored is our own business.
+        volume.ignore(&["raw", "accel"]);
+        let blend = match self.bad(volume.string("filter_type"))? {
+            Some("nearest") => Blend::Nearest,
+            _ => Blend::Linear,
+        };
+        if self.bad(volume.string("wrap_mode"))?.is_some_and(|mode| mode != "clamp") {
+            self.report
+                .warn(volume.at, "what is beyond the edge of a grid does not reach into it: `wrap_mode` is clamp");
+        }
+        let location = self.filename(volume)?;
+        let bytes = self.resources.read(&location)?;
+        let Volume { grid, file_from_cube } = volume::read(&bytes, blend)
+            .map_err(|problem| SceneError::Damaged { path: location.path().into(), problem })?;
+        let mut world_from_grid = DAffine3::from_mat4(self.bad(volume.transform("to_world"))?);
+        if self.bad(volume.boolean("use_grid_bbox", false))? {
+            world_from_grid *= file_from_cube;
+        }
+        let grid_from_world = world_from_grid.inverse().as_affine3a();
+        if !grid_from_world.is_finite() {
+            return Err(self.report.invalid(volume.at, "the box of the grid is flat, or out of reach"));
+        }
+        Ok(Field::Grid(grid, grid_from_world))
     }
 
     /// Mean cosine of the phase function.

@@ -7,17 +7,7 @@ use super::document::{Class, Object, ObjectId};
 use super::value::{Value, number};
 use crate::load::FilmFilter;
 use crate::text::shortened;
-use crate::{Camera, Projection, SceneError};
-
-/// Which angle the field of view is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FovAxis {
-    X,
-    Y,
-    Diagonal,
-    Smaller,
-    Larger,
-}
+use crate::{Camera, FovAxis, Projection, SceneError};
 
 /// Columns and rows of a film, where the file is silent.
 const FILM: [u32; 2] = [768, 576];
@@ -65,6 +55,7 @@ impl Importer<'_> {
                 let (x, y) = (to_world.x_axis.truncate().length(), to_world.y_axis.truncate().length());
                 camera.projection = Projection::Orthographic { height: (2.0 * y / aspect) as f32 };
                 camera.aspect = Some((x / y * aspect) as f32);
+                camera.fov_axis = FovAxis::X;
             }
             _ => {
                 let message = format!("the {} is not supported; `perspective` stands for it", object.describe());
@@ -86,6 +77,7 @@ impl Importer<'_> {
     fn perspective(&mut self, object: &Object, camera: &mut Camera, aspect: f64) -> Result<(), SceneError> {
         let axis = fov_axis(self, object)?;
         let fov = self.fov(object)?;
+        camera.fov_axis = axis;
         camera.projection = Projection::Perspective { vertical_fov: vertical_fov(fov, axis, aspect) as f32 };
         let offset_x = self.bad(object.float("principal_point_offset_x"))?.unwrap_or(0.0);
         let offset_y = self.bad(object.float("principal_point_offset_y"))?.unwrap_or(0.0);

@@ -1,69 +1,89 @@
-//! Grids of Mitsuba's `gridvolume`: only their mean is asked for.
+//! Grids of Mitsuba's `gridvolume`.
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3};
 
-/// The mean of the values of a `.vol` file of version 3 with floats, in one channel or three.
-pub(super) fn mean(bytes: &[u8]) -> Result<Vec3, &'static str> {
+use crate::{Blend, Grid};
+
+/// A grid, and the place that its file gives it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Volume {
+    pub(super) grid: Grid,
+    /// The unit cube to the box that the file names.
+    pub(super) file_from_cube: DAffine3,
+}
+
+/// Reads a `.vol` file of version 3 with floats, in one channel or three (of six, the first three count).
+pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
     const HEADER_BYTES: usize = 48;
     if !bytes.starts_with(b"VOL\x03") {
-        return Err("it does not begin like a grid of version 3");
+        return Err("it does not begin like a grid of version 3".into());
     }
     let Some((header, values)) = bytes.split_at_checked(HEADER_BYTES) else {
-        return Err("it ends within its header");
+        return Err("it ends within its header".into());
     };
-    let integer = |index: usize| {
-        let at = 4 + 4 * index;
-        header.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, i32::from_le_bytes)
-    };
+    let word = |index: usize| <[u8; 4]>::try_from(&header[4 + 4 * index..8 + 4 * index]).unwrap_or_default();
+    let integer = |index: usize| i32::from_le_bytes(word(index));
     if integer(0) != 1 {
-        return Err("its values are no floats");
+        return Err("its values are no floats".into());
     }
-    let channels = integer(4);
-    if channels != 1 && channels != 3 && channels != 6 {
-        return Err("it has neither one channel nor three");
-    }
-    let cells = [1, 2, 3].iter().try_fold(channels as usize, |product, &index| {
-        usize::try_from(integer(index)).ok().and_then(|size| product.checked_mul(size))
-    });
-    let Some(count) = cells.filter(|&count| count > 0 && count <= values.len() / 4) else {
-        return Err("it is shorter than its header says");
+    let channels = match integer(4) {
+        channels @ (1 | 3 | 6) => channels as usize,
+        _ => return Err("it has neither one channel nor three".into()),
     };
-    let channels = channels as usize;
-    let mut sum = DVec3::ZERO;
-    for cell in values[..4 * count].chunks_exact(4 * channels) {
-        let value = |channel: usize| {
-            let at = 4 * if channels == 1 { 0 } else { channel };
-            let value = f32::from_le_bytes([cell[at], cell[at + 1], cell[at + 2], cell[at + 3]]);
-            if value.is_finite() { f64::from(value) } else { 0.0 }
-        };
-        sum += DVec3::new(value(0), value(1), value(2));
-    }
-    Ok((sum / (count / channels) as f64).as_vec3())
+    let size = [1, 2, 3].map(|index| u32::try_from(integer(index)).unwrap_or(0));
+    let count = size.iter().try_fold(channels, |product, &side| product.checked_mul(side as usize));
+    let Some(count) = count.filter(|&count| count > 0 && count <= values.len() / 4) else {
+        return Err("it is shorter than its header says".into());
+    };
+    let float = |bytes: &[u8]| bytes.try_into().map_or(0.0, f32::from_le_bytes);
+    let cells = values[..4 * count].chunks_exact(4 * channels);
+    let numbers = cells.flat_map(|cell| cell.chunks_exact(4).take(channels.min(3)).map(float)).collect();
+    let grid = Grid::new(size, numbers, blend).map_err(|problem| problem.to_string())?;
+    let corner =
+        |index: usize| DVec3::from_array([0, 1, 2].map(|axis| f64::from(f32::from_le_bytes(word(index + axis)))));
+    let (low, high) = (corner(5), corner(8));
+    Ok(Volume { grid, file_from_cube: DAffine3::from_translation(low) * DAffine3::from_scale(high - low) })
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
-    fn grid(size: [i32; 3], channels: i32, values: &[f32]) -> Vec<u8> {
+    fn file(size: [i32; 3], channels: i32, values: &[f32]) -> Vec<u8> {
         let mut bytes = b"VOL\x03".to_vec();
         [1, size[0], size[1], size[2], channels].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
-        bytes.extend([0u8; 24]);
+        [1.0f32, 2.0, 3.0, 2.0, 4.0, 6.0].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
         values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
         bytes
     }
 
+    fn grid(size: [i32; 3], channels: i32, values: &[f32]) -> Result<Grid, String> {
+        read(&file(size, channels, values), Blend::Linear).map(|volume| volume.grid)
+    }
+
     #[test]
-    fn the_mean_is_taken_of_each_channel() {
-        assert_eq!(mean(&grid([2, 1, 1], 1, &[1.0, 3.0])), Ok(Vec3::splat(2.0)));
-        assert_eq!(mean(&grid([1, 1, 2], 3, &[1.0, 2.0, 3.0, 3.0, 2.0, 5.0])), Ok(Vec3::new(2.0, 2.0, 4.0)));
+    fn values_have_their_places_and_channels() {
+        let gray = grid([2, 1, 1], 1, &[1.0, 3.0]).unwrap();
+        assert_eq!(gray.at(Vec3::new(0.75, 0.5, 0.5)), Vec3::splat(3.0));
+        let colored = grid([1, 1, 2], 3, &[1.0, 2.0, 3.0, 3.0, 2.0, 5.0]).unwrap();
+        assert_eq!(colored.at(Vec3::new(0.5, 0.5, 0.75)), Vec3::new(3.0, 2.0, 5.0));
+        let six = grid([1, 1, 1], 6, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
+        assert_eq!(six.mean(), Vec3::new(1.0, 2.0, 3.0));
+    }
+
+    #[test]
+    fn the_file_names_a_box() {
+        let volume = read(&file([1, 1, 1], 1, &[1.0]), Blend::Linear).unwrap();
+        assert_eq!(volume.file_from_cube.transform_point3(DVec3::ONE), DVec3::new(2.0, 4.0, 6.0));
     }
 
     #[test]
     fn a_header_that_cannot_be_true_is_an_error() {
-        assert!(mean(&grid([i32::MAX; 3], 1, &[1.0])).is_err());
-        assert!(mean(&grid([2, 2, 2], 1, &[1.0; 7])).is_err());
-        assert!(mean(&grid([-1, 2, 2], 1, &[1.0; 7])).is_err());
-        assert!(mean(b"VOL\x03").is_err());
+        assert!(grid([i32::MAX; 3], 1, &[1.0]).is_err());
+        assert!(grid([2, 2, 2], 1, &[1.0; 7]).is_err());
+        assert!(grid([-1, 2, 2], 1, &[1.0; 7]).is_err());
+        assert!(read(b"VOL\x03", Blend::Linear).is_err());
     }
 }

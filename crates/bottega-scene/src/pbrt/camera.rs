@@ -6,7 +6,7 @@ use super::context::{Context, Outcome};
 use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{Camera, MediumId, Projection};
+use crate::{Camera, FovAxis, MediumId, Projection};
 
 impl World {
     /// The camera of the file; pbrt's own where it has none.
@@ -40,6 +40,9 @@ impl World {
             let place = params.place_of("screenwindow");
             window = *given.as_array().ok_or_else(|| place.fault("`screenwindow` has not four values"))?;
         }
+        // Its own window is one unit up to the nearer edges; one that is given stands, whatever the picture's shape.
+        let is_own = params.floats("screenwindow").is_none() && params.float("frameaspectratio")?.is_none();
+        let fov_axis = if is_own { FovAxis::Smaller } else { FovAxis::Y };
         let [x0, x1, y0, y1] = window;
         // Scales of the camera's own axes widen what it sees.
         let half = DVec3::new(0.5 * (x1 - x0) * scale.x, 0.5 * (y1 - y0) * scale.y, scale.z);
@@ -97,6 +100,7 @@ impl World {
             },
             projection,
             aspect: Some(film_aspect as f32),
+            fov_axis,
             lens_radius: lens_radius as f32,
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
             lens_shift,

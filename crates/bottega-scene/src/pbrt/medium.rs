@@ -1,12 +1,14 @@
 //! Media: what fills space.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::color::{ColorSpace, Meaning};
 use super::context::{Context, Outcome};
 use super::film::Exposure;
+use super::grid;
 use super::token::Place;
 use super::world::{Entity, MediumInterface, World};
 use crate::text::shortened;
@@ -68,19 +70,25 @@ impl<'w> Media<'w> {
 
 fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Outcome<Option<Medium>> {
     let (params, at) = (&entity.params, entity.at);
-    if entity.kind != "homogeneous" {
-        context.unsupported(at, format!("a medium of type \"{}\" is left out", shortened(&entity.kind)));
-        return Ok(None);
-    }
+    let is_colored = match entity.kind.as_str() {
+        "homogeneous" | "uniformgrid" => false,
+        "rgbgrid" => true,
+        kind => {
+            context.unsupported(at, format!("a medium of type \"{}\" is left out", shortened(kind)));
+            return Ok(None);
+        }
+    };
     let scale = params.float("scale")?.unwrap_or(1.0);
     let g = params.float("g")?.unwrap_or(0.0);
     if !(scale >= 0.0 && g > -1.0 && g < 1.0) {
         return Err(at.fault("a medium's scale must not be negative, and its g be between -1 and 1").into());
     }
     let mut sigma = [DVec3::ONE; 2];
-    for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
-        if let Some(color) = context.color(params, name)? {
-            *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+    if !is_colored {
+        for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
+            if let Some(color) = context.color(params, name)? {
+                *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+            }
         }
     }
     if let Some(preset) = params.text("preset")? {
@@ -93,17 +101,30 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Ou
         }
     }
     let [absorption, scattering] = sigma.map(|sigma| (sigma * scale).as_vec3());
-    // pbrt emits in proportion to the absorption.
+    // pbrt emits in proportion to the absorption. A list of strengths is that of a grid.
+    let strength = match params.floats("Lescale") {
+        Some(&[strength]) => strength,
+        _ => 1.0,
+    };
     let mut emission = Spectrum::ZERO;
-    if let Some(color) = context.color(params, "Le")? {
-        let strength = params.float("Lescale")?.unwrap_or(1.0);
+    if is_colored {
+        if params.find("Le", &["rgb"]).is_some() {
+            emission = absorption * strength as f32;
+        }
+    } else if let Some(color) = context.color(params, "Le")? {
         emission = absorption * exposure.apply(color.to_rec709(Meaning::Light) * strength as f32);
     }
+    let variation = match entity.kind.as_str() {
+        "uniformgrid" => Some(grid::uniform(context, entity)?),
+        "rgbgrid" => Some(grid::colored(entity, exposure)?),
+        _ => None,
+    };
     context.report_unused(params);
     if !(absorption + scattering + emission).is_finite() {
         return Err(at.fault("the coefficients of the medium exceed all bounds").into());
     }
-    Ok(Some(Medium { name: String::new(), absorption, scattering, emission, g: g as f32 }))
+    let variation = variation.map(Arc::new);
+    Ok(Some(Medium { name: String::new(), absorption, scattering, emission, g: g as f32, variation }))
 }
 
 /// Absorption and reduced scattering of a substance, per millimetre.

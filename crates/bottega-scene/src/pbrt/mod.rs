@@ -21,6 +21,7 @@ mod context;
 mod dialect;
 mod environment;
 mod film;
+mod grid;
 mod light;
 mod material;
 mod medium;

@@ -1,6 +1,6 @@
 //! Cameras, films and how deep paths go.
 
-use bottega_scene::{Camera, FilmFilter, Projection};
+use bottega_scene::{Camera, FilmFilter, FovAxis, Projection};
 use glam::{Vec2, Vec3};
 
 use crate::support::{read, silent, told};
@@ -42,7 +42,14 @@ fn rays_are_those_of_mitsuba() {
     ];
     for (properties, at, expected) in cases {
         let loaded = silent(&format!("<sensor type='perspective'>{properties}{film}</sensor>"));
-        let d = direction(&loaded.scene.cameras[0], at);
+        let camera = &loaded.scene.cameras[0];
+        let axis = match properties {
+            _ if properties.contains("'y'") => FovAxis::Y,
+            _ if properties.contains("diagonal") || !properties.contains("'fov'") => FovAxis::Diagonal,
+            _ => FovAxis::X,
+        };
+        assert_eq!(camera.fov_axis, axis, "{properties}");
+        let d = direction(camera, at);
         assert!((d.truncate() / d.z - expected).length() < 1e-3 && d.z > 0.0, "{properties} {at}: {d}");
     }
 }
@@ -62,7 +69,7 @@ fn cameras_stand_where_they_look_from() {
     );
     let camera = &loaded.scene.cameras[0];
     assert_eq!(camera.projection, Projection::Orthographic { height: 2.0 });
-    assert_eq!(camera.aspect, Some(3.0));
+    assert_eq!((camera.aspect, camera.fov_axis), (Some(3.0), FovAxis::X));
 }
 
 #[test]

@@ -1,0 +1,204 @@
+//! Numbers on regular grids in space.
+
+use glam::{UVec3, Vec3};
+
+use crate::Spectrum;
+
+/// Values in the cells of a regular grid that fills the unit cube. None is negative or infinite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Cells along x, y and z.
+    size: [u32; 3],
+    /// 1, or 3 for colours.
+    channels: usize,
+    /// Those of a cell together, cells along x first, then along y, then along z.
+    values: Vec<f32>,
+    blend: Blend,
+}
+
+/// What is between the centres of a grid's cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blend {
+    /// A cell has the same value everywhere.
+    Nearest,
+    /// Values go over into each other linearly; that of the outermost cells goes on to the edge.
+    Linear,
+    /// Values go over into each other linearly; those beyond the edge are 0, so that the outermost cells fade.
+    LinearFading,
+}
+
+/// Why there is no such grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GridError {
+    /// No cells, or too many.
+    #[error("a grid cannot have {} × {} × {} cells", .0[0], .0[1], .0[2])]
+    Size([u32; 3]),
+    /// The values do not fill it.
+    #[error("a grid of {cells} cells has {values} values")]
+    Count {
+        /// Cells of the grid.
+        cells: usize,
+        /// Numbers that were to fill them.
+        values: usize,
+    },
+}
+
+impl Grid {
+    /// A grid of colours, or of numbers where there is one value a cell. Values that are negative or not finite count as 0.
+    ///
+    /// - `size`: cells along x, y and z.
+    /// - `values`: one or three a cell; x runs fastest.
+    pub fn new(size: [u32; 3], mut values: Vec<f32>, blend: Blend) -> Result<Self, GridError> {
+        let cells = size.iter().try_fold(1usize, |product, &side| product.checked_mul(side as usize));
+        let Some(cells) = cells.filter(|&cells| cells > 0 && size.iter().all(|&side| side <= 1 << 16)) else {
+            return Err(GridError::Size(size));
+        };
+        let channels = match values.len() {
+            count if count == cells => 1,
+            count if cells.checked_mul(3) == Some(count) => 3,
+            count => return Err(GridError::Count { cells, values: count }),
+        };
+        for value in &mut values {
+            *value = if value.is_finite() { value.max(0.0) } else { 0.0 };
+        }
+        Ok(Self { size, channels, values, blend })
+    }
+
+    /// Cells along x, y and z.
+    pub fn size(&self) -> [u32; 3] {
+        self.size
+    }
+
+    /// Bytes that its values take.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.values)
+    }
+
+    /// The value at a place of the unit cube; 0 outside.
+    pub fn at(&self, p: Vec3) -> Spectrum {
+        if !(p.cmpge(Vec3::ZERO) & p.cmple(Vec3::ONE)).all() {
+            return Spectrum::ZERO;
+        }
+        let size = UVec3::from_array(self.size).as_vec3();
+        if self.blend == Blend::Nearest {
+            let cell = (p * size).as_ivec3().to_array();
+            return self.cell([0, 1, 2].map(|axis| i64::from(cell[axis]).min(i64::from(self.size[axis]) - 1)));
+        }
+        let place = p * size - 0.5;
+        let first = place.floor();
+        let t = place - first;
+        let first = first.as_ivec3().to_array().map(i64::from);
+        let corner = |x: i64, y: i64, z: i64| self.cell([first[0] + x, first[1] + y, first[2] + z]);
+        let along_x = |y: i64, z: i64| corner(0, y, z).lerp(corner(1, y, z), t.x);
+        let along_y = |z: i64| along_x(0, z).lerp(along_x(1, z), t.y);
+        along_y(0).lerp(along_y(1), t.z)
+    }
+
+    /// No less than the value anywhere between two corners of the unit cube.
+    pub fn max_within(&self, [low, high]: [Vec3; 2]) -> Spectrum {
+        let size = UVec3::from_array(self.size).as_vec3();
+        // All cells that may be asked for there, by rounding, too.
+        let first = (low * size - 1.5).floor().as_ivec3().to_array();
+        let last = (high * size + 0.5).ceil().as_ivec3().to_array();
+        let range = |axis: usize| {
+            let end = self.size[axis] as i32 - 1;
+            i64::from(first[axis].clamp(0, end))..=i64::from(last[axis].clamp(0, end))
+        };
+        let mut most = Spectrum::ZERO;
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    most = most.max(self.cell([x, y, z]));
+                }
+            }
+        }
+        most
+    }
+
+    /// The mean of all cells.
+    pub fn mean(&self) -> Spectrum {
+        let mut sum = glam::DVec3::ZERO;
+        for cell in self.values.chunks_exact(self.channels) {
+            sum += color(cell).as_dvec3();
+        }
+        (sum * self.channels as f64 / self.values.len() as f64).as_vec3()
+    }
+
+    /// The value of a cell, which may lie beyond the edge.
+    #[inline]
+    fn cell(&self, cell: [i64; 3]) -> Spectrum {
+        let inside = [0, 1, 2].map(|axis| cell[axis].clamp(0, i64::from(self.size[axis]) - 1) as usize);
+        if self.blend == Blend::LinearFading && [0, 1, 2].iter().any(|&axis| inside[axis] as i64 != cell[axis]) {
+            return Spectrum::ZERO;
+        }
+        let [width, height, _] = self.size.map(|side| side as usize);
+        let index = ((inside[2] * height + inside[1]) * width + inside[0]) * self.channels;
+        color(&self.values[index..index + self.channels])
+    }
+}
+
+#[inline]
+fn color(cell: &[f32]) -> Spectrum {
+    match *cell {
+        [r, g, b] => Spectrum::new(r, g, b),
+        _ => Spectrum::splat(cell[0]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(blend: Blend) -> Grid {
+        Grid::new([2, 2, 2], (0..8).map(|i| i as f32).collect(), blend).unwrap()
+    }
+
+    #[test]
+    fn values_lie_in_the_centres_of_cells() {
+        for blend in [Blend::Nearest, Blend::Linear, Blend::LinearFading] {
+            let grid = ramp(blend);
+            for i in 0..8_u32 {
+                let p = Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 0.5 + 0.25;
+                assert_eq!(grid.at(p), Spectrum::splat(i as f32), "{blend:?}");
+            }
+        }
+        assert_eq!(ramp(Blend::Linear).at(Vec3::splat(0.5)).x, 3.5);
+        assert_eq!(ramp(Blend::Nearest).at(Vec3::splat(0.49)).x, 0.0);
+        assert_eq!(ramp(Blend::Linear).mean(), Spectrum::splat(3.5));
+    }
+
+    #[test]
+    fn edges_hold_or_fade() {
+        let edge = Vec3::new(1.0, 0.75, 0.75);
+        assert_eq!(ramp(Blend::Linear).at(edge).x, 7.0);
+        assert_eq!(ramp(Blend::LinearFading).at(edge).x, 3.5);
+        assert_eq!(ramp(Blend::Nearest).at(Vec3::ONE).x, 7.0);
+        for outside in [Vec3::splat(1.001), Vec3::new(0.5, -1e-6, 0.5), Vec3::splat(f32::NAN)] {
+            assert_eq!(ramp(Blend::Linear).at(outside), Spectrum::ZERO);
+        }
+    }
+
+    #[test]
+    fn no_value_is_above_the_bound() {
+        let values: Vec<f32> = (0..3 * 5 * 4 * 7).map(|i| (i * 7919 % 101) as f32).collect();
+        for blend in [Blend::Nearest, Blend::Linear, Blend::LinearFading] {
+            let grid = Grid::new([5, 4, 7], Vec::clone(&values), blend).unwrap();
+            for i in 0..2000_u32 {
+                let part = |prime: u32| (i * prime % 2003) as f32 / 2003.0;
+                let (a, b) = (Vec3::new(part(1), part(29), part(71)), Vec3::new(part(113), part(197), part(331)));
+                let corners = [a.min(b), a.max(b)];
+                let inside = corners[0] + (corners[1] - corners[0]) * Vec3::new(part(53), part(59), part(61));
+                assert!(grid.at(inside).cmple(grid.max_within(corners)).all(), "{blend:?} {inside}");
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_that_do_not_fit_are_refused() {
+        assert!(Grid::new([2, 1, 1], vec![1.0; 3], Blend::Linear).is_err());
+        assert!(Grid::new([0, 1, 1], vec![], Blend::Linear).is_err());
+        assert!(Grid::new([u32::MAX; 3], vec![1.0], Blend::Linear).is_err());
+        let grid = Grid::new([2, 1, 1], vec![-1.0, f32::NAN], Blend::Nearest).unwrap();
+        assert_eq!(grid.mean(), Spectrum::ZERO);
+    }
+}

@@ -1,0 +1,85 @@
+//! Media that vary in space: `uniformgrid` and `rgbgrid`.
+
+use glam::{DAffine3, DVec3};
+
+use super::color::Meaning;
+use super::context::{Context, Outcome};
+use super::film::Exposure;
+use super::params::{Params, Values};
+use super::token::{Fault, Place};
+use super::transform::rounded;
+use super::world::Entity;
+use crate::{Blend, Density, Grid, Spectrum, Variation};
+
+/// The grid of a `uniformgrid`: densities that multiply both coefficients.
+pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> Outcome<Variation> {
+    let (params, at) = (&entity.params, entity.at);
+    let size = size(params, at)?;
+    let Some(density) = params.floats("density") else {
+        return Err(at.fault("`uniformgrid` needs its values in \"float density\"").into());
+    };
+    let numbers = |name: &str, values: &[f64]| {
+        grid(size, values.iter().map(|&value| value as f32).collect(), Blend::LinearFading, params.place_of(name))
+    };
+    let density = Density::Both(numbers("density", density)?);
+    let emission = match params.floats("Lescale") {
+        Some(values) if values.len() > 1 => Some(numbers("Lescale", values)?),
+        _ => None,
+    };
+    if params.floats("temperature").is_some() {
+        params.ignore(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
+        context.unsupported(params.place_of("temperature"), "the medium does not glow: its `temperature` is left out");
+    }
+    Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
+}
+
+/// The grids of an `rgbgrid`: the coefficients themselves.
+pub(super) fn colored(entity: &Entity, exposure: Exposure) -> Outcome<Variation> {
+    let (params, at) = (&entity.params, entity.at);
+    let size = size(params, at)?;
+    let colors = |name: &str, meaning: Meaning, apply: &dyn Fn(Spectrum) -> Spectrum| {
+        let Some(param) = params.find(name, &["rgb"]) else { return Ok(None) };
+        let Values::Numbers(numbers) = &param.values else { return Ok(None) };
+        let space = params.color_space_of(param);
+        let (colors, rest) = numbers.as_chunks::<3>();
+        if !rest.is_empty() {
+            return Err(param.at.fault(format!("`{name}` has {} numbers, which is no multiple of 3", numbers.len())));
+        }
+        let rgb = |&[r, g, b]: &[f64; 3]| apply(space.to_rec709(DVec3::new(r, g, b), meaning)).to_array();
+        grid(size, colors.iter().flat_map(rgb).collect(), Blend::LinearFading, param.at).map(Some)
+    };
+    let coefficient = |name: &str| colors(name, Meaning::Unbounded, &|color| color);
+    let (absorption, scattering) = (coefficient("sigma_a")?, coefficient("sigma_s")?);
+    if absorption.is_none() && scattering.is_none() {
+        return Err(at.fault("`rgbgrid` needs \"rgb sigma_a\" or \"rgb sigma_s\"").into());
+    }
+    let emission = colors("Le", Meaning::Light, &|color| exposure.apply(color))?;
+    // What is not given is 1 everywhere.
+    let one = || grid([1; 3], vec![1.0], Blend::Linear, at);
+    let density =
+        Density::Each { absorption: absorption.map_or_else(one, Ok)?, scattering: scattering.map_or_else(one, Ok)? };
+    Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
+}
+
+/// Cells along x, y and z.
+fn size(params: &Params, at: Place) -> Result<[u32; 3], Fault> {
+    let mut size = [1; 3];
+    for (side, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
+        let given = params.integer(name)?.unwrap_or(1);
+        *side =
+            u32::try_from(given).map_err(|_| at.fault(format!("a grid cannot have {given} cells along an axis")))?;
+    }
+    Ok(size)
+}
+
+fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: Place) -> Result<Grid, Fault> {
+    Grid::new(size, values, blend).map_err(|problem| at.fault(problem.to_string()))
+}
+
+/// World space to the unit cube.
+fn place(params: &Params, entity: &Entity) -> Outcome<glam::Affine3A> {
+    let low = params.point3("p0", "point3")?.unwrap_or(DVec3::ZERO);
+    let high = params.point3("p1", "point3")?.unwrap_or(DVec3::ONE);
+    let world_from_grid = entity.ctm * DAffine3::from_translation(low) * DAffine3::from_scale(high - low);
+    Ok(rounded(&world_from_grid.inverse(), entity.at)?)
+}
