@@ -243,7 +243,7 @@ impl Builder<'_> {
         {
             (binary, ids) = better;
         }
-        let choices = collapse::choose(&binary, WIDTH as u32);
+        let choices = collapse::choose(&binary, WIDTH as u32, self.parallel);
         let leaf = |line: usize, _: &_| Child::triangles(line);
         let arena = &mut self.tree.arena;
         let out = emit::nodes(&binary, &choices, arena, self.parallel, TriangleBlock::LINES, leaf)?;
@@ -271,7 +271,7 @@ impl Builder<'_> {
         child: impl Fn(usize) -> Child + Sync,
     ) -> Result<(Child, Aabb), BuildError> {
         let binary = bins::build(items, 1, self.parallel);
-        let choices = collapse::choose(&binary, 1);
+        let choices = collapse::choose(&binary, 1, self.parallel);
         let items = &*items;
         let leaf = |_, node: &bins::Binary| child(items[node.first as usize].id() as usize);
         let out = emit::nodes(&binary, &choices, &mut self.tree.arena, self.parallel, 0, leaf)?;

@@ -26,49 +26,76 @@ impl Choice {
     }
 }
 
-/// Chooses for every node; bottom-up, so backwards through the preorder.
+/// Costs of a binary node represented by up to 1, 2 ... 7 roots.
+type Costs = [f32; WIDTH - 1];
+
+/// Smaller subtrees are not worth another thread.
+const PARALLEL_NODES: usize = 1 << 15;
+
+/// Chooses for every node.
 ///
-/// `leaf_limit`: how many items a leaf may hold. Every leaf of the binary tree must keep to it.
-pub(super) fn choose(nodes: &[Binary], leaf_limit: u32) -> Vec<Choice> {
-    let mut costs = vec![[0.0f32; WIDTH - 1]; nodes.len()];
+/// - `leaf_limit`: how many items a leaf may hold. Every leaf of the binary tree must keep to it.
+/// - `parallel`: whether to use the threads of the current pool.
+pub(super) fn choose(nodes: &[Binary], leaf_limit: u32, parallel: bool) -> Vec<Choice> {
+    let mut costs = vec![Costs::default(); nodes.len()];
     let mut choices = vec![Choice::default(); nodes.len()];
-    for index in (0..nodes.len()).rev() {
-        let node = &nodes[index];
-        let area = node.bounds.half_area();
-        let leaf_cost = area * LEAF_COST;
-        if node.second == 0 {
-            debug_assert!(node.count <= leaf_limit);
-            costs[index] = [leaf_cost; WIDTH - 1];
-            continue;
-        }
-        let (first, second) = (costs[index + 1], costs[index + node.second as usize]);
-        let distribute = |roots: usize| {
-            (1..roots).fold((f32::INFINITY, 0), |best, k| {
-                let cost = first[k - 1] + second[roots - k - 1];
-                if cost < best.0 { (cost, k as u8) } else { best }
-            })
-        };
-        let mut cost = [0.0; WIDTH - 1];
-        let choice = &mut choices[index];
-        let (below, k) = distribute(WIDTH);
-        let inner_cost = area * NODE_COST + below;
-        if node.count <= leaf_limit && leaf_cost <= inner_cost {
-            cost[0] = leaf_cost;
-        } else {
-            cost[0] = inner_cost;
-            choice.split[0] = k.max(1);
-        }
-        for roots in 2..WIDTH {
-            let (forest, k) = distribute(roots);
-            cost[roots - 1] = cost[roots - 2];
-            if forest < cost[roots - 1] {
-                cost[roots - 1] = forest;
-                choice.split[roots - 1] = k;
-            }
-        }
-        costs[index] = cost;
-    }
+    let least = if parallel { PARALLEL_NODES } else { usize::MAX };
+    subtree(nodes, leaf_limit, &mut costs, &mut choices, least);
     choices
+}
+
+/// Chooses for the nodes of a subtree; bottom-up, so backwards through the preorder.
+fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut [Choice], least: usize) {
+    let mut done = nodes.len();
+    if nodes.len() >= least && nodes[0].second != 0 {
+        let second = nodes[0].second as usize;
+        let (costs, choices) = (costs.split_at_mut(second), choices.split_at_mut(second));
+        rayon::join(
+            || subtree(&nodes[1..second], leaf_limit, &mut costs.0[1..], &mut choices.0[1..], least),
+            || subtree(&nodes[second..], leaf_limit, costs.1, choices.1, least),
+        );
+        done = 1;
+    }
+    for index in (0..done).rev() {
+        (costs[index], choices[index]) = choice(nodes, costs, index, leaf_limit);
+    }
+}
+
+/// What is best for a node whose children are known.
+fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (Costs, Choice) {
+    let node = &nodes[index];
+    let area = node.bounds.half_area();
+    let leaf_cost = area * LEAF_COST;
+    let mut choice = Choice::default();
+    if node.second == 0 {
+        debug_assert!(node.count <= leaf_limit);
+        return ([leaf_cost; WIDTH - 1], choice);
+    }
+    let (first, second) = (&costs[index + 1], &costs[index + node.second as usize]);
+    let distribute = |roots: usize| {
+        (1..roots).fold((f32::INFINITY, 0), |best, k| {
+            let cost = first[k - 1] + second[roots - k - 1];
+            if cost < best.0 { (cost, k as u8) } else { best }
+        })
+    };
+    let mut cost = Costs::default();
+    let (below, k) = distribute(WIDTH);
+    let inner_cost = area * NODE_COST + below;
+    if node.count <= leaf_limit && leaf_cost <= inner_cost {
+        cost[0] = leaf_cost;
+    } else {
+        cost[0] = inner_cost;
+        choice.split[0] = k.max(1);
+    }
+    for roots in 2..WIDTH {
+        let (forest, k) = distribute(roots);
+        cost[roots - 1] = cost[roots - 2];
+        if forest < cost[roots - 1] {
+            cost[roots - 1] = forest;
+            choice.split[roots - 1] = k;
+        }
+    }
+    (cost, choice)
 }
 
 /// The children of the wide node made of binary node `index`, at most eight; returns their number.
