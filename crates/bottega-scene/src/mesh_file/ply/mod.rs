@@ -23,26 +23,29 @@ use crate::{Mesh, SceneError};
 /// - `path`: for errors and for the name of the mesh.
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
-    let source = Source { path, budget };
-    let unfolded;
-    let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
-        unfolded = inflate::gunzip(source, bytes)?;
-        &unfolded.0[..]
-    } else {
-        bytes
-    };
-    let header = Header::parse(source, bytes)?;
-    let mesh = match header.encoding {
-        Encoding::Ascii => ascii::read(source, &header, bytes)?,
-        Encoding::LittleEndian => binary::read(source, &header, bytes, false)?,
-        Encoding::BigEndian => binary::read(source, &header, bytes, true)?,
-    };
+    let mesh = open(Source { path, budget }, bytes, |source, header, bytes| match header.encoding {
+        Encoding::Ascii => ascii::read(source, header, bytes),
+        Encoding::LittleEndian => binary::read(source, header, bytes, false),
+        Encoding::BigEndian => binary::read(source, header, bytes, true),
+    })?;
     Ok(finish(mesh))
 }
 
 /// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it; white where faces have none.
 pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Vec<Vec4>, SceneError> {
-    let source = Source { path, budget };
+    open(Source { path, budget }, bytes, |source, header, bytes| match header.encoding {
+        Encoding::Ascii => ascii::face_colors(source, header, bytes),
+        Encoding::LittleEndian => binary::face_colors(source, header, bytes, false),
+        Encoding::BigEndian => binary::face_colors(source, header, bytes, true),
+    })
+}
+
+/// Unfolds a file where it is compressed, and reads its header.
+fn open<T>(
+    source: Source<'_>,
+    bytes: &[u8],
+    read: impl FnOnce(Source<'_>, &Header, &[u8]) -> Result<T, SceneError>,
+) -> Result<T, SceneError> {
     let unfolded;
     let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
         unfolded = inflate::gunzip(source, bytes)?;
@@ -50,12 +53,7 @@ pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> R
     } else {
         bytes
     };
-    let header = Header::parse(source, bytes)?;
-    match header.encoding {
-        Encoding::Ascii => ascii::face_colors(source, &header, bytes),
-        Encoding::LittleEndian => binary::face_colors(source, &header, bytes, false),
-        Encoding::BigEndian => binary::face_colors(source, &header, bytes, true),
-    }
+    read(source, &Header::parse(source, bytes)?, bytes)
 }
 
 /// Whether a file is one of ours, by its first bytes, or by its name where it is compressed.
