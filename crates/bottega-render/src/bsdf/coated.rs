@@ -3,8 +3,9 @@
 //! A matte base below a layer that only absorbs has a closed form: light that the base scatters is spread evenly, and
 //! each round trip multiplies it by the same number, so that the series is that of [`Plastic`]. All other stacks are
 //! evaluated as pbrt does: f(wo, wi) is estimated by one random walk through the layers, its random numbers made from the
-//! bits of both directions, so that the estimate is a function of them and has the right mean. Unlike there, directions
-//! are drawn from lobes whose density is known exactly, and so are Dirac lobes evaluated.
+//! bits of both directions, so that the estimate is a function of them and has the right mean. Directions are drawn by
+//! walks, too, and weigh what is left of the light; unlike there, f is not asked again. The density told is only about
+//! that of the samples, which is enough to weigh ways to find light against each other. Dirac lobes are exact.
 //!
 //! Source: Guo, Hašan and Zhao 2018, Position-Free Monte Carlo Simulation for Arbitrary Layered BSDFs; Pharr, Jakob and
 //! Humphreys 2023, Physically Based Rendering, section 14.3.
@@ -283,18 +284,15 @@ impl Stack {
     }
 }
 
-impl Scatter for Stack {
-    fn eval_pdf(&self, wo: Vec3, wi: Vec3, _mode: TransportMode) -> (Spectrum, f32) {
-        if wi.z <= 0.0 || self.is_smooth() {
-            return (Spectrum::ZERO, 0.0);
-        }
+impl Stack {
+    /// About the density with which `sample` draws `wi`. It only weighs ways to find light against each other, for which
+    /// it need not be exact.
+    fn likeness(&self, wo: Vec3, wi: Vec3) -> f32 {
         let [surface, sharp] = self.chances(wo.z);
-        let mut value = self.walk(wo, wi);
         let mut pdf = (1.0 - surface - sharp).max(0.0) * warp::cosine_hemisphere_pdf(wi.z);
         if !self.facets.is_smooth()
             && let Some(bounce) = self.facets.mirrored(wo, wi)
         {
-            value += fresnel::dielectric(bounce.cos, self.eta) * bounce.value;
             pdf += surface * bounce.pdf;
         }
         if sharp > 0.0
@@ -302,24 +300,116 @@ impl Scatter for Stack {
         {
             pdf += sharp * bounce.pdf;
         }
-        (value, pdf)
+        pdf
     }
 
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
-        let [surface, sharp] = self.chances(wo.z);
-        let (is_surface, _) = split(u_lobe, surface);
-        if is_surface && self.facets.is_smooth() {
+    /// Follows light that enters the layer until it leaves, and returns where to, and what is left of it. Light that was
+    /// mirrored by smooth things alone is a Dirac lobe of its own, and not found here.
+    ///
+    /// - `u`: decides on the first facet, or below a smooth boundary on the first direction from the base.
+    fn walk_out(&self, wo: Vec3, u: [f32; 2], mut chances: Chances) -> Option<(Vec3, Spectrum)> {
+        let Layer { thickness, albedo, g, max_depth } = self.layer;
+        let scatters = albedo != Spectrum::ZERO;
+        let rough_top = !self.facets.is_smooth();
+        let mut first = (!rough_top).then_some(u);
+        let (mut w, entered) = self.enter(wo, if rough_top { u } else { chances.pair() })?;
+        let mut carried = Spectrum::splat(entered);
+        let mut is_spread = rough_top;
+        let mut depth = 0.0;
+        let mut events = 0;
+        loop {
+            if events > 3 {
+                let survival = carried.max_element().min(1.0);
+                if survival < 0.25 {
+                    if chances.next() >= survival {
+                        return None;
+                    }
+                    carried /= survival;
+                }
+            }
+            if scatters {
+                let step = -math::ln(1.0 - chances.next()) * w.z.abs();
+                let next = if w.z < 0.0 { depth + step } else { depth - step };
+                if next > 0.0 && next < thickness {
+                    if events >= max_depth {
+                        return None;
+                    }
+                    events += 1;
+                    depth = next;
+                    carried *= albedo;
+                    w = sample_henyey_greenstein(g, w, chances.pair());
+                    is_spread = true;
+                    continue;
+                }
+            } else {
+                carried *= self.passed(thickness, w);
+            }
+            if w.z > 0.0 {
+                // Seen from within, the boundary's normal points down.
+                let o = Vec3::new(-w.x, -w.y, w.z);
+                let h = self.facets.sample_visible_normal(o, chances.pair());
+                let mirrors = chances.next() < fresnel::dielectric(o.dot(h), 1.0 / self.eta);
+                let i = if mirrors { Some(fresnel::reflect(o, h)) } else { fresnel::refract(o, h, 1.0 / self.eta) };
+                let i = i.filter(|i| (i.z > 0.0) == mirrors && i.z != 0.0)?;
+                carried *= self.facets.shadowing(o, i) / self.facets.masking(o);
+                w = Vec3::new(i.x, i.y, -i.z);
+                if !mirrors {
+                    return is_spread.then_some((w, carried));
+                }
+                depth = 0.0;
+            } else {
+                let (next, share, density) = self.sample_base(-w, first.take().unwrap_or_else(|| chances.pair()))?;
+                is_spread |= density.is_some();
+                carried *= share;
+                w = next;
+                depth = thickness;
+            }
+            if events >= max_depth {
+                return None;
+            }
+            events += 1;
+        }
+    }
+}
+
+impl Scatter for Stack {
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3, _mode: TransportMode) -> (Spectrum, f32) {
+        if wi.z <= 0.0 || self.is_smooth() {
+            return (Spectrum::ZERO, 0.0);
+        }
+        let mut value = self.walk(wo, wi);
+        if !self.facets.is_smooth()
+            && let Some(bounce) = self.facets.mirrored(wo, wi)
+        {
+            value += fresnel::dielectric(bounce.cos, self.eta) * bounce.value;
+        }
+        (value, self.likeness(wo, wi))
+    }
+
+    /// The value of the sample is such that its weight is what is left of the light that was followed: it estimates f as
+    /// `eval_pdf` does, with less noise.
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], _mode: TransportMode) -> Option<BsdfSample> {
+        let [surface, _] = self.chances(wo.z);
+        let (is_surface, rest) = split(u_lobe, surface);
+        let (wi, weight, kind) = if !is_surface {
+            let (wi, carried) = self.walk_out(wo, u, Chances::new(wo, Vec3::new(rest, u[0], u[1])))?;
+            (wi, carried / (1.0 - surface), LobeFlags::DIFFUSE)
+        } else if self.facets.is_smooth() {
             let wi = Vec3::new(-wo.x, -wo.y, wo.z);
             return BsdfSample::delta(wi, self.mirrored_unscattered(wo.z), surface, LobeFlags::REFLECTION, 1.0);
-        }
-        let (wi, kind) = if is_surface {
-            (fresnel::reflect(wo, self.facets.sample_visible_normal(wo, u)), LobeFlags::GLOSSY)
-        } else if u_lobe < surface + sharp {
-            (fresnel::reflect(wo, self.proxy.sample_visible_normal(wo, u)), LobeFlags::GLOSSY)
         } else {
-            (warp::cosine_hemisphere(u), LobeFlags::DIFFUSE)
+            let h = self.facets.sample_visible_normal(wo, u);
+            let wi = fresnel::reflect(wo, h);
+            let share = fresnel::dielectric(wo.dot(h), self.eta) * self.facets.shadowing(wo, wi);
+            (wi, Spectrum::splat(share / (self.facets.masking(wo) * surface)), LobeFlags::GLOSSY)
         };
-        if wi.z > 0.0 { self.spread(wo, wi, mode, LobeFlags::REFLECTION.union(kind), 1.0) } else { None }
+        if wi.z <= 0.0 || weight.max_element() <= 0.0 {
+            return None;
+        }
+        let pdf = self.likeness(wo, wi);
+        let value = weight * (pdf / wi.z);
+        let lobe = LobeFlags::REFLECTION.union(kind);
+        (pdf > 0.0 && value.is_finite()).then_some(BsdfSample { wi, value, pdf, lobe, eta: 1.0 })
     }
 
     fn albedo(&self, wo: Vec3) -> Spectrum {

@@ -7,10 +7,11 @@ use super::{BsdfSample, LobeFlags, TransportMode};
 
 /// The scattering at one point, of one kind. `wo` is above the surface.
 pub(super) trait Scatter {
-    /// f in sr⁻¹ without the cosine, and the density with which `sample` draws `wi`; Dirac lobes left out of both.
+    /// f in sr⁻¹ without the cosine, and the density with which `sample` draws `wi`; Dirac lobes left out of both. Where f is
+    /// an estimate, the density may be one that is only like that of the samples.
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32);
 
-    /// Draws a direction, from numbers in [0, 1).
+    /// Draws a direction, from numbers in [0, 1). Its weight has the right mean, also where density and value are estimates.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample>;
 
     /// Share of the light arriving along `wo` that is scattered anywhere: an estimate.

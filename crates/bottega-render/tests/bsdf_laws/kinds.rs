@@ -156,7 +156,7 @@ const KINDS: &[Kind] = &[
     }),
 ];
 
-/// Those whose values are estimates.
+/// Those whose values are estimates; their samples are held to light that is followed, see [`crate::coats`].
 const WALKS: &[Kind] = &[
     ("coated metal", true, |r| coated(Facets::smooth(), 0.01, 0.0, metal_base(r * r))),
     ("roughly coated metal", true, |r| coated(even(GGX, r * r), 0.01, 0.0, metal_base(0.2))),
@@ -188,13 +188,6 @@ fn every_other_kind_is_drawn_by_its_density() {
 #[test]
 fn the_rest_of_the_kinds_is_drawn_by_its_density() {
     check_density(2);
-}
-
-#[test]
-fn walks_are_drawn_by_their_density() {
-    for kind in WALKS {
-        chi_square::check_some(kind.0, |roughness| make(kind, roughness));
-    }
 }
 
 #[test]
@@ -288,7 +281,10 @@ fn samples_weigh_what_their_value_and_density_say() {
             assert!((sample.wi.length() - 1.0).abs() < 1e-4, "{} {sample:?}", kind.0);
             assert!(sample.weight().is_finite() && sample.value.min_element() >= 0.0, "{} {sample:?}", kind.0);
             if !sample.is_delta() {
-                assert_eq!(bsdf.eval_pdf(wo, sample.wi), (sample.value, sample.pdf), "{}", kind.0);
+                let (value, pdf) = bsdf.eval_pdf(wo, sample.wi);
+                // Walks have values of their own, and only their mean is that of others.
+                let is_walk = WALKS.iter().any(|walk| walk.0 == kind.0);
+                assert!(pdf == sample.pdf && (is_walk || value == sample.value), "{}", kind.0);
             }
         }
     }
