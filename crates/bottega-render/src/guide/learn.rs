@@ -13,7 +13,7 @@ const VERTICES_PER_REGION: usize = 1200;
 /// Directions from which a region learns, at least.
 const SAMPLES_MIN: usize = 64;
 /// Shares of the guide that a region may choose between.
-const SHARES: [f32; 6] = [0.0, 0.2, 0.35, 0.5, 0.65, 0.8];
+const SHARES: [f32; 4] = [0.0, 0.2, 0.35, 0.5];
 /// By what factor mean square times work must fall for the guide to be worth its while.
 const GAIN_MIN: f64 = 1.1;
 /// Work of a path in vertices: up to a vertex of it, on average; from the next one on; of a ray that meets none; and what

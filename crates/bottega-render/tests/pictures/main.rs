@@ -229,7 +229,7 @@ fn a_staircase_of_pbrt() {
 #[test]
 fn a_staircase_with_thin_coats_of_pbrt() {
     let case = Case::new("staircase2/pbrt/scene-v4.pbrt", "staircase2/reference/TungstenRender.exr", 8, 32);
-    let case = case.but(BLUR, 0.007, 0.025).sharp(2);
+    let case = case.but(BLUR, 0.01, 0.03).sharp(2);
     case.with(THIN, without_absorption_in_coats).check();
 }
 
@@ -250,6 +250,7 @@ fn a_coffee_maker_with_thin_coats_of_pbrt() {
     let case = Case::new("coffee/pbrt/scene-v4.pbrt", "coffee/reference/TungstenRender.exr", 8, 64);
     // The file asks for 17 bounces: then the pot, and it alone, is a quarter brighter, and the mean 1.1 % off.
     let case = Case { max_depth: Some(11), ..case };
+    let case = case.but("mirrored lamps, whose noise is skewed", 0.005, 0.005);
     case.with(THIN, without_absorption_in_coats).check();
 }
 

@@ -44,7 +44,7 @@ fn a_white_cloud_vanishes_before_a_white_sky() {
         add_sphere(&mut scene, Vec3::ZERO, 1.0, boundary(Some(cloud), None));
         let scene = prepare(scene);
         for direct_light in ALL {
-            let mean = mean_color(&paint(&scene, (8, 8), 128, PathSettings { direct_light, ..deep() }));
+            let mean = mean_color(&paint(&scene, (8, 8), 512, PathSettings { direct_light, ..deep() }));
             assert!((mean / sky - 1.0).abs().max_element() < 0.02, "{sigma} {g} {direct_light:?}: {mean}");
         }
     }
