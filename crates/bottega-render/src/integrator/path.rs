@@ -179,7 +179,7 @@ impl<'a> PathIntegrator<'a> {
         record.scaled(factor)
     }
 
-    /// Whether paths are not worth following in turn.
+    /// Whether paths cannot be followed in turn: those through media are followed to their end in one go.
     #[inline(always)]
     pub(super) fn goes_alone(&self) -> bool {
         self.prepared.needs_volume()
