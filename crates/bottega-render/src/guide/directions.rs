@@ -17,7 +17,7 @@ const CELL_AREA: f32 = 4.0 / CELLS as f32;
 ///
 /// A search counts how many of sixteen numbers in a row are not above another: a load and a comparison for a vector unit.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
+#[repr(C)]
 pub(super) struct Directions {
     /// Weights of all cells up to the end of each row.
     rows: [u16; SIDE],

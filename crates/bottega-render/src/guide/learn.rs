@@ -88,7 +88,9 @@ pub(super) fn learn(vertices: &[Vertex]) -> Guide {
     for (vertex, index) in vertices.iter().zip(0..) {
         of_face[usize::from(vertex.face)].push(Place { p: vertex.p, vertex: index });
     }
-    let grown: Vec<Grown> = of_face.into_par_iter().map(Grown::new).collect();
+    let (low, high) = bounds(vertices.iter().map(|vertex| vertex.p));
+    let lattice = Lattice::new(low, high);
+    let grown: Vec<Grown> = of_face.into_par_iter().map(|places| Grown::new(places, lattice)).collect();
     // What leaves a vertex is known from one path, and badly; what leaves its region, from many, but blurred.
     let mut leaving = vec![0.0; vertices.len()];
     for region in grown.iter().flat_map(Grown::regions) {
@@ -107,19 +109,12 @@ pub(super) fn learn(vertices: &[Vertex]) -> Guide {
         let square = found * found * taken.pdf;
         square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
     };
-    let trees = grown.into_par_iter().map(|grown| grown.filled(sample)).collect::<Vec<_>>();
-    let mut guide = Guide::default();
-    for (place, tree) in guide.trees.iter_mut().zip(trees) {
-        *place = tree;
-    }
-    guide
+    Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample)).collect())
 }
 
 impl Grown {
     /// Cuts space until each part has few vertices.
-    fn new(places: Vec<Place>) -> Self {
-        let (low, high) = bounds(&places);
-        let lattice = Lattice::new(low, high);
+    fn new(places: Vec<Place>, lattice: Lattice) -> Self {
         let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, lattice };
         if !grown.places.is_empty() {
             let all = 0..grown.places.len();
@@ -138,7 +133,7 @@ impl Grown {
         /// Of so many the middle one is taken for that of all.
         const MEDIAN_OF: usize = 511;
         let part = &mut self.places[range.clone()];
-        let (low, high) = bounds(part);
+        let (low, high) = bounds(part.iter().map(|place| place.p));
         let axis = (high - low).max_position();
         // The second condition: not a number, or all in one place.
         if part.len() <= VERTICES_PER_REGION || low[axis].partial_cmp(&high[axis]) != Some(Ordering::Less) {
@@ -193,7 +188,7 @@ impl Grown {
         }
         let mut regions = Vec::new();
         self.fill(0, &samples, &Learnt::nothing(), &mut regions);
-        Tree::new(self.lattice, self.nodes, regions)
+        Tree { nodes: self.nodes, regions }
     }
 
     /// `ranges` are those of the samples by now.
@@ -210,9 +205,8 @@ impl Grown {
     }
 }
 
-fn bounds(places: &[Place]) -> (Vec3, Vec3) {
-    let around = |(low, high): (Vec3, Vec3), place: &Place| (low.min(place.p), high.max(place.p));
-    places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around)
+fn bounds(places: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    places.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 /// What is known of a region from all samples, and from each half of them.

@@ -1,5 +1,6 @@
 //! Regions of surfaces: a binary tree over space for each of six ways that a surface may face.
 
+use bottega_kernels::prefetch;
 use glam::Vec3;
 
 use super::directions::Directions;
@@ -104,44 +105,52 @@ impl Lattice {
         ((along(2) * self.size[1] + along(1)) * self.size[0] + along(0)) as usize
     }
 
-    /// For each cell the deepest node that holds all of it.
-    fn entries(&self, nodes: &[Node]) -> Vec<Node> {
+    /// For each cell and each of some trees the deepest node of which all of the cell is: of those with numbers that an
+    /// [`Entry`] can hold. The root of a tree is the node of its number.
+    fn entries(&self, nodes: &[Node]) -> Vec<Entry> {
         let edge = |axis: usize, i: u32| match i {
             0 => f32::NEG_INFINITY,
             i if i == self.size[axis] => f32::INFINITY,
             i => self.plane(axis, i as f32),
         };
-        let deepest = |cell: [u32; 3]| {
-            let mut node = nodes[0];
-            while let Some((axis, plane, first)) = node.as_split() {
-                if edge(axis, cell[axis] + 1) <= plane {
-                    node = nodes[first];
+        let deepest = |cell: [u32; 3], root: usize| {
+            let mut number = root;
+            while let Some((axis, plane, first)) = nodes.get(number).and_then(|node| node.as_split()) {
+                number = if first >= usize::from(u16::MAX) {
+                    break;
+                } else if edge(axis, cell[axis] + 1) <= plane {
+                    first
                 } else if edge(axis, cell[axis]) >= plane {
-                    node = nodes[first + 1];
+                    first + 1
                 } else {
                     break;
                 }
             }
-            node
+            number as u16
         };
         let [columns, rows, layers] = self.size;
         let cell = |i: u32| [i % columns, i / columns % rows, i / (columns * rows)];
-        (0..columns * rows * layers).map(|i| deepest(cell(i))).collect()
+        let entry = |i: u32| Entry(std::array::from_fn(|root| if root < FACES { deepest(cell(i), root) } else { 0 }));
+        (0..columns * rows * layers).map(entry).collect()
     }
 }
+
+/// Where to enter the trees from a cell of the lattice: numbers of nodes, one for each way that a surface may face.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(16))]
+struct Entry([u16; 8]);
 
 /// All surfaces that face one way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    lattice: Lattice,
-    /// Where to enter, by the cell of the lattice.
-    entries: Vec<Node>,
-    nodes: Vec<Node>,
-    regions: Vec<Region>,
+    /// The root first; none where nothing is known.
+    pub(super) nodes: Vec<Node>,
+    pub(super) regions: Vec<Region>,
 }
 
-/// The directions of one region.
+/// The directions of one region. What is asked first lies in one line of the cache.
 #[derive(Clone, Debug)]
+#[repr(C, align(64))]
 pub(crate) struct Region {
     /// With which probability the guide is followed, not the BSDF.
     pub(super) share: f32,
@@ -168,36 +177,58 @@ impl Region {
     }
 }
 
-impl Tree {
-    /// - `nodes`: the root first.
-    pub(super) fn new(lattice: Lattice, nodes: Vec<Node>, regions: Vec<Region>) -> Self {
-        Self { lattice, entries: lattice.entries(&nodes), nodes, regions }
-    }
-}
-
 /// What has been learnt about a view of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Guide {
-    pub(super) trees: [Tree; FACES],
+    lattice: Lattice,
+    entries: Vec<Entry>,
+    /// Of all trees: the roots first.
+    nodes: Vec<Node>,
+    regions: Vec<Region>,
 }
 
 impl Guide {
+    /// The trees of all ways to face in one; they are cut on the planes of the lattice where they can be.
+    pub(super) fn new(lattice: Lattice, trees: Vec<Tree>) -> Self {
+        let mut nodes = vec![Node::UNGUIDED; FACES];
+        let mut regions = Vec::new();
+        for (root, tree) in trees.into_iter().enumerate() {
+            // Only a root moves: all others keep their order, behind those of the trees before.
+            let moved = |node: Node| match node.as_split() {
+                Some((axis, plane, first)) => Node::split(axis, plane, first + nodes.len() - 1),
+                None if node.number() < tree.regions.len() => Node::region(node.number() + regions.len()),
+                None => Node::UNGUIDED,
+            };
+            let mut tree_nodes = tree.nodes.into_iter().map(moved).collect::<Vec<_>>().into_iter();
+            if let Some(node) = tree_nodes.next() {
+                nodes[root] = node;
+            }
+            nodes.extend(tree_nodes);
+            regions.extend(tree.regions);
+        }
+        Self { entries: lattice.entries(&nodes), lattice, nodes, regions }
+    }
+
+    /// Asks memory for what [`Guide::at`] begins with.
+    #[inline(always)]
+    pub(crate) fn request(&self, p: Vec3) {
+        prefetch(&self.entries, self.lattice.cell(p));
+    }
+
     /// The region of a point on a surface whose normal, on the side from which it is seen, is `normal`. `None`: follow the
     /// BSDF.
     #[inline(always)]
     pub(crate) fn at(&self, p: Vec3, normal: Vec3) -> Option<&Region> {
-        let tree = &self.trees[face_of(normal)];
-        let mut node = *tree.entries.get(tree.lattice.cell(p))?;
+        let Entry(roots) = self.entries.get(self.lattice.cell(p))?;
+        let mut node = *self.nodes.get(usize::from(roots[face_of(normal)]))?;
         while let Some((axis, plane, first)) = node.as_split() {
-            node = *tree.nodes.get(first + usize::from(p[axis] >= plane))?;
+            node = *self.nodes.get(first + usize::from(p[axis] >= plane))?;
         }
-        tree.regions.get(node.number())
+        self.regions.get(node.number())
     }
 
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
-        let of_tree =
-            |tree: &Tree| size_of_val(&*tree.entries) + size_of_val(&*tree.nodes) + size_of_val(&*tree.regions);
-        self.trees.iter().map(of_tree).sum()
+        size_of_val(&*self.entries) + size_of_val(&*self.nodes) + size_of_val(&*self.regions)
     }
 }

@@ -347,6 +347,14 @@ impl Path<'_> {
         self.scatter(&point, receiver, &bsdf, region, u_scattering)
     }
 
+    /// Asks memory for what the guide knows of a hit.
+    #[inline(always)]
+    pub(super) fn request_guide(&self, hit: &Hit) {
+        if let Some(guide) = self.guide {
+            guide.request(self.origin + self.direction * hit.t);
+        }
+    }
+
     #[inline(always)]
     pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;

@@ -52,6 +52,7 @@ impl Task for Painting<'_> {
             }
             for lane in &lanes {
                 interaction::request_vertices(integrator.prepared(), &lane.hit);
+                lane.path.request_guide(&lane.hit);
             }
             let mut i = 0;
             while i < lanes.len() {
