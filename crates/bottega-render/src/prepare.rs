@@ -50,11 +50,14 @@ pub struct PreparedScene {
     has_boundaries: bool,
     needs_volume: bool,
     threads: usize,
-    guides: Mutex<Vec<(View, GuidePlace)>>,
+    guides: Mutex<Vec<(Learnt, GuidePlace)>>,
     id: DataId,
 }
 
-/// Where the guide of a view is put by the first who needs it, while others wait.
+/// What a guide is for: a view, and samples a pixel.
+type Learnt = (View, u32);
+
+/// Where a guide is put by the first who needs it, while others wait.
 type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
 
 /// What is known of an instance beside the scene's own record.
@@ -196,21 +199,22 @@ impl PreparedScene {
         self.threads
     }
 
-    /// What is known of where light comes from, for a view. The first who asks learns it by `learn`; who asks meanwhile
-    /// waits.
-    pub(crate) fn guide(&self, view: View, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
-        /// Views whose guides are kept.
-        const VIEWS_MAX: usize = 4;
+    /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
+    /// learns it by `learn`; who asks meanwhile waits.
+    pub(crate) fn guide(&self, view: View, planned_samples: u32, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        /// Guides that are kept.
+        const GUIDES_MAX: usize = 4;
+        let of = (view, planned_samples);
         let place = {
             let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-            match guides.iter().find(|(known, _)| *known == view) {
+            match guides.iter().find(|(known, _)| *known == of) {
                 Some((_, place)) => Arc::clone(place),
                 None => {
-                    if guides.len() == VIEWS_MAX {
+                    if guides.len() == GUIDES_MAX {
                         guides.remove(0);
                     }
                     let place = Arc::default();
-                    guides.push((view, Arc::clone(&place)));
+                    guides.push((of, Arc::clone(&place)));
                     place
                 }
             }

@@ -42,6 +42,8 @@ pub struct PathSettings {
     pub direct_light: DirectLight,
     /// Whether paths learn beforehand where light comes from. It changes the noise, not the mean.
     pub guiding: bool,
+    /// Samples a pixel that the picture is to have: the more, the longer paths learn beforehand.
+    pub planned_samples: u32,
 }
 
 impl Default for PathSettings {
@@ -54,6 +56,7 @@ impl Default for PathSettings {
             roulette_depth: 3,
             direct_light: DirectLight::Combined,
             guiding: true,
+            planned_samples: 64,
         }
     }
 }

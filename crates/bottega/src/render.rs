@@ -134,6 +134,7 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
         light_samples: args.light_samples,
         filter: filter(args, subject),
         guiding: !args.no_guiding,
+        planned_samples: job.samples,
         ..PathSettings::default()
     };
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };

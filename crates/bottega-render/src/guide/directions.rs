@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::octahedron::{direction_from_square, square_from_direction};
 
 /// Cells along one side of the square.
-pub(super) const SIDE: usize = 16;
+pub(super) const SIDE: usize = 32;
 /// Cells of the square.
 pub(super) const CELLS: usize = SIDE * SIDE;
 /// What the weights of all cells add up to.

@@ -9,7 +9,7 @@ use super::directions::{Directions, Pyramid, solid_angle};
 use super::tree::{FACES, Guide, Lattice, Node, Region, Tree};
 
 /// Vertices from which one region learns, at most.
-const VERTICES_PER_REGION: usize = 1200;
+const VERTICES_PER_REGION: usize = 3000;
 /// Directions from which a region learns, at least.
 const SAMPLES_MIN: usize = 64;
 /// Shares of the guide that a region may choose between. Half at most: light from where it has seen nothing is then at most
@@ -194,7 +194,8 @@ impl Grown {
     /// `ranges` are those of the samples by now.
     fn fill(&mut self, at: usize, samples: &[Sample], around: &Learnt, regions: &mut Vec<Region>) {
         let seen = &samples[self.ranges[at].clone()];
-        let here = around.within(seen);
+        // In the heap: trees may be deep.
+        let here = Box::new(around.within(seen));
         if let Some((_, _, first)) = self.nodes[at].as_split() {
             self.fill(first, samples, &here, regions);
             self.fill(first + 1, samples, &here, regions);

@@ -9,8 +9,9 @@ use super::learn::{Taken, Vertex, learn};
 use super::tree::{Guide, face_of};
 use crate::luminance;
 
-/// Paths of the last pass, at most; each pass before has half as many as the next.
-const PATHS_MAX: u32 = 1 << 17;
+/// Paths of the last pass, at most and for each sample of the picture; each pass before has half as many as the next.
+const PATHS_MAX: u64 = 1 << 18;
+const PATHS_PER_SAMPLE: f64 = 1.0 / 32.0;
 /// Passes.
 const PASSES: u32 = 4;
 /// Vertices of a path that are learnt from.
@@ -93,15 +94,15 @@ fn finite(value: f32) -> f32 {
 /// Learns by tracing: `trace` takes the guide so far, the index of a path, and the trail to leave, and returns the
 /// radiance found.
 ///
-/// - `pixels`: of the picture. A small one is not worth much learning.
+/// - `samples`: of the picture, all pixels together. Few are not worth much learning.
 /// - `threads`: to trace with. The guide does not depend on it.
 pub(crate) fn train(
-    pixels: u64,
+    samples: u64,
     threads: usize,
     trace: impl Fn(Option<&Guide>, u32, &mut Trail) -> Spectrum + Sync,
 ) -> Guide {
     let all_passes = || {
-        let last = pixels.clamp(1, u64::from(PATHS_MAX)) as u32;
+        let last = ((samples as f64 * PATHS_PER_SAMPLE) as u64).clamp(1, PATHS_MAX) as u32;
         let (mut vertices, mut guide, mut first) = (Vec::new(), None, 0);
         for pass in (0..PASSES).rev() {
             let end = first + (last >> pass);

@@ -106,7 +106,7 @@ impl<'a> PathIntegrator<'a> {
         };
         let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
         if settings.guiding && is_worth_it && !prepared.needs_volume() {
-            integrator.guide = Some(prepared.guide(view, || integrator.learn(view)));
+            integrator.guide = Some(prepared.guide(view, settings.planned_samples, || integrator.learn(view)));
         }
         Ok(integrator)
     }
@@ -122,7 +122,8 @@ impl<'a> PathIntegrator<'a> {
             ..*self
         };
         let size = Vec2::new(view.width as f32, view.height as f32);
-        train(u64::from(view.width) * u64::from(view.height), self.prepared.threads(), |guide, index, trail| {
+        let pixels = u64::from(view.width) * u64::from(view.height);
+        train(pixels * u64::from(self.settings.planned_samples), self.prepared.threads(), |guide, index, trail| {
             // One sequence of samples for the whole picture.
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);

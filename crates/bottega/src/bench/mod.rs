@@ -110,8 +110,13 @@ fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Resu
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
     let view = View { camera: 0, width: scene.width, height: scene.height };
-    let settings =
-        PathSettings { seed, max_depth: scene.max_bounces + 1, filter: Filter::PIXEL, ..PathSettings::default() };
+    let settings = PathSettings {
+        seed,
+        max_depth: scene.max_bounces + 1,
+        filter: Filter::PIXEL,
+        planned_samples: spp,
+        ..PathSettings::default()
+    };
     let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;
     let mut film = Film::new(tile.rect(), tile.layout());
     film.add_tile(&tile, |_, _| 1.0);
