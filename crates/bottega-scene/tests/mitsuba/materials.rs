@@ -1,6 +1,6 @@
 //! What surfaces are made of.
 
-use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, Relief, Shadowing, Surface, Wrap};
+use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, ReliefSource, Shadowing, Surface, Wrap};
 use glam::{Vec2, Vec3};
 
 use crate::support::{Folder, bare, read, read_old, silent, told};
@@ -70,7 +70,10 @@ fn masks_blends_and_reliefs_wrap_what_is_within() {
     let bump = material(
         "<bsdf type='bumpmap'><float name='scale' value='3'/><texture name='arbitrary' type='checkerboard'/><bsdf type='diffuse'/></bsdf>",
     );
-    assert!(matches!(bump.relief, Some(Relief::Bump(height)) if height.factor == 3.0 && height.texture.is_some()));
+    let relief = bump.relief.unwrap();
+    assert!(
+        matches!(relief.source, ReliefSource::Heights(height) if height.factor == 3.0 && height.texture.is_some())
+    );
 }
 
 #[test]
