@@ -20,8 +20,8 @@ use crate::mesh_file::ply;
 use crate::model::MeshBounds;
 use crate::resource::Location;
 use crate::{
-    AlphaMode, Back, Instance, Material, MediumId, Mesh, ReliefSource, RenderHints, ScalarParam, Scene, SceneError, Sides, Sphere,
-    Surface,
+    AlphaMode, Back, Instance, Material, MediumId, Mesh, ReliefSource, RenderHints, ScalarParam, Scene, SceneError,
+    Sides, Sphere, Surface,
 };
 
 /// Meshes with fewer triangles are joined with others of the same material: files may describe each of a million
