@@ -209,9 +209,7 @@ impl Interaction {
         };
         let lifted = |point: &Self, source: &ReliefSource, footprint: f32| match source {
             ReliefSource::Normals(map, scale) => mapped(point, (map, *scale), footprint),
-            ReliefSource::Heights(height) => {
-                bumped_normal(scene, height, point, footprint, ns, &sides.derivatives)
-            }
+            ReliefSource::Heights(height) => bumped_normal(scene, height, point, footprint, ns, &sides.derivatives),
         };
         let mut lifted_by_mitsuba = None;
         match &material.relief {

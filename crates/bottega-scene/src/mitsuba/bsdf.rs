@@ -9,7 +9,8 @@ use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
     AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Material, MediumId,
-    Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides, Spectrum, Surface,
+    Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides,
+    Spectrum, Surface,
 };
 
 /// What a material is made of: bsdf, emitter, interior and exterior medium.
