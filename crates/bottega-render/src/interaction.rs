@@ -4,7 +4,7 @@ mod mesh;
 mod relief;
 
 use bottega_kernels::{Hit, Ray, math};
-use bottega_scene::{Material, Relief, Scene, Spectrum, Sphere, Surface, TextureMap};
+use bottega_scene::{Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -13,7 +13,7 @@ pub(crate) use mesh::{request_triangle, request_vertices};
 use relief::{bumped_normal, mapped_normal};
 
 use crate::{
-    bsdf::anisotropy_at,
+    bsdf::{Lifted, anisotropy_at},
     camera::RayCone,
     prepare::{PreparedMaterial, PreparedScene},
     sampling::orthonormal_basis,
@@ -40,6 +40,8 @@ pub(crate) struct Interaction {
     pub(crate) frame: [Vec3; 3],
     /// Normal of the clear coat in the shading frame, on the side of `wo`.
     pub(crate) coat_normal: Vec3,
+    /// How a relief turned the frame, where that takes something from the light.
+    pub(crate) lifted: Option<Lifted>,
     /// Back along the ray, unit length.
     pub(crate) wo: Vec3,
     /// Whether `wo` is on the front side.
@@ -94,6 +96,7 @@ impl Interaction {
             ng,
             frame: [Vec3::ZERO; 3],
             coat_normal: Vec3::Z,
+            lifted: None,
             wo: -direction,
             front: direction.dot(ng) < 0.0,
             uvs: [uv; 2],
@@ -147,6 +150,7 @@ impl Interaction {
             ng,
             frame: [Vec3::ZERO; 3],
             coat_normal: Vec3::Z,
+            lifted: None,
             wo: -direction,
             front: direction.dot(ng) < 0.0,
             uvs: [Vec2::ZERO; 2],
@@ -200,29 +204,66 @@ impl Interaction {
         if !known.needs_tangents {
             return self.set_frame(ns);
         }
-        let mapped = |point: &Self, map: &TextureMap, scale: f32| {
-            mapped_normal(scene, map, scale, point, ns, (sides.tangent)(map.uv_set))
+        let mapped = |point: &Self, map: (&TextureMap, f32), footprint: f32| {
+            mapped_normal(scene, map, point, footprint, ns, (sides.tangent)(map.0.uv_set))
         };
-        self.set_frame(match &material.relief {
-            Some(Relief::Normal(map, scale)) => mapped(self, map, *scale),
-            Some(Relief::Bump(height)) => bumped_normal(scene, height, self, ns, &sides.derivatives),
-            None => ns,
-        });
-        let (tangent, sign) = (sides.tangent)(0);
-        let Surface::Layered(layered) = &material.surface else { return self.turn_frame(tangent) };
-        self.turn_frame(match &layered.anisotropy {
-            None => tangent,
-            Some(anisotropy) => {
-                let (_, way) = anisotropy_at(scene, anisotropy, self.uvs, self.footprint);
-                let along = (tangent - ns * ns.dot(tangent)).normalize_or_zero();
-                along * way.x + ns.cross(along) * (sign * way.y)
+        let lifted = |point: &Self, source: &ReliefSource, footprint: f32| match source {
+            ReliefSource::Normals(map, scale) => mapped(point, (map, *scale), footprint),
+            ReliefSource::Heights(height) => bumped_normal(scene, height, point, footprint, ns, &sides.derivatives),
+        };
+        let mut lifted_by_mitsuba = None;
+        match &material.relief {
+            None => self.set_frame(ns),
+            Some(Relief { source, rule: ReliefRule::Bent }) => self.set_frame(lifted(self, source, self.footprint)),
+            Some(Relief { source, rule: ReliefRule::Mitsuba { turns, shadows, mirrored } }) => {
+                // Mitsuba filters no textures, and what a relief does is far from linear in what it is.
+                let normal = lifted(self, source, 0.0);
+                lifted_by_mitsuba = Some((self.set_lifted_frame(ns, normal, *turns, *mirrored), *shadows));
             }
-        });
-        if layered.coat.factor > 0.0 {
-            // The base's normal map is not the coat's (KHR_materials_clearcoat).
-            let coat = layered.coat_normal.as_ref().map_or(ns, |(map, scale)| mapped(self, map, *scale));
-            self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
         }
+        let (tangent, sign) = (sides.tangent)(0);
+        if let Surface::Layered(layered) = &material.surface {
+            self.turn_frame(match &layered.anisotropy {
+                None => tangent,
+                Some(anisotropy) => {
+                    let (_, way) = anisotropy_at(scene, anisotropy, self.uvs, self.footprint);
+                    let along = (tangent - ns * ns.dot(tangent)).normalize_or_zero();
+                    along * way.x + ns.cross(along) * (sign * way.y)
+                }
+            });
+            if layered.coat.factor > 0.0 {
+                // The base's normal map is not the coat's (KHR_materials_clearcoat).
+                let map = layered.coat_normal.as_ref();
+                let coat = map.map_or(ns, |(map, scale)| mapped(self, (map, *scale), self.footprint));
+                self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
+            }
+        } else {
+            self.turn_frame(tangent);
+        }
+        self.lifted = lifted_by_mitsuba.map(|(without, shadows)| Lifted::new(self.to_local(without), shadows));
+    }
+
+    /// Makes the shading frame around `normal`, which a relief lifted off `ns`. Returns the normal without relief on the
+    /// side of `wo`.
+    ///
+    /// - `turns`: a normal turned away from `wo` is tilted to the other side of `ns` (Schüssler et al. 2017,
+    ///   Microfacet-Based Normal Mapping for Robust Monte Carlo Path Tracing, where this is the facet beside); else
+    ///   nothing is seen of it.
+    /// - `mirrored`: on the back it is tilted to where it is on the front.
+    fn set_lifted_frame(&mut self, ns: Vec3, normal: Vec3, turns: bool, mirrored: bool) -> Vec3 {
+        self.set_frame(ns);
+        let without = self.frame[2];
+        let tilted_back = |n: Vec3| without * (2.0 * n.dot(without)) - n;
+        let mut n = if (ns.dot(self.ng) < 0.0) == self.front { -normal } else { normal };
+        if mirrored && !self.front {
+            n = tilted_back(n);
+        }
+        if turns && n.dot(self.wo) <= 0.0 {
+            n = tilted_back(n);
+        }
+        let (s, t) = orthonormal_basis(n);
+        self.frame = [s, t, n];
+        without
     }
 
     /// Turns the frame about its normal until x is as near to `tangent` as it can be.
@@ -366,7 +407,7 @@ mod tests {
             instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
             meshes: vec![mesh],
             materials: vec![Material {
-                relief: Some(Relief::Normal(map, 1.0)),
+                relief: Some(Relief::normals(map, 1.0)),
                 ..Layered { coat: 1.0.into(), ..Layered::default() }.into()
             }],
             ..Scene::default()
@@ -399,7 +440,7 @@ mod tests {
         let height = ScalarParam { factor: 1.0, texture: Some((map, bottega_scene::Channel::R)) };
         let mut scene = Scene {
             images: vec![bottega_scene::Image::from_linear_rgb("heights", SIZE, SIZE, texels)],
-            materials: vec![Material { relief: Some(Relief::Bump(height)), ..Material::default() }],
+            materials: vec![Material { relief: Some(Relief::heights(height)), ..Material::default() }],
             ..Scene::default()
         };
         if on_sphere {

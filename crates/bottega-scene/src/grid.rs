@@ -64,6 +64,11 @@ impl Grid {
         Ok(Self { size, channels, values, blend })
     }
 
+    /// 1 everywhere.
+    pub fn one() -> Self {
+        Self { size: [1; 3], channels: 1, values: vec![1.0], blend: Blend::Nearest }
+    }
+
     /// Cells along x, y and z.
     pub fn size(&self) -> [u32; 3] {
         self.size

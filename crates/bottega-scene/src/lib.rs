@@ -41,7 +41,7 @@ pub use grid::{Blend, Grid, GridError};
 pub use image::{Encoding, Image};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
-pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ScalarParam, Sides};
+pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Sides};
 pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use summary::SceneSummary;

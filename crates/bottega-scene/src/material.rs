@@ -132,19 +132,56 @@ pub enum Back {
 
 /// Unevenness too fine for the mesh.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Relief {
+pub struct Relief {
+    /// What is known of it.
+    pub source: ReliefSource,
+    /// What becomes of directions that its normal and the surface without it do not see from the same side.
+    pub rule: ReliefRule,
+}
+
+/// What is known of a relief.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReliefSource {
     /// A tangent-space normal map, and the factor of its x and y (glTF).
-    Normal(TextureMap, f32),
+    Normals(TextureMap, f32),
     /// Height above the surface along its normal, in scene units.
-    Bump(ScalarParam),
+    Heights(ScalarParam),
+}
+
+/// What becomes of directions that the normal of a relief and the surface without it do not see from the same side.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ReliefRule {
+    /// A normal turned away from who looks is bent until it is seen.
+    #[default]
+    Bent,
+    /// Mitsuba 3.
+    Mitsuba {
+        /// Whether a normal turned away from who looks is tilted to the other side of the surface's own; else the surface
+        /// is black from there.
+        turns: bool,
+        /// Whether light that comes in low is weakened, as if the relief threw shadows.
+        shadows: bool,
+        /// Whether the back has the same heights above it as the front, as in a mirror, and not its dents as bumps.
+        mirrored: bool,
+    },
 }
 
 impl Relief {
+    /// By a normal map, and the factor of its x and y.
+    pub fn normals(map: TextureMap, scale: f32) -> Self {
+        Self { source: ReliefSource::Normals(map, scale), rule: ReliefRule::Bent }
+    }
+
+    /// By heights in scene units.
+    pub fn heights(height: ScalarParam) -> Self {
+        Self { source: ReliefSource::Heights(height), rule: ReliefRule::Bent }
+    }
+
     /// The texture that tells of it.
     pub fn texture(&self) -> Option<&TextureMap> {
-        match self {
-            Self::Normal(map, _) => Some(map),
-            Self::Bump(height) => height.texture.as_ref().map(|(map, _)| map),
+        match &self.source {
+            ReliefSource::Normals(map, _) => Some(map),
+            ReliefSource::Heights(height) => height.texture.as_ref().map(|(map, _)| map),
         }
     }
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::model::is_placeable;
 use crate::{
     AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Portal, Projection,
-    Relief, Scene, SceneError, Surface,
+    ReliefSource, Scene, SceneError, Surface,
 };
 
 impl Scene {
@@ -105,9 +105,11 @@ impl Scene {
         if let AlphaMode::Mask { cutoff } = material.alpha_mode {
             check(is_factor(cutoff), FACTOR)?;
         }
-        match &material.relief {
-            Some(Relief::Normal(_, scale)) => check(scale.is_finite(), "a normal map's scale is not finite")?,
-            Some(Relief::Bump(height)) => check(height.factor.is_finite(), "a bump map's scale is not finite")?,
+        match material.relief.as_ref().map(|relief| &relief.source) {
+            Some(ReliefSource::Normals(_, scale)) => check(scale.is_finite(), "a normal map's scale is not finite")?,
+            Some(ReliefSource::Heights(height)) => {
+                check(height.factor.is_finite(), "a bump map's scale is not finite")?
+            }
             None => {}
         }
         self.check_medium_id(material.interior)?;

@@ -486,13 +486,12 @@ fn memory_is_bounded() {
 }
 
 /// Files that are almost right: no panic, no endless loop, no more memory than allowed.
-#[test]
-fn mutations_of_the_corpus_are_survived() {
+fn survive_mutations_of(name: &str) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.pbrt");
     let included = std::fs::read(Path::new(CORPUS).join("more.pbrt")).unwrap();
     std::fs::write(folder.path().join("more.pbrt"), &included).unwrap();
-    let original = std::fs::read_to_string(Path::new(CORPUS).join("box.pbrt")).unwrap();
+    let original = std::fs::read_to_string(Path::new(CORPUS).join(name)).unwrap();
     // On one line, a comment would hide what follows.
     let original: String =
         original.lines().filter(|line| !line.starts_with('#')).flat_map(|line| [line, "\n"]).collect();
@@ -528,7 +527,7 @@ fn mutations_of_the_corpus_are_survived() {
         }
         bytes
     };
-    let good = survive("box.pbrt", 300, mutated, |bytes| {
+    let good = survive(name, 300, mutated, |bytes| {
         std::fs::write(&path, bytes).unwrap();
         match load(&path, &options) {
             Ok(loaded) => loaded.scene.validate().is_ok(),
@@ -538,4 +537,16 @@ fn mutations_of_the_corpus_are_survived() {
         }
     });
     assert!((0.05..0.95).contains(&good), "{good} of the mutations were scenes");
+}
+
+#[test]
+fn mutations_of_a_box_are_survived() {
+    survive_mutations_of("box.pbrt");
+}
+
+#[test]
+fn mutations_of_grids_are_survived() {
+    let loaded = load(&Path::new(CORPUS).join("smoke.pbrt"), &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.scene.media.iter().filter(|medium| medium.variation.is_some()).count(), 2);
+    survive_mutations_of("smoke.pbrt");
 }

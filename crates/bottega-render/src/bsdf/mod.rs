@@ -45,6 +45,7 @@ mod scattering;
 mod sheen;
 mod surface;
 mod tables;
+mod unevenness;
 pub mod warp;
 
 use bottega_scene::Spectrum;
@@ -54,6 +55,7 @@ pub use params::SurfaceParams;
 pub use scattering::{Bsdf, BsdfAt};
 pub(crate) use surface::anisotropy_at;
 pub use surface::{SurfacePoint, scattering};
+pub use unevenness::Lifted;
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a
 /// transmission, because radiance grows where light is squeezed into a denser medium.

@@ -12,13 +12,14 @@ use super::matte::{RoughMatte, Translucent};
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
-use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
+use super::{BsdfSample, Lifted, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The scattering at one point. See the [module](super) for the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
     mode: TransportMode,
     kind: Kind,
+    lifted: Option<Lifted>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +84,10 @@ impl Scatter for Other {
 
 /// A [`Bsdf`] seen from one direction: who asks for more than one thing from there pays once for what they share.
 #[derive(Clone, Copy)]
-pub struct BsdfAt<'a>(KindAt<'a>);
+pub struct BsdfAt<'a> {
+    kind: KindAt<'a>,
+    lifted: Option<&'a Lifted>,
+}
 
 #[derive(Clone, Copy)]
 enum KindAt<'a> {
@@ -107,23 +111,31 @@ impl Bsdf {
             Some(boundary) => Kind::Smooth(boundary),
             None => Kind::Layered(layers),
         };
-        Self { mode: TransportMode::Radiance, kind }
+        Self::of(kind)
+    }
+
+    const fn of(kind: Kind) -> Self {
+        Self { mode: TransportMode::Radiance, kind, lifted: None }
     }
 
     /// What scatters nothing.
     pub(super) fn black() -> Self {
-        Self { mode: TransportMode::Radiance, kind: Kind::Black }
+        Self::of(Kind::Black)
     }
 
     /// Lambert's surface; `color` is in [0, 1].
     pub(super) fn lambert(color: Spectrum) -> Self {
-        let kind = if color == Spectrum::ZERO { Kind::Black } else { Kind::Lambert(color) };
-        Self { mode: TransportMode::Radiance, kind }
+        Self::of(if color == Spectrum::ZERO { Kind::Black } else { Kind::Lambert(color) })
     }
 
     /// `None`: black.
     pub(super) fn other(other: Option<Other>) -> Self {
-        Self { mode: TransportMode::Radiance, kind: other.map_or(Kind::Black, Kind::Other) }
+        Self::of(other.map_or(Kind::Black, Kind::Other))
+    }
+
+    /// The same where a relief turned the frame.
+    pub(super) fn with_lifted(self, lifted: Option<Lifted>) -> Self {
+        Self { lifted, ..self }
     }
 
     /// The same for `mode`.
@@ -142,15 +154,16 @@ impl Bsdf {
     #[inline(always)]
     pub fn at_carrying(&self, wo: Vec3, carried: Spectrum) -> BsdfAt<'_> {
         if !is_above(wo) {
-            return BsdfAt(KindAt::Nothing);
+            return BsdfAt { kind: KindAt::Nothing, lifted: None };
         }
-        BsdfAt(match &self.kind {
+        let kind = match &self.kind {
             Kind::Lambert(color) => KindAt::Lambert(*color),
             Kind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode, carried),
             Kind::Layered(layers) => layers.at(wo, self.mode, carried).map_or(KindAt::Nothing, KindAt::Layered),
             Kind::Other(other) => KindAt::Other(other, wo, self.mode),
             Kind::Black => KindAt::Nothing,
-        })
+        };
+        BsdfAt { kind, lifted: self.lifted.as_ref() }
     }
 
     /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones; see [`Self::eval_pdf`].
@@ -242,7 +255,26 @@ impl BsdfAt<'_> {
     /// [`Self::sample`] draws `wi`.
     #[inline(always)]
     pub fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
-        match &self.0 {
+        let (value, pdf) = self.eval_pdf_of_kind(wi);
+        match self.lifted.map(|lifted| lifted.factor(wi)) {
+            None => (value, pdf),
+            Some(0.0) => (Spectrum::ZERO, 0.0),
+            Some(factor) => (value * factor, pdf),
+        }
+    }
+
+    /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
+    #[inline(always)]
+    pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let sample = self.sample_kind(u_lobe, u)?;
+        let Some(lifted) = self.lifted else { return Some(sample) };
+        let factor = lifted.factor(sample.wi);
+        (factor > 0.0).then_some(BsdfSample { value: sample.value * factor, ..sample })
+    }
+
+    #[inline(always)]
+    fn eval_pdf_of_kind(&self, wi: Vec3) -> (Spectrum, f32) {
+        match &self.kind {
             KindAt::Lambert(color) if wi.z > 0.0 => {
                 (*color * std::f32::consts::FRAC_1_PI, warp::cosine_hemisphere_pdf(wi.z))
             }
@@ -252,14 +284,13 @@ impl BsdfAt<'_> {
         }
     }
 
-    /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
     #[inline(always)]
-    pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        match &self.0 {
+    fn sample_kind(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        match &self.kind {
             KindAt::Nothing => None,
             KindAt::Lambert(_) => {
                 let wi = warp::cosine_hemisphere(u);
-                let (value, pdf) = self.eval_pdf(wi);
+                let (value, pdf) = self.eval_pdf_of_kind(wi);
                 let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
                 (pdf > 0.0).then_some(BsdfSample { wi, value, pdf, lobe, eta: 1.0 })
             }
@@ -293,7 +324,7 @@ mod tests {
     use super::*;
 
     fn layered(params: &SurfaceParams) -> Bsdf {
-        Bsdf { mode: TransportMode::Radiance, kind: Kind::Layered(Layered::new(&params.clamped())) }
+        Bsdf::of(Kind::Layered(Layered::new(&params.clamped())))
     }
 
     fn close(a: f32, b: f32) -> bool {

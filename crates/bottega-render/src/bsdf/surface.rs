@@ -17,7 +17,7 @@ use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::split;
 use super::scattering::Other;
-use super::{Bsdf, SurfaceParams};
+use super::{Bsdf, Lifted, SurfaceParams};
 
 /// What the lookup of a material needs to know of a point on a surface.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +32,8 @@ pub struct SurfacePoint {
     pub front: bool,
     /// Normal of the coat in the local frame, above the surface; +z: that of the base.
     pub coat_normal: Vec3,
+    /// How a relief turned the frame, where that takes something from the light.
+    pub lifted: Option<Lifted>,
     /// A number in [0, 1) that chooses between blended surfaces.
     pub chance: f32,
 }
@@ -39,7 +41,15 @@ pub struct SurfacePoint {
 impl SurfacePoint {
     /// A point of an untextured surface.
     pub fn plain(front: bool) -> Self {
-        Self { uvs: [Vec2::ZERO; 2], footprint: 0.0, vertex_color: Vec4::ONE, front, coat_normal: Vec3::Z, chance: 0.0 }
+        Self {
+            uvs: [Vec2::ZERO; 2],
+            footprint: 0.0,
+            vertex_color: Vec4::ONE,
+            front,
+            coat_normal: Vec3::Z,
+            lifted: None,
+            chance: 0.0,
+        }
     }
 
     fn color(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
@@ -101,7 +111,7 @@ pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: [Vec2; 
 /// The scattering of `material` at a point.
 pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
     match material.surface_of(point.front) {
-        Some(surface) => of_surface(scene, surface, point),
+        Some(surface) => of_surface(scene, surface, point).with_lifted(point.lifted),
         None => Bsdf::black(),
     }
 }
@@ -246,7 +256,7 @@ fn sound_eta(eta: f32) -> f32 {
     if eta > 0.05 { eta.min(20.0) } else { 1.0 }
 }
 
-/// Looks up the textures, but for normal maps, which take a frame: see [`frame`](super::frame).
+/// Looks up the textures, but for those of a relief, which turned the frame already.
 fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> SurfaceParams {
     let color = |param: &ColorParam| point.color(scene, param);
     let scalar = |param: &ScalarParam| point.scalar(scene, param);

@@ -448,6 +448,7 @@ pub(crate) fn bsdf_at<'a>(
         vertex_color: point.color,
         front: point.front,
         coat_normal: point.coat_normal,
+        lifted: point.lifted,
         chance: if material.is_blended() { chance() } else { 0.0 },
     };
     place.insert(scattering(prepared.scene(), material, &point))

@@ -7,7 +7,7 @@
 //! (a collision is of a kind by what the path carries in each channel).
 
 use bottega_kernels::math;
-use bottega_scene::{Medium, Spectrum, Variation};
+use bottega_scene::{Coefficients, Medium, Spectrum, Variation};
 use glam::{Affine3A, Vec3};
 
 use super::Phase;
@@ -161,38 +161,27 @@ impl<'a> Varying<'a> {
         let mut first = Some(first);
         let mut next = || first.take().unwrap_or_else(|| [number(), number()]);
         let [mut u_kind, u] = next();
-        let mut depth = -math::ln(1.0 - u);
         let mut collisions = 0;
-        self.majorants.visit(line, &self.variation.grid_from_world, |start, end, bound| {
-            let mut t = start;
-            loop {
-                let step = depth / bound;
-                if t + step >= end {
-                    depth -= (end - t) * bound;
-                    return true;
-                }
-                t += step;
-                let here = self.at(line, t);
-                carried.radiance += carried.throughput * here.emission / bound;
-                let nothing = (Spectrum::splat(bound) - here.absorption - here.scattering).max(Spectrum::ZERO);
-                let (scatters, passes) = (carried.throughput.dot(here.scattering), carried.throughput.dot(nothing));
-                let chance = scatters / (scatters + passes);
-                collisions += 1;
-                if u_kind < chance {
-                    carried.throughput *= here.scattering / (bound * chance);
-                    let extinction = (here.absorption + here.scattering).max(Spectrum::splat(f32::MIN_POSITIVE));
-                    scattered = Some(Collision { distance: t, albedo: here.scattering / extinction });
-                    return false;
-                }
-                if passes <= 0.0 || collisions == COLLISIONS_MAX {
-                    carried.throughput = Spectrum::ZERO;
-                    return false;
-                }
-                carried.throughput *= nothing / (bound * (1.0 - chance));
-                let [kind, u] = next();
-                u_kind = kind;
-                depth = -math::ln(1.0 - u);
+        self.for_each_collision(line, u, |distance, bound, here| {
+            carried.radiance += carried.throughput * here.emission / bound;
+            let nothing = (Spectrum::splat(bound) - here.absorption - here.scattering).max(Spectrum::ZERO);
+            let (scatters, passes) = (carried.throughput.dot(here.scattering), carried.throughput.dot(nothing));
+            let chance = scatters / (scatters + passes);
+            collisions += 1;
+            if u_kind < chance {
+                carried.throughput *= here.scattering / (bound * chance);
+                let extinction = (here.absorption + here.scattering).max(Spectrum::splat(f32::MIN_POSITIVE));
+                scattered = Some(Collision { distance, albedo: here.scattering / extinction });
+                return None;
             }
+            if passes <= 0.0 || collisions == COLLISIONS_MAX {
+                carried.throughput = Spectrum::ZERO;
+                return None;
+            }
+            carried.throughput *= nothing / (bound * (1.0 - chance));
+            let [kind, u] = next();
+            u_kind = kind;
+            Some(u)
         });
         scattered
     }
@@ -200,8 +189,32 @@ impl<'a> Varying<'a> {
     /// An estimate of the share of light that gets along a line.
     pub(crate) fn transmittance(&self, line: &Line, mut number: impl FnMut() -> f32) -> Spectrum {
         let mut left = Spectrum::ONE;
-        let mut depth = -math::ln(1.0 - number());
         let mut collisions = 0;
+        self.for_each_collision(line, number(), |_, bound, here| {
+            left *= (Spectrum::ONE - (here.absorption + here.scattering) / bound).max(Spectrum::ZERO);
+            collisions += 1;
+            let most = left.max_element();
+            if most < TRANSMITTANCE_MIN {
+                let survives = most > 0.0 && number() < 0.5 && collisions < COLLISIONS_MAX;
+                if !survives {
+                    left = Spectrum::ZERO;
+                    return None;
+                }
+                left *= 2.0;
+            }
+            Some(number())
+        });
+        left
+    }
+
+    /// Goes along a line from one collision to the next, as if the medium were as dense as its bounds.
+    ///
+    /// - `u`: a uniform number, for the way to the first collision.
+    /// - `collide`: is told how far along the line, the bound and the coefficients there. Returns the uniform number for
+    ///   the way to the next collision; `None`: there is to be none.
+    #[inline(always)]
+    fn for_each_collision(&self, line: &Line, u: f32, mut collide: impl FnMut(f32, f32, &Coefficients) -> Option<f32>) {
+        let mut depth = -math::ln(1.0 - u);
         self.majorants.visit(line, &self.variation.grid_from_world, |start, end, bound| {
             let mut t = start;
             loop {
@@ -211,25 +224,13 @@ impl<'a> Varying<'a> {
                     return true;
                 }
                 t += step;
-                let here = self.at(line, t);
-                left *= (Spectrum::ONE - (here.absorption + here.scattering) / bound).max(Spectrum::ZERO);
-                collisions += 1;
-                let most = left.max_element();
-                if most < TRANSMITTANCE_MIN {
-                    let survives = most > 0.0 && number() < 0.5 && collisions < COLLISIONS_MAX;
-                    if !survives {
-                        left = Spectrum::ZERO;
-                        return false;
-                    }
-                    left *= 2.0;
-                }
-                depth = -math::ln(1.0 - number());
+                let Some(u) = collide(t, bound, &self.at(line, t)) else { return false };
+                depth = -math::ln(1.0 - u);
             }
         });
-        left
     }
 
-    fn at(&self, line: &Line, distance: f32) -> bottega_scene::Coefficients {
+    fn at(&self, line: &Line, distance: f32) -> Coefficients {
         let p = self.variation.grid_from_world.transform_point3(line.origin + line.direction * distance);
         // Rounding must not lead out of the grid.
         self.medium.coefficients(self.variation, p.clamp(Vec3::ZERO, Vec3::ONE))

@@ -268,3 +268,9 @@ fn smoke_of_pbrt() {
 fn colored_smoke_of_mitsuba() {
     Case::of(Place::Own("colored-smoke.xml"), Place::Own("colored-smoke.exr"), 1, 256).check();
 }
+
+#[test]
+fn bumps_and_normal_maps_of_mitsuba() {
+    let case = Case::of(Place::Own("relief.xml"), Place::Own("relief.exr"), 1, 512);
+    Case { differs: Some(("", 0.003, REJECTED_MAX)), ..case }.check();
+}

@@ -74,7 +74,7 @@ impl Converter<'_, '_> {
             alpha_mode: self.alpha_mode(description),
             emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
             emission_sides: if description.double_sided { Sides::Both } else { Sides::Front },
-            relief: relief.map(|(map, scale)| Relief::Normal(map, scale)),
+            relief: relief.map(|(map, scale)| Relief::normals(map, scale)),
             surface: if is_unlit { Surface::Unlit(layered.base_color) } else { layered.into() },
             interior,
             ..Material::default()

@@ -19,6 +19,15 @@ impl Image {
         with_pyramid!(&self.texels, pyramid => pyramid.lookup(map, at, footprint))
     }
 
+    /// By how much the linear RGBA of [`eval`](Self::eval) grows with u and with v. Nothing grows where texels are not
+    /// interpolated.
+    pub fn slopes(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> [Vec4; 2] {
+        let at = map.picture_from_uv.transform_point2(uv);
+        let [along_x, along_y] = with_pyramid!(&self.texels, pyramid => pyramid.slopes(map, at, footprint));
+        [map.picture_from_uv.matrix2.x_axis, map.picture_from_uv.matrix2.y_axis]
+            .map(|axis| along_x * axis.x + along_y * axis.y)
+    }
+
     /// Alpha of the picture as `map` lays it on a surface; see [`eval`](Self::eval). Free where there is no alpha.
     pub fn alpha(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> f32 {
         if self.has_alpha() { self.eval(map, uv, footprint).w } else { 1.0 }
@@ -42,6 +51,25 @@ impl<T: Texel> Pyramid<T> {
         let fine = bilinear(&self.levels[level], table, map, at);
         let coarse = bilinear(&self.levels[level + 1], table, map, at);
         fine + (coarse - fine) * (detail - level as f32)
+    }
+
+    /// By how much [`lookup`](Self::lookup) grows along the picture's own axes, whose lengths are 1.
+    fn slopes(&self, map: &TextureMap, at: Vec2, footprint: f32) -> [Vec4; 2] {
+        let table = self.table();
+        let finest = &self.levels[0];
+        let detail = level_of_detail(map, finest.width, finest.height, footprint).max(0.0);
+        let last = self.levels.len() - 1;
+        let level = detail as usize;
+        if !map.smooth && detail == 0.0 || level >= last && detail > 0.0 {
+            return [Vec4::ZERO; 2];
+        }
+        let fine = bilinear_slopes(&self.levels[level], table, map, at);
+        let rest = detail - level as f32;
+        if rest == 0.0 {
+            return fine;
+        }
+        let coarse = bilinear_slopes(&self.levels[level + 1], table, map, at);
+        [0, 1].map(|axis| fine[axis] + (coarse[axis] - fine[axis]) * rest)
     }
 }
 
@@ -106,15 +134,35 @@ fn neighbors(x: f32, wrap: Wrap, size: u32) -> (usize, usize, f32) {
     (first as usize, second as usize, weight)
 }
 
+/// The four texels around a point, upper row first, and the weights of the second column and row.
 #[inline]
-fn bilinear<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> Vec4 {
+fn around<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> ([Vec4; 4], f32, f32) {
     let (x0, x1, u) = neighbors(at.x, map.wrap_u, level.width);
     let (y0, y1, v) = neighbors(at.y, map.wrap_v, level.height);
     let width = level.width as usize;
     let texel = |x: usize, y: usize| level.texels[y * width + x].decode(table);
-    let upper = texel(x0, y0) * (1.0 - u) + texel(x1, y0) * u;
-    let lower = texel(x0, y1) * (1.0 - u) + texel(x1, y1) * u;
+    ([texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)], u, v)
+}
+
+#[inline]
+fn bilinear<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> Vec4 {
+    let ([a, b, c, d], u, v) = around(level, table, map, at);
+    let upper = a * (1.0 - u) + b * u;
+    let lower = c * (1.0 - u) + d * u;
     upper * (1.0 - v) + lower * v
+}
+
+/// By how much [`bilinear`] grows along either axis.
+fn bilinear_slopes<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> [Vec4; 2] {
+    let ([a, b, c, d], u, v) = around(level, table, map, at);
+    let along_x = (b - a) * (1.0 - v) + (d - c) * v;
+    let along_y = (c - a) * (1.0 - u) + (d - b) * u;
+    let sign = |x: f32, wrap: Wrap| match wrap {
+        // Every other copy is turned round.
+        Wrap::Mirror if fraction(0.5 * x) > 0.5 => -1.0,
+        _ => 1.0,
+    };
+    [along_x * (level.width as f32 * sign(at.x, map.wrap_u)), along_y * (level.height as f32 * sign(at.y, map.wrap_v))]
 }
 
 #[inline]
@@ -157,6 +205,36 @@ mod tests {
         let image = ramp(8, 8);
         let value = image.eval(&map(), Vec2::new(0.3, 0.6), 0.0);
         assert!((value - Vec4::new(0.3 * 8.0 - 0.5, 0.6 * 8.0 - 0.5, 0.0, 1.0)).length() < 1e-5, "{value}");
+    }
+
+    #[test]
+    fn slopes_are_what_lookups_differ_by() {
+        let texels = (0..8 * 4).map(|i| [(i * 37 % 11) as f32, (i * 23 % 7) as f32, 0.0]).collect();
+        let image = Image::from_linear_rgb("rough", 8, 4, texels);
+        let turned =
+            Affine2::from_angle_translation(0.4, Vec2::new(0.3, 0.1)) * Affine2::from_scale(Vec2::new(2.0, 3.0));
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let map = TextureMap { picture_from_uv: turned, wrap_u: wrap, wrap_v: wrap, ..map() };
+            let mut checked = 0;
+            for (i, footprint) in (0..60).flat_map(|i| [0.0, 0.07].map(|footprint| (i, footprint))) {
+                let uv = Vec2::new(0.013 + 0.11 * i as f32, 0.017 - 0.07 * i as f32).fract() * 2.0 - 0.7;
+                for (axis, slope) in [Vec2::X, Vec2::Y].into_iter().zip(image.slopes(&map, uv, footprint)) {
+                    let at = |step: f32| image.eval(&map, uv + axis * step, footprint);
+                    let step = 2e-4;
+                    let (ahead, behind) = (at(step) - at(0.0), at(0.0) - at(-step));
+                    // Not where a row or column of texels begins between the lookups.
+                    if (ahead - behind).length() < 1.5e-4 {
+                        checked += 1;
+                        let difference = (ahead + behind) / (2.0 * step);
+                        assert!((slope - difference).length() < 0.02 * (20.0 + slope.length()), "{slope} {difference}");
+                    }
+                }
+            }
+            assert!(checked > 100, "{checked}");
+        }
+        let square = TextureMap { smooth: false, ..map() };
+        assert_eq!(image.slopes(&square, Vec2::splat(0.3), 0.0), [Vec4::ZERO; 2]);
+        assert_eq!(image.slopes(&map(), Vec2::splat(0.3), 5.0), [Vec4::ZERO; 2]);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::text::column;
+
 /// Bytes of a piece, about.
 const BLOCK_BYTES: usize = 1 << 20;
 
@@ -11,6 +13,28 @@ pub(super) struct Block<'a> {
     pub(super) text: &'a [u8],
     /// The number of the first line in its file, counted from 1.
     pub(super) first_line: usize,
+}
+
+/// What is wrong with a part of a text.
+#[derive(Debug)]
+pub(super) struct Fault<'t> {
+    /// The word, or where one is missing.
+    pub(super) at: &'t [u8],
+    pub(super) problem: String,
+}
+
+impl<'t> Fault<'t> {
+    pub(super) fn new(at: &'t [u8], problem: impl Into<String>) -> Self {
+        Self { at, problem: problem.into() }
+    }
+}
+
+/// What is wrong with a file, and its place there: line and column, counted from 1.
+#[derive(Debug)]
+pub(super) struct Located {
+    pub(super) line: usize,
+    pub(super) column: usize,
+    pub(super) problem: String,
 }
 
 /// Cuts a text whose first line has the number `first_line` into pieces.
@@ -64,9 +88,23 @@ impl<'a> Block<'a> {
     }
 }
 
-impl<'a> Block<'a> {
+impl Block<'_> {
+    /// The place of a fault. `line`: what is told where its part is not of this text, being of lines that were joined.
+    pub(super) fn locate(self, line: usize, fault: Fault<'_>) -> Located {
+        let Fault { at, problem } = fault;
+        let offset = at.as_ptr().addr().checked_sub(self.text.as_ptr().addr());
+        let Some(before) = offset.and_then(|length| self.text.get(..length)) else {
+            return Located { line, column: 1, problem };
+        };
+        let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+        Located { line: self.first_line + newline_count(before), column: column(&self.text[start..], at), problem }
+    }
+
     /// Its lines, those that a backslash continues as one, without comments. `visit` gets the number of the first line.
-    pub(super) fn for_each_statement<E>(self, mut visit: impl FnMut(usize, &[u8]) -> Result<(), E>) -> Result<(), E> {
+    pub(super) fn for_each_statement(
+        self,
+        mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), Fault<'t>>,
+    ) -> Result<(), Located> {
         let mut lines = self.lines();
         while let Some((number, line)) = lines.next() {
             let whole;
@@ -86,7 +124,7 @@ impl<'a> Block<'a> {
                 line
             };
             if !line.is_empty() && line[0] != b'#' {
-                visit(number, line)?;
+                visit(number, line).map_err(|fault| self.locate(number, fault))?;
             }
         }
         Ok(())
@@ -147,6 +185,26 @@ mod tests {
         let blocks = blocks(text.as_bytes(), 1, true);
         assert_eq!(blocks.len(), 2);
         assert_eq!((blocks[1].text, blocks[1].first_line), (&b"next"[..], 400_002));
+    }
+
+    #[test]
+    fn the_place_of_a_word_is_its_line_and_column() {
+        let text = "one\n  zwölf  two\nthree \\\n four five\n";
+        let block = Block { text: text.as_bytes(), first_line: 7 };
+        let place = |wanted: &[u8]| {
+            let found = block.for_each_statement(|_, mut line| {
+                while let Some(word) = next_word(&mut line) {
+                    if word == wanted {
+                        return Err(Fault::new(word, ""));
+                    }
+                }
+                Ok(())
+            });
+            found.map_err(|found| (found.line, found.column)).unwrap_err()
+        };
+        assert_eq!((place(b"one"), place(b"two")), ((7, 1), (8, 10)));
+        // Of lines that were joined, the first.
+        assert_eq!(place(b"five"), (9, 1));
     }
 
     #[test]

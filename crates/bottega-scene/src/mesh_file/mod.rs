@@ -17,6 +17,7 @@ use std::path::Path;
 
 use bytemuck::Pod;
 use glam::{Vec2, Vec4};
+use lines::Located;
 use rayon::prelude::*;
 
 use crate::load::{Held, MemoryBudget};
@@ -36,8 +37,8 @@ impl Source<'_> {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }
 
-    fn at_line(&self, (line, problem): (usize, String)) -> SceneError {
-        self.invalid(format!("line {line}"), problem)
+    fn located(&self, Located { line, column, problem }: Located) -> SceneError {
+        SceneError::Text { path: self.path.into(), line, column, problem }
     }
 
     fn damaged(&self, problem: impl Into<String>) -> SceneError {

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use super::Source;
-use super::lines::{self, float, next_word};
+use super::lines::{self, Fault, float, next_word};
 use crate::SceneError;
 use crate::load::MemoryBudget;
 use crate::text::shortened;
@@ -89,17 +89,17 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<V
                 return Ok(());
             }
             match materials.last_mut() {
-                Some(material) => material.set(keyword, words, line).map_err(|problem| (line, problem)),
+                Some(material) => material.set(keyword, words, line),
                 None => Ok(()),
             }
         });
-        read.map_err(|fault| source.at_line(fault))?;
+        read.map_err(|fault| source.located(fault))?;
     }
     Ok(materials)
 }
 
 impl MtlMaterial {
-    fn set(&mut self, keyword: &[u8], words: &[u8], line: usize) -> Result<(), String> {
+    fn set<'t>(&mut self, keyword: &[u8], words: &'t [u8], line: usize) -> Result<(), Fault<'t>> {
         let map = || map(words, line);
         match keyword.to_ascii_lowercase().as_slice() {
             b"kd" => self.diffuse = color(words)?,
@@ -113,14 +113,14 @@ impl MtlMaterial {
             b"pr" => self.roughness = Some(number(words)?),
             b"pm" => self.metallic = Some(number(words)?),
             b"illum" => self.illum = Some(number(words)?.clamp(0.0, 100.0) as u32),
-            b"map_kd" => self.diffuse_map = map()?,
-            b"map_ks" => self.specular_map = map()?,
-            b"map_ke" => self.emission_map = map()?,
-            b"map_d" => self.opacity_map = map()?,
-            b"map_pr" => self.roughness_map = map()?,
-            b"map_pm" => self.metallic_map = map()?,
-            b"map_bump" | b"bump" => self.bump_map = map()?,
-            b"norm" | b"map_kn" => self.normal_map = map()?,
+            b"map_kd" => self.diffuse_map = map(),
+            b"map_ks" => self.specular_map = map(),
+            b"map_ke" => self.emission_map = map(),
+            b"map_d" => self.opacity_map = map(),
+            b"map_pr" => self.roughness_map = map(),
+            b"map_pm" => self.metallic_map = map(),
+            b"map_bump" | b"bump" => self.bump_map = map(),
+            b"norm" | b"map_kn" => self.normal_map = map(),
             _ => {}
         }
         Ok(())
@@ -128,14 +128,14 @@ impl MtlMaterial {
 }
 
 /// A number that is one: finite.
-fn number(mut words: &[u8]) -> Result<f32, String> {
-    let word = next_word(&mut words).ok_or("a number is missing")?;
+fn number(mut words: &[u8]) -> Result<f32, Fault<'_>> {
+    let word = next_word(&mut words).ok_or_else(|| Fault::new(words, "a number is missing"))?;
     let value = float(word).filter(|value| value.is_finite());
-    value.ok_or_else(|| format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
+    value.ok_or_else(|| Fault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word)))))
 }
 
 /// One number for all, or three. `None`: a spectrum or XYZ, which nobody writes.
-fn color(words: &[u8]) -> Result<Option<Vec3>, String> {
+fn color(words: &[u8]) -> Result<Option<Vec3>, Fault<'_>> {
     let mut rest = words;
     if matches!(next_word(&mut rest), Some(b"spectral" | b"xyz")) {
         return Ok(None);
@@ -155,7 +155,7 @@ fn color(words: &[u8]) -> Result<Option<Vec3>, String> {
 }
 
 /// Options, then the name, which may contain spaces. `None`: there is no name.
-fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
+fn map(words: &[u8], line: usize) -> Option<MtlMap> {
     let mut map =
         MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: None };
     let mut rest = words;
@@ -175,7 +175,7 @@ fn map(words: &[u8], line: usize) -> Result<Option<MtlMap>, String> {
             }
             _ => {
                 map.reference = String::from_utf8_lossy(before.trim_ascii()).into_owned();
-                return Ok((!map.reference.is_empty()).then_some(map));
+                return (!map.reference.is_empty()).then_some(map);
             }
         }
     }
@@ -225,10 +225,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_named_with_its_line() {
-        for text in ["newmtl a\nNs nan", "newmtl a\nKd 1 2 x", "newmtl a\nNi", "newmtl a\nKd"] {
+    fn what_is_no_number_is_named_with_its_line_and_column() {
+        for (text, place) in [
+            ("newmtl a\nNs nan", "line 2, column 4: "),
+            ("newmtl a\n\tKd 1 2 x", "line 2, column 9: "),
+            ("newmtl a\nNi", "line 2, column 3: "),
+            ("newmtl a\nKd", "line 2, column 3: "),
+        ] {
             let error = read_text(text).unwrap_err().to_string();
-            assert!(error.contains("line 2"), "{text}: {error}");
+            assert!(error.contains(place), "{text}: {error}");
         }
     }
 }

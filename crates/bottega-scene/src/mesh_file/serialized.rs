@@ -39,16 +39,20 @@ pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryB
     if !recognizes(bytes) {
         return Err(source.damaged("it does not begin like a serialized mesh of version 3 or 4"));
     }
-    let bytes = &bytes[find(source, bytes, shape_index)?];
+    let range = find(source, bytes, shape_index)?;
+    let start = range.start;
+    let bytes = &bytes[range];
     if !recognizes(bytes) {
-        return Err(source.damaged(format!("its table leads to no mesh for shape {shape_index}")));
+        return Err(
+            source.damaged(format!("its table leads to byte {start} for shape {shape_index}, where no mesh begins"))
+        );
     }
     let compressed = &bytes[4..];
     let decoder = flate2::bufread::ZlibDecoder::new(compressed);
-    let place = format!("shape {shape_index}");
+    let place = format!("shape {shape_index} at byte {start}");
     // Each array is checked against what so much data can unfold to, before it is allocated.
     let capacity = compressed.len().saturating_mul(inflate::RATIO_MAX);
-    Stream { source, decoder, capacity, place }.mesh(bytes[2] == 4)
+    Stream { source, decoder, capacity, unfolded: 0, place }.mesh(bytes[2] == 4)
 }
 
 /// How many meshes a file holds.
@@ -91,7 +95,10 @@ fn find(source: Source<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::
     let end = if index + 1 < count { offset(index + 1) } else { Some(table) };
     match (offset(index), end) {
         (Some(start), Some(end)) if start < end && end <= table => Ok(start..end),
-        _ => Err(source.damaged(format!("its table leads to no place for shape {shape_index}"))),
+        _ => {
+            let entry = table + index * width;
+            Err(source.damaged(format!("its table, at byte {entry}, leads to no place for shape {shape_index}")))
+        }
     }
 }
 
@@ -101,6 +108,8 @@ struct Stream<'a, R> {
     decoder: R,
     /// Bytes that may still come, at most.
     capacity: usize,
+    /// Bytes that came already.
+    unfolded: usize,
     place: String,
 }
 
@@ -111,7 +120,7 @@ impl<R: Read> Stream<'_, R> {
         let vertex_count = self.count()?;
         let triangle_count = self.count()?;
         if vertex_count > u32::MAX as usize {
-            return Err(self.invalid(format!("{vertex_count} vertices are more than can be indexed")));
+            return Err(self.invalid_here(format!("{vertex_count} vertices are more than can be indexed")));
         }
         let is_double = flags & IS_DOUBLE != 0;
         let mut mesh = Mesh { name, ..Mesh::default() };
@@ -156,11 +165,19 @@ impl<R: Read> Stream<'_, R> {
         self.source.invalid(self.place.as_str(), problem)
     }
 
+    /// What is wrong with what was just read, or is to be read next.
+    fn invalid_here(&self, problem: impl Into<String>) -> SceneError {
+        self.source.invalid(format!("{}, byte {} of its data when unfolded", self.place, self.unfolded), problem)
+    }
+
     fn fill(&mut self, to: &mut [u8]) -> Result<(), SceneError> {
-        self.decoder
-            .read_exact(to)
-            .map_err(|error| self.source.damaged(format!("the data of {} cannot be unfolded ({error})", self.place)))?;
+        self.decoder.read_exact(to).map_err(|error| {
+            let (place, unfolded) = (&self.place, self.unfolded);
+            let problem = format!("the data of {place} cannot be unfolded beyond their byte {unfolded} ({error})");
+            self.source.damaged(problem)
+        })?;
         self.capacity = self.capacity.saturating_sub(to.len());
+        self.unfolded += to.len();
         Ok(())
     }
 
@@ -172,7 +189,7 @@ impl<R: Read> Stream<'_, R> {
 
     fn count(&mut self) -> Result<usize, SceneError> {
         let count = u64::from_le_bytes(self.bytes()?);
-        usize::try_from(count).map_err(|_| self.invalid(format!("announces {count} elements")))
+        usize::try_from(count).map_err(|_| self.invalid_here(format!("announces {count} elements")))
     }
 
     /// Text up to a zero byte.
@@ -185,7 +202,7 @@ impl<R: Read> Stream<'_, R> {
                 [byte] => name.push(byte),
             }
             if name.len() > LENGTH_MAX {
-                return Err(self.invalid("its name has no end"));
+                return Err(self.invalid_here("its name has no end"));
             }
         }
     }
@@ -193,7 +210,7 @@ impl<R: Read> Stream<'_, R> {
     /// `count` numbers or groups of numbers of 4 bytes each, little-endian.
     fn numbers<T: Pod>(&mut self, count: usize) -> Result<Vec<T>, SceneError> {
         if count.saturating_mul(size_of::<T>()) > self.capacity {
-            return Err(self.invalid(format!("announces {count} elements, more than its data can unfold to")));
+            return Err(self.invalid_here(format!("announces {count} elements, more than its data can unfold to")));
         }
         let mut values = self.source.zeroed(count)?;
         self.fill(bytemuck::cast_slice_mut(&mut values))?;
@@ -210,7 +227,7 @@ impl<R: Read> Stream<'_, R> {
             return self.numbers(count);
         }
         if count.saturating_mul(8 * N) > self.capacity {
-            return Err(self.invalid(format!("announces {count} elements, more than its data can unfold to")));
+            return Err(self.invalid_here(format!("announces {count} elements, more than its data can unfold to")));
         }
         let mut values: Vec<T> = self.source.zeroed(count)?;
         let floats: &mut [f32] = bytemuck::cast_slice_mut(&mut values);

@@ -9,7 +9,8 @@ use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
     AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Material, MediumId,
-    Plastic, Principled, Relief, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides, Spectrum, Surface,
+    Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides,
+    Spectrum, Surface,
 };
 
 /// What a material is made of: bsdf, emitter, interior and exterior medium.
@@ -101,12 +102,12 @@ impl Importer<'_> {
             "bumpmap" | "bump" => {
                 let inner = self.inner(object)?;
                 let relief = self.bump(object)?;
-                self.with_relief(object, inner, relief)
+                self.with_relief(object, inner, relief)?
             }
             "normalmap" => {
                 let inner = self.inner(object)?;
                 let relief = self.normal_map(object)?;
-                self.with_relief(object, inner, relief)
+                self.with_relief(object, inner, relief)?
             }
             "blendbsdf" => self.blend(object)?,
             "mixturebsdf" => self.mixture(object)?,
@@ -210,7 +211,11 @@ impl Importer<'_> {
 
     fn two_sided(&mut self, object: &Object) -> Result<Lowered, SceneError> {
         let sides = self.inner_bsdfs(object);
-        let front = self.inner(object)?;
+        let mut front = self.inner(object)?;
+        // The other side is this one seen in a mirror.
+        if let Some(Relief { rule: ReliefRule::Mitsuba { mirrored, .. }, .. }) = &mut front.relief {
+            *mirrored = true;
+        }
         let other = match sides.get(1) {
             Some(&back) => Some(self.bsdf(back)?),
             None => None,
@@ -243,32 +248,39 @@ impl Importer<'_> {
         Some(child.object)
     }
 
-    fn bump(&mut self, object: &Object) -> Result<Option<Relief>, SceneError> {
+    fn bump(&mut self, object: &Object) -> Result<Option<ReliefSource>, SceneError> {
         let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
         let Some(id) = self.inner_texture(object) else { return Ok(None) };
         let texture = self.texture(id, Use::Number)?;
         Ok(texture.map.map(|(map, channel)| {
             let factor = super::color::luminance(texture.factor) * scale;
-            Relief::Bump(ScalarParam { factor, texture: Some((map, channel.unwrap_or(Channel::R))) })
+            ReliefSource::Heights(ScalarParam { factor, texture: Some((map, channel.unwrap_or(Channel::R))) })
         }))
     }
 
-    fn normal_map(&mut self, object: &Object) -> Result<Option<Relief>, SceneError> {
-        object.ignore(&["flip_invalid_normals", "use_shadowing_function"]);
+    fn normal_map(&mut self, object: &Object) -> Result<Option<ReliefSource>, SceneError> {
         let Some(id) = self.inner_texture(object) else { return Ok(None) };
         let texture = self.texture(id, Use::Vector)?;
-        Ok(texture.map.map(|(map, _)| Relief::Normal(map, 1.0)))
+        Ok(texture.map.map(|(map, _)| ReliefSource::Normals(map, 1.0)))
     }
 
-    fn with_relief(&mut self, object: &Object, inner: Lowered, relief: Option<Relief>) -> Lowered {
-        if relief.is_none() {
+    fn with_relief(
+        &mut self,
+        object: &Object,
+        inner: Lowered,
+        source: Option<ReliefSource>,
+    ) -> Result<Lowered, SceneError> {
+        let turns = self.bad(object.boolean("flip_invalid_normals", true))?;
+        let shadows = self.bad(object.boolean("use_shadowing_function", true))?;
+        let Some(source) = source else {
             self.report.warn(object.at, format!("the {} has no texture", object.describe()));
-            return inner;
-        }
+            return Ok(inner);
+        };
         if inner.relief.is_some() {
             self.report.warn(object.at, "of two reliefs within one another, the outer one counts");
         }
-        Lowered { relief, ..inner }
+        let rule = ReliefRule::Mitsuba { turns, shadows, mirrored: false };
+        Ok(Lowered { relief: Some(Relief { source, rule }), ..inner })
     }
 
     fn blend(&mut self, object: &Object) -> Result<Lowered, SceneError> {

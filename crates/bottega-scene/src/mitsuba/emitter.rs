@@ -1,6 +1,6 @@
 //! Emitters: those of surfaces, those without extent, and environments.
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
 use super::Importer;
 use super::color::Role;
@@ -8,7 +8,9 @@ use super::document::{Object, ObjectId};
 use super::sensor::{fov_axis, standing, vertical_fov};
 use super::texture::Use;
 use crate::image::{Encoding, Header};
-use crate::{ColorParam, Environment, Image, Light, LightKind, SceneError, Spectrum, SpotFalloff};
+use crate::{
+    ColorParam, Environment, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum, SpotFalloff, TextureMap,
+};
 
 impl Importer<'_> {
     /// What a surface emits, from its front.
@@ -114,7 +116,16 @@ impl Importer<'_> {
         };
         let intensity = self.plain_color(object, "intensity", Role::Radiance, Spectrum::ONE)?;
         if let Some(child) = object.child("texture") {
-            self.report.warn(child.at, "the texture of a spot is left out");
+            let texture = self.texture(child.object, Use::Color(Role::Unbounded))?;
+            if let Some((map, _)) = texture.map {
+                return self.spot_with_picture(
+                    object,
+                    to_world,
+                    intensity * texture.factor,
+                    Slide::new(map, beam, cutoff),
+                );
+            }
+            self.report.warn(child.at, "the texture of a spot does not vary, and is left out");
         }
         let (cos_inner, cos_outer) = (beam.to_radians().cos() as f32, cutoff.to_radians().cos() as f32);
         let cos_outer = cos_outer.min(cos_inner.next_down()).max(-1.0);
@@ -129,6 +140,31 @@ impl Importer<'_> {
                 falloff: SpotFalloff::LinearAngle,
             },
         );
+        Ok(())
+    }
+
+    /// A spot whose picture fills the square around its cone.
+    fn spot_with_picture(
+        &mut self,
+        object: &Object,
+        to_world: &DMat4,
+        intensity: Spectrum,
+        slide: Slide,
+    ) -> Result<(), SceneError> {
+        let Some((rotation, position, _)) = standing(to_world) else {
+            return Err(self.report.invalid(object.at, "the transformation of the spot is singular"));
+        };
+        if slide.cutoff >= 89.0_f64.to_radians() {
+            return Err(self.report.invalid(object.at, "a picture cannot fill a cone of 89 degrees or more"));
+        }
+        let bytes = (SLIDE_SIDE * SLIDE_SIDE) as usize * size_of::<[f32; 3]>();
+        self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+        let vertical_fov = 2.0 * slide.cutoff as f32;
+        self.slides.push((self.scene.lights.len(), slide));
+        let world_from_light = super::sensor::looking(&rotation, position);
+        // The picture follows when that of the file is there.
+        let image = ImageId(u32::MAX);
+        self.add_light(object, LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect: 1.0 });
         Ok(())
     }
 
@@ -172,5 +208,52 @@ impl Importer<'_> {
             },
         );
         Ok(())
+    }
+}
+
+/// Texels along a side of what a spot with a picture throws.
+const SLIDE_SIDE: u32 = 512;
+
+/// The picture that a spot throws, and how it fades towards the edge of the cone.
+pub(super) struct Slide {
+    map: TextureMap,
+    /// Half angles in radians: of full intensity, and beyond which there is nothing.
+    beam: f64,
+    cutoff: f64,
+}
+
+impl Slide {
+    /// - `beam`, `cutoff`: half angles in degrees.
+    fn new(map: TextureMap, beam: f64, cutoff: f64) -> Self {
+        Self { map, beam: beam.to_radians(), cutoff: cutoff.to_radians() }
+    }
+
+    /// The picture of a projector that throws the same.
+    fn image(&self, picture: &Image) -> Image {
+        let half_width = self.cutoff.tan();
+        let texel = |index: u32| {
+            let at = DVec2::new(f64::from(index % SLIDE_SIDE), f64::from(index / SLIDE_SIDE)) + 0.5;
+            let place = at / f64::from(SLIDE_SIDE);
+            let cosine = 1.0 / (1.0 + ((2.0 * place - 1.0) * half_width).length_squared()).sqrt();
+            let angle = cosine.acos();
+            let fading = ((self.cutoff - angle) / (self.cutoff - self.beam)).clamp(0.0, 1.0);
+            // A projector divides by the cube of the cosine. Seen along our axes, the texture is turned half round.
+            let color = picture.eval(&self.map, (1.0 - place).as_vec2(), 0.0).truncate();
+            (color * (fading * cosine.powi(3)) as f32).to_array()
+        };
+        let texels = (0..SLIDE_SIDE * SLIDE_SIDE).map(texel).collect();
+        Image::from_linear_rgb(picture.name.clone(), SLIDE_SIDE, SLIDE_SIDE, texels)
+    }
+}
+
+/// Puts the pictures of spots into a scene that has those of the file. Each has the index of its light.
+pub(super) fn add_slides(scene: &mut Scene, slides: &[(usize, Slide)]) {
+    for (light, slide) in slides {
+        let made = slide.image(&scene.images[slide.map.image.0 as usize]);
+        let next = ImageId(scene.images.len() as u32);
+        if let LightKind::Projector { image, .. } = &mut scene.lights[*light].kind {
+            *image = next;
+            scene.images.push(made);
+        }
     }
 }

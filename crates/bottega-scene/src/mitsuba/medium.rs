@@ -24,6 +24,21 @@ impl Field {
             Self::Grid(grid, _) => grid.mean(),
         }
     }
+
+    /// A coefficient, and what multiplies it in space.
+    fn into_factor_and_grid(self) -> (Spectrum, Grid) {
+        match self {
+            Self::Constant(value) => (value, Grid::one()),
+            Self::Grid(grid, _) => (Spectrum::ONE, grid),
+        }
+    }
+}
+
+/// Coefficients per unit of length, and what multiplies them in space.
+struct Stuff {
+    absorption: Spectrum,
+    scattering: Spectrum,
+    variation: Option<Variation>,
 }
 
 impl Importer<'_> {
@@ -38,32 +53,64 @@ impl Importer<'_> {
             let message = format!("the {} is not supported; its mean stands for it", object.describe());
             self.report.warn(object.at, message);
         }
-        let (albedo, extinction) = self.coefficients(object)?;
+        let is_given = |name: &str| object.property(name).is_some() || object.child(name).is_some();
+        // The old line may give scattering and absorption apart.
+        let stuff = if is_given("sigma_s") || is_given("sigma_a") {
+            self.coefficients(object)?
+        } else {
+            self.extinction_and_albedo(object, if is_given("density") { "density" } else { "sigma_t" })?
+        };
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
-        let (extinction, variation) = self.variation(object, extinction, &albedo)?;
-        let extinction = (extinction * scale).min(Spectrum::splat(1e30));
-        let scattering = extinction * albedo.mean().min(Spectrum::ONE);
+        let scaled = |coefficient: Spectrum| (coefficient * scale).min(Spectrum::splat(1e30));
+        if stuff.variation.is_some() && object.plugin == "homogeneous" {
+            self.report
+                .warn(object.at, "the medium is called homogeneous, but varies in space: it is painted as it is");
+        }
         let g = self.asymmetry(object)?;
         let medium = Medium {
             name: object.label(),
-            absorption: (extinction - scattering).max(Spectrum::ZERO),
-            scattering,
+            absorption: scaled(stuff.absorption),
+            scattering: scaled(stuff.scattering),
             emission: Spectrum::ZERO,
             g: g as f32,
-            variation,
+            variation: stuff.variation.map(Arc::new),
         };
         let made = self.scene.push_medium(medium);
         self.media.insert(id, made);
         Ok(Some(made))
     }
 
-    /// Extinction per unit of length, and what multiplies it in space.
-    fn variation(
-        &mut self,
-        object: &Object,
-        extinction: Field,
-        albedo: &Field,
-    ) -> Result<(Spectrum, Option<Arc<Variation>>), SceneError> {
+    /// What `sigma_s` and `sigma_a` say.
+    fn coefficients(&mut self, object: &Object) -> Result<Stuff, SceneError> {
+        let scattering = self.field(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
+        let absorption = self.field(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
+        let ((Field::Grid(_, place), _) | (_, Field::Grid(_, place))) = (&scattering, &absorption) else {
+            return Ok(Stuff { absorption: absorption.mean(), scattering: scattering.mean(), variation: None });
+        };
+        let grid_from_world = *place;
+        if matches!(&absorption, Field::Grid(_, place) if *place != grid_from_world) {
+            self.report.warn(object.at, "`sigma_a` is taken to fill the same box as `sigma_s`");
+        }
+        let ((scattering, scattering_grid), (absorption, absorption_grid)) =
+            (scattering.into_factor_and_grid(), absorption.into_factor_and_grid());
+        let density = Density::Each { absorption: absorption_grid, scattering: scattering_grid };
+        Ok(Stuff { absorption, scattering, variation: Some(Variation { density, emission: None, grid_from_world }) })
+    }
+
+    /// What the extinction, of this name, and `albedo` say.
+    fn extinction_and_albedo(&mut self, object: &Object, density: &str) -> Result<Stuff, SceneError> {
+        if let Some(name) = self.bad(object.string("material"))? {
+            let message =
+                format!("the substance `{}` is not known; a gray fog stands for it", crate::text::shortened(name));
+            self.report.warn(object.at, message);
+        }
+        let extinction = self.field(object, density, Role::Unbounded, Spectrum::ONE)?;
+        let albedo = self.field(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?;
+        let mean_albedo = albedo.mean().min(Spectrum::ONE);
+        let of = |extinction: Spectrum, variation| {
+            let scattering = extinction * mean_albedo;
+            Stuff { absorption: (extinction - scattering).max(Spectrum::ZERO), scattering, variation }
+        };
         let (grid, grid_from_world) = match extinction {
             Field::Grid(grid, place) => (grid, place),
             Field::Constant(extinction) => {
@@ -71,50 +118,19 @@ impl Importer<'_> {
                     self.report
                         .warn(object.at, "the albedo varies in space, but the extinction does not: its mean is taken");
                 }
-                return Ok((extinction, None));
+                return Ok(of(extinction, None));
             }
         };
-        if object.plugin == "homogeneous" {
-            self.report
-                .warn(object.at, "the medium is called homogeneous, but varies in space: it is painted as it is");
-        }
         let density = match albedo {
             Field::Constant(_) => Density::Both(grid),
             Field::Grid(albedo, place) => {
-                if *place != grid_from_world {
+                if place != grid_from_world {
                     self.report.warn(object.at, "the albedo is taken to fill the same box as the extinction");
                 }
-                Density::WithAlbedo { extinction: grid, albedo: albedo.clone() }
+                Density::WithAlbedo { extinction: grid, albedo }
             }
         };
-        Ok((Spectrum::ONE, Some(Arc::new(Variation { density, emission: None, grid_from_world }))))
-    }
-
-    /// Albedo, and extinction per unit of length.
-    fn coefficients(&mut self, object: &Object) -> Result<(Field, Field), SceneError> {
-        let is_given = |name: &str| object.property(name).is_some() || object.child(name).is_some();
-        // The old line may give scattering and absorption apart.
-        if is_given("sigma_s") || is_given("sigma_a") {
-            let mut mean = |name: &str| {
-                let field = self.field(object, name, Role::Unbounded, Spectrum::ZERO)?;
-                if matches!(field, Field::Grid(..)) {
-                    self.report.warn(object.at, format!("`{name}` varies in space; its mean stands for it everywhere"));
-                }
-                Ok::<_, SceneError>(field.mean())
-            };
-            let (scattering, absorption) = (mean("sigma_s")?, mean("sigma_a")?);
-            let extinction = scattering + absorption;
-            let albedo = Spectrum::select(extinction.cmpgt(Spectrum::ZERO), scattering / extinction, Spectrum::ZERO);
-            return Ok((Field::Constant(albedo), Field::Constant(extinction)));
-        }
-        if let Some(name) = self.bad(object.string("material"))? {
-            let message =
-                format!("the substance `{}` is not known; a gray fog stands for it", crate::text::shortened(name));
-            self.report.warn(object.at, message);
-        }
-        let density = if is_given("density") { "density" } else { "sigma_t" };
-        let extinction = self.field(object, density, Role::Unbounded, Spectrum::ONE)?;
-        Ok((self.field(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?, extinction))
+        Ok(of(Spectrum::ONE, Some(Variation { density, emission: None, grid_from_world })))
     }
 
     /// A property of a medium.

@@ -67,6 +67,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         pictures: Pictures::new(resources, options),
         scene: Scene::default(),
         hints: RenderHints::default(),
+        slides: Vec::new(),
         conversions: 0,
         materials: BTreeMap::new(),
         media: BTreeMap::new(),
@@ -80,9 +81,10 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         importer.root(root)?;
     }
     importer.report_unused();
-    let Importer { report, pictures, mut scene, hints, .. } = importer;
+    let Importer { report, pictures, mut scene, hints, slides, .. } = importer;
     report.finish(warnings);
     scene.images = pictures.load(warnings)?;
+    emitter::add_slides(&mut scene, &slides);
     let metadata = Metadata {
         format: if document.is_old { "Mitsuba 0.x" } else { "Mitsuba 3" },
         generator: None,
@@ -99,6 +101,8 @@ struct Importer<'a> {
     pictures: Pictures<'a>,
     scene: Scene,
     hints: RenderHints,
+    /// Pictures of spots, each with the index of its light.
+    slides: Vec<(usize, emitter::Slide)>,
     conversions: usize,
     /// What was made of a bsdf with an emitter and media.
     materials: BTreeMap<bsdf::MaterialKey, (u32, bsdf::Needs)>,

@@ -305,10 +305,15 @@ impl Importer<'_> {
                     Part::Sphere(ball) => group.balls.push(ball),
                     Part::Group(inner, matrix) => {
                         self.load_group(inner)?;
-                        let inner = self.groups.get(&inner).cloned().unwrap_or_default();
+                        let Some(inner) = self.groups.get(&inner) else { continue };
                         let bytes =
                             inner.meshes.len() * size_of::<(u32, DMat4)>() + inner.balls.len() * size_of::<Ball>();
                         self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+                        // Groups in groups grow as fast as their depth.
+                        let room = group.meshes.try_reserve(inner.meshes.len());
+                        if room.and_then(|()| group.balls.try_reserve(inner.balls.len())).is_err() {
+                            return Err(self.report.invalid(object.at, "there is no memory for what is in this group"));
+                        }
                         group.meshes.extend(inner.meshes.iter().map(|&(mesh, inside)| (mesh, matrix * inside)));
                         let moved = |ball: &Ball| Ball { to_group: matrix * ball.to_group, ..*ball };
                         group.balls.extend(inner.balls.iter().map(moved));
@@ -324,6 +329,10 @@ impl Importer<'_> {
         self.load_group(id)?;
         let at = self.document.get(id).at;
         let Some(group) = self.groups.remove(&id) else { return Ok(()) };
+        let room = self.scene.instances.try_reserve(group.meshes.len());
+        if room.and_then(|()| self.scene.spheres.try_reserve(group.balls.len())).is_err() {
+            return Err(self.report.invalid(at, "there is no memory for what is in this group"));
+        }
         for &(mesh, inside) in &group.meshes {
             self.show(mesh, &(matrix * inside), at)?;
         }

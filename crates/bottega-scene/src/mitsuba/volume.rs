@@ -16,26 +16,35 @@ pub(super) struct Volume {
 pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
     const HEADER_BYTES: usize = 48;
     if !bytes.starts_with(b"VOL\x03") {
-        return Err("it does not begin like a grid of version 3".into());
+        return Err("it does not begin, at byte 0, like a grid of version 3".into());
     }
     let Some((header, values)) = bytes.split_at_checked(HEADER_BYTES) else {
-        return Err("it ends within its header".into());
+        return Err(format!("it ends at byte {}, within its header of {HEADER_BYTES}", bytes.len()));
     };
     let word = |index: usize| <[u8; 4]>::try_from(&header[4 + 4 * index..8 + 4 * index]).unwrap_or_default();
     let integer = |index: usize| i32::from_le_bytes(word(index));
     if integer(0) != 1 {
-        return Err("its values are no floats".into());
+        return Err(format!("its values are no floats, but of kind {} (byte 4)", integer(0)));
     }
     let channels = match integer(4) {
         channels @ (1 | 3 | 6) => channels as usize,
-        _ => return Err("it has neither one channel nor three".into()),
+        channels => return Err(format!("it announces {channels} channels (byte 20), and not 1 or 3")),
     };
-    let size = [1, 2, 3].map(|index| u32::try_from(integer(index)).unwrap_or(0));
+    let announced = [1, 2, 3].map(integer);
+    let size = announced.map(|side| u32::try_from(side).unwrap_or(0));
     let count = size.iter().try_fold(channels, |product, &side| product.checked_mul(side as usize));
     let Some(count) = count.filter(|&count| count > 0 && count <= values.len() / 4) else {
-        return Err("it is shorter than its header says".into());
+        let [x, y, z] = announced;
+        return Err(format!(
+            "its {} bytes cannot hold the {x} × {y} × {z} cells that it announces (byte 8)",
+            bytes.len()
+        ));
     };
     let float = |bytes: &[u8]| bytes.try_into().map_or(0.0, f32::from_le_bytes);
+    let is_number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes).is_finite();
+    if let Some(index) = values[..4 * count].as_chunks::<4>().0.iter().position(|bytes| !is_number(bytes)) {
+        return Err(format!("the value at byte {} is no finite number", HEADER_BYTES + 4 * index));
+    }
     let cells = values[..4 * count].chunks_exact(4 * channels);
     let numbers = cells.flat_map(|cell| cell.chunks_exact(4).take(channels.min(3)).map(float)).collect();
     let grid = Grid::new(size, numbers, blend).map_err(|problem| problem.to_string())?;

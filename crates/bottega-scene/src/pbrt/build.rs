@@ -20,8 +20,8 @@ use crate::mesh_file::ply;
 use crate::model::MeshBounds;
 use crate::resource::Location;
 use crate::{
-    AlphaMode, Back, Instance, Material, MediumId, Mesh, RenderHints, ScalarParam, Scene, SceneError, Sides, Sphere,
-    Surface,
+    AlphaMode, Back, Instance, Material, MediumId, Mesh, ReliefSource, RenderHints, ScalarParam, Scene, SceneError,
+    Sides, Sphere, Surface,
 };
 
 /// Meshes with fewer triangles are joined with others of the same material: files may describe each of a million
@@ -468,8 +468,8 @@ fn is_sound(material: &Material) -> bool {
     let is_sound = |factor: f32| factor.is_finite() && factor >= 0.0;
     colors.into_iter().chain([&material.emission]).all(|color| color.factor.to_array().into_iter().all(is_sound))
         && scalars.into_iter().chain([&material.opacity]).all(|scalar| is_sound(scalar.factor))
-        && match &material.relief {
-            Some(crate::Relief::Bump(height)) => height.factor.is_finite(),
+        && match material.relief.as_ref().map(|relief| &relief.source) {
+            Some(ReliefSource::Heights(height)) => height.factor.is_finite(),
             _ => true,
         }
 }

@@ -55,9 +55,8 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> Outcome<Variation>
     }
     let emission = colors("Le", Meaning::Light, &|color| exposure.apply(color))?;
     // What is not given is 1 everywhere.
-    let one = || grid([1; 3], vec![1.0], Blend::Linear, at);
-    let density =
-        Density::Each { absorption: absorption.map_or_else(one, Ok)?, scattering: scattering.map_or_else(one, Ok)? };
+    let [absorption, scattering] = [absorption, scattering].map(|grid| grid.unwrap_or_else(Grid::one));
+    let density = Density::Each { absorption, scattering };
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
 }
 

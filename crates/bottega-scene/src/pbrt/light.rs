@@ -106,18 +106,17 @@ impl Lights {
         entity: &Entity,
         strength: Strength,
     ) -> Outcome<LightKind> {
-        let (params, at) = (&entity.params, entity.at);
-        let position = position(&entity.ctm, DVec3::ZERO, at)?;
+        let params = &entity.params;
         let Some(file) = params.text("filename")? else {
-            context.warn(at, "a goniometric light without `filename` shines equally in all directions");
-            return Ok(point(strength, position));
+            context.warn(entity.at, "a goniometric light without `filename` shines equally in all directions");
+            return Ok(point(strength, position(&entity.ctm, DVec3::ZERO, entity.at)?));
         };
         let image = textures.picture(context, file, false, params.place_of("filename"))?.image;
         self.goniometric.push((image, params.place_of("filename")));
-        self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
+        let (axes, position) = self.pictured(context, entity, strength)?;
         // Its pole is +y.
         let swapped = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
-        let world_from_light = (axes(context, &entity.ctm, at)? * swapped).as_mat3();
+        let world_from_light = (axes * swapped).as_mat3();
         Ok(LightKind::Goniometric { position, world_from_light, image, intensity: strength.times(1.0) })
     }
 
@@ -134,20 +133,25 @@ impl Lights {
         if !(fov > 0.0 && fov < 180.0) {
             return Err(params.place_of("fov").fault("`fov` must be between 0 and 180 degrees").into());
         }
-        self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
         let image = textures.projection(context, file, fov, params.place_of("filename"))?;
-        let axes = axes(context, &entity.ctm, at)? * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+        let (axes, position) = self.pictured(context, entity, strength)?;
+        let axes = axes * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
         Ok(LightKind::Projector {
-            world_from_light: Affine3A {
-                matrix3: Mat3A::from(axes.as_mat3()),
-                translation: Vec3A::from(position(&entity.ctm, DVec3::ZERO, at)?),
-            },
+            world_from_light: Affine3A { matrix3: Mat3A::from(axes.as_mat3()), translation: Vec3A::from(position) },
             image,
             intensity: strength.times(1.0),
             // Of the shorter side; it is known when the picture is.
             vertical_fov: fov.to_radians() as f32,
             aspect: 1.0,
         })
+    }
+
+    /// The axes and the place of a light with a picture, which is to be the next of the list. Its power waits for the
+    /// picture.
+    fn pictured(&mut self, context: &mut Context<'_>, entity: &Entity, strength: Strength) -> Outcome<(DMat3, Vec3)> {
+        self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
+        let axes = axes(context, &entity.ctm, entity.at)?;
+        Ok((axes, position(&entity.ctm, DVec3::ZERO, entity.at)?))
     }
 
     /// Adds the lights to a scene whose pictures are there.

@@ -93,12 +93,12 @@ impl<'w> Materials<'w> {
         let relief = match params.text("normalmap")? {
             Some(file) => {
                 let map = textures.picture(context, file, true, params.place_of("normalmap"))?;
-                Some(Relief::Normal(map, 1.0))
+                Some(Relief::normals(map, 1.0))
             }
             None => textures
                 .scalar(context, params, "displacement")?
                 .filter(|height| height.texture.is_some())
-                .map(Relief::Bump),
+                .map(Relief::heights),
         };
         context.report_unused(params);
         let name = world.named_materials.iter().find(|(_, known)| **known == index).map(|(name, _)| name.clone());

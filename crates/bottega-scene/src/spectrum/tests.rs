@@ -112,14 +112,14 @@ fn files_of_spectra_are_checked() {
     let spectrum = read("# gold\n400 0.5\n\n500, 1.5 # half\r\n600\t2\n").unwrap();
     assert_eq!((spectrum.at(450.0), spectrum.at(100.0), spectrum.at(900.0)), (1.0, 0.5, 2.0));
     for (text, place) in [
-        ("400 1\n300 1", "line 2"),
-        ("400 1\n400 1", "line 2"),
-        ("\n400 nan", "line 2"),
-        ("400 -1", "line 1"),
-        ("-400 1", "line 1"),
-        ("400", "line 1"),
-        ("400 1 2", "line 1"),
-        ("a b", "line 1"),
+        ("400 1\n 300 1", "line 2, column 2: "),
+        ("400 1\n400 1", "line 2, column 1: "),
+        ("\n400 nan", "line 2, column 5: "),
+        ("400 -1", "line 1, column 5: "),
+        ("-400 1", "line 1, column 1: "),
+        ("400", "line 1, column 1: "),
+        ("400 1 2", "line 1, column 1: "),
+        ("a b", "line 1, column 1: "),
     ] {
         let error = read(text).unwrap_err().to_string();
         assert!(error.contains(place) && error.contains("a.spd"), "{text}: {error}");

@@ -1,6 +1,8 @@
 //! Materials, textures and pictures.
 
-use bottega_scene::{AlphaMode, Channel, Layered, LoadOptions, Material, Relief, Scene, Sides, Surface, Wrap, load};
+use bottega_scene::{
+    AlphaMode, Channel, Layered, LoadOptions, Material, ReliefSource, Scene, Sides, Surface, Wrap, load,
+};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -96,7 +98,10 @@ fn factors_and_channels_are_those_of_the_specification() {
     assert_eq!(material.opacity_at(&scene, uvs, 0.0, 1.0), 0.0);
     assert_eq!(material.opacity_at(&scene, uvs, 0.0, 2.0), 1.0);
     assert_eq!(material.emission.texture.as_ref().map(|map| map.uv_set), Some(1));
-    assert_eq!(material.relief.as_ref().map(|relief| matches!(relief, Relief::Normal(_, 0.7))), Some(true));
+    assert_eq!(
+        material.relief.as_ref().map(|relief| matches!(relief.source, ReliefSource::Normals(_, 0.7))),
+        Some(true)
+    );
     assert_eq!(layers(material).coat_normal.as_ref().map(|normal| normal.1), Some(2.0));
     assert_eq!((layers(material).ior, material.emission_sides, layers(material).thin), (1.33, Sides::Both, true));
     assert_eq!(material.name, "everything");

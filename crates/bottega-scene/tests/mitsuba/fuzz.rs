@@ -4,9 +4,10 @@ use bottega_scene::LoadOptions;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
-use crate::support::Folder;
+use crate::mutation::{Random, damage, survive};
+use crate::support::{Folder, bare};
 
-const CORPUS: [&str; 5] = [
+const CORPUS: [&str; 7] = [
     "<scene version='3.0.0'><default name='r' value='0.5'/><integrator type='path'><integer name='max_depth' value='5'/></integrator>
 <sensor type='perspective'><float name='fov' value='40'/><transform name='to_world'><lookat origin='0 0 5' target='0 0 0' up='0 1 0'/></transform>
 <film type='hdrfilm'><integer name='width' value='64'/><integer name='height' value='32'/><rfilter type='gaussian'/></film></sensor>
@@ -23,7 +24,40 @@ const CORPUS: [&str; 5] = [
     "<scene version='3.0.0'><shape type='cylinder'><point name='p0' value='0 0 0'/><point name='p1' value='0 1 0'/><bsdf type='null'/>
 <medium type='homogeneous' name='interior'><rgb name='sigma_t' value='1 2 3'/><rgb name='albedo' value='0.5'/><phase type='hg'><float name='g' value='0.5'/></phase></medium></shape>
 <shape type='disk'><bsdf type='principled'><float name='spec_trans' value='1'/><rgb name='base_color' value='1 0.5 0'/></bsdf></shape></scene>",
+    GRIDS,
+    "<scene version='3.0.0'><shape type='cube'><bsdf type='null'/><medium type='heterogeneous' name='interior'><float name='scale' value='2'/>
+<volume type='gridvolume' name='sigma_s'><string name='filename' value='a.vol'/><boolean name='use_grid_bbox' value='true'/></volume><float name='sigma_a' value='0.5'/></medium></shape>
+<shape type='rectangle'><bsdf type='bumpmap'><float name='scale' value='2'/><boolean name='flip_invalid_normals' value='false'/><texture type='bitmap'><string name='filename' value='a.pfm'/></texture><bsdf type='diffuse'/></bsdf></shape></scene>",
 ];
+
+/// A scene whose numbers lie in a grid and in a file of a spectrum.
+const GRIDS: &str = "<scene version='3.0.0'><shape type='cube'><bsdf type='null'/><medium type='heterogeneous' name='interior'>
+<volume type='gridvolume' name='sigma_t'><string name='filename' value='a.vol'/><string name='filter_type' value='nearest'/>
+<transform name='to_world'><scale x='2' y='3'/><translate x='-1'/></transform></volume>
+<volume type='gridvolume' name='albedo'><string name='filename' value='a.vol'/></volume><float name='scale' value='4'/></medium></shape>
+<emitter type='constant'><spectrum name='radiance' filename='a.spd'/></emitter></scene>";
+
+/// A spectrum.
+const SPECTRUM: &str = "# nm value\n400 0.5\n500 1.5\n\n600, 2e0\n700\t0.25\n";
+
+/// A grid of 3 × 2 × 2 cells of three channels.
+fn grid() -> Vec<u8> {
+    let mut bytes = b"VOL\x03".to_vec();
+    [1i32, 3, 2, 2, 3].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    [0.0f32, 0.0, 0.0, 1.0, 2.0, 3.0].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    (0..36u8).for_each(|value| bytes.extend((f32::from(value) / 36.0).to_le_bytes()));
+    bytes
+}
+
+/// What the scenes of the corpus refer to.
+fn folder() -> Folder {
+    Folder::new()
+        .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        .with("b.xml", "<scene version='3.0.0'><bsdf type='diffuse' id='m'/></scene>")
+        .with("a.pfm", [&b"Pf\n2 1\n-1\n"[..], &0.5f32.to_le_bytes(), &0.75f32.to_le_bytes()].concat())
+        .with("a.spd", SPECTRUM)
+        .with("a.vol", grid())
+}
 
 /// Words that hurt: in place of others, or between them.
 const WORDS: [&str; 16] = [
@@ -103,9 +137,7 @@ fn damaged_scenes_never_panic() {
     let factor = std::env::var("BOTTEGA_FUZZ").ok().and_then(|text| text.parse().ok()).unwrap_or(1);
     let mut runner = TestRunner::new(Config { cases: 1500 * factor, failure_persistence: None, ..Config::default() });
     let strategy = (0..CORPUS.len(), prop::collection::vec(change(), 1..4));
-    let folder = Folder::new()
-        .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-        .with("b.xml", "<scene version='3.0.0'><bsdf type='diffuse' id='m'/></scene>");
+    let folder = folder();
     let result = runner.run(&strategy, |(index, changes)| {
         let mut text = CORPUS[index].as_bytes().to_vec();
         changes.iter().for_each(|change| apply(&mut text, change));
@@ -120,11 +152,88 @@ fn damaged_scenes_never_panic() {
 
 #[test]
 fn the_corpus_itself_is_sound() {
-    let folder = Folder::new()
-        .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-        .with("b.xml", "<scene version='3.0.0'><bsdf type='diffuse' id='m'/></scene>");
+    let folder = folder();
     for text in CORPUS {
         std::fs::write(folder.path(), text).expect("the file of the test");
         folder.load(&LoadOptions::default()).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    }
+}
+
+/// Whether the scene of grids and spectra is read though one of its files is this.
+fn reads_with(folder: &Folder, name: &str, bytes: &[u8]) -> bool {
+    std::fs::write(folder.path().with_file_name(name), bytes).expect("the file of the test");
+    let options = LoadOptions { max_memory_bytes: 16 << 20, ..bare() };
+    folder.load(&options).is_ok_and(|loaded| loaded.scene.validate().is_ok())
+}
+
+#[test]
+fn damaged_grids_and_spectra_never_panic() {
+    let folder = folder().with("scene.xml", GRIDS);
+    let grid = grid();
+    let damaged_grid = |random: &mut Random| {
+        let mut bytes = grid.clone();
+        for _ in 0..=random.below(2) {
+            // A word of the header, or of the values: a count, a box, a number.
+            let at = 4 * random.below(bytes.len().min(64) / 4);
+            let odd =
+                [i32::MIN, -1, 0, 1, 2, 6, 65536, i32::MAX, f32::NAN.to_bits() as i32, f32::INFINITY.to_bits() as i32];
+            if random.below(2) == 0 && bytes.len() >= at + 4 {
+                bytes[at..at + 4].copy_from_slice(&odd[random.below(odd.len())].to_le_bytes());
+            } else if !bytes.is_empty() {
+                let at = random.below(bytes.len());
+                damage(&mut bytes, at, random);
+            }
+        }
+        bytes
+    };
+    let good = survive("a.vol", 300, damaged_grid, |bytes| reads_with(&folder, "a.vol", bytes));
+    assert!((0.05..0.95).contains(&good), "{good} of the grids were grids");
+    assert!(reads_with(&folder, "a.vol", &grid));
+    let damaged_spectrum = |random: &mut Random| {
+        let mut lines: Vec<&str> = SPECTRUM.lines().collect();
+        match random.below(4) {
+            // Out of order, or twice the same.
+            0 => lines.swap(1 + random.below(2), 4),
+            1 => lines.insert(random.below(lines.len()), "500 1"),
+            2 => lines[1] = ["nan 1", "400 nan", "1e400 1", "-1 0", "400 -1", "400", "400 1 2"][random.below(7)],
+            _ => {}
+        }
+        let mut bytes = lines.join("\n").into_bytes();
+        let at = random.below(bytes.len());
+        damage(&mut bytes, at, random);
+        bytes
+    };
+    let good = survive("a.spd", 300, damaged_spectrum, |bytes| reads_with(&folder, "a.spd", bytes));
+    assert!((0.05..0.95).contains(&good), "{good} of the spectra were spectra");
+}
+
+#[test]
+fn headers_of_grids_that_cannot_be_true_are_refused() {
+    let folder = folder().with("scene.xml", GRIDS);
+    let with = |at: usize, word: [u8; 4]| {
+        let mut bytes = grid();
+        bytes[at..at + 4].copy_from_slice(&word);
+        std::fs::write(folder.path().with_file_name("a.vol"), &bytes).expect("the file of the test");
+        match folder.load(&bare()) {
+            Ok(_) => panic!("it was read: {word:?} at {at}"),
+            Err(error) => error.to_string(),
+        }
+    };
+    for (at, word, problem) in [
+        (0, *b"VOL\x02", "version 3"),
+        (0, *b"VDB\x03", "version 3"),
+        (4, 2i32.to_le_bytes(), "no floats"),
+        (8, 0i32.to_le_bytes(), "the 0 × 2"),
+        (8, (-3i32).to_le_bytes(), "the -3 × 2"),
+        (8, i32::MAX.to_le_bytes(), "2147483647 × 2"),
+        (20, 2i32.to_le_bytes(), "2 channels"),
+        (20, i32::MAX.to_le_bytes(), "2147483647 channels"),
+        (52, f32::NAN.to_le_bytes(), "no finite number"),
+        (188, f32::INFINITY.to_le_bytes(), "no finite number"),
+    ] {
+        let error = with(at, word);
+        let place = format!("byte {at}");
+        assert!(error.contains("a.vol") && error.contains(&place), "{at}, {word:?}: {error}");
+        assert!(error.contains(problem), "{at}, {word:?}: {error}");
     }
 }

@@ -1,9 +1,9 @@
 //! What shines.
 
-use bottega_scene::{LightKind, Sides, SpotFalloff};
-use glam::Vec3;
+use bottega_scene::{LightKind, Sides, SpotFalloff, TextureMap};
+use glam::{Vec2, Vec3};
 
-use crate::support::{read, read_old, silent, told};
+use crate::support::{Folder, bare, read, read_old, silent, told};
 
 #[test]
 fn area_lights_shine_from_their_front_and_are_black_by_default() {
@@ -29,6 +29,41 @@ fn lights_without_extent_keep_place_direction_and_strength() {
     assert!((direction - Vec3::NEG_Y).length() < 1e-6);
     assert!((cos_outer - 0.5).abs() < 1e-6 && (cos_inner - 45f32.to_radians().cos()).abs() < 1e-6);
     assert_eq!(kinds[2], LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(3.0) });
+}
+
+#[test]
+fn a_spot_throws_its_texture() {
+    // Rows of a PFM run upwards: 1 and 2 are above 3 and 4.
+    let numbers = [3.0f32, 4.0, 1.0, 2.0].map(f32::to_le_bytes).concat();
+    let folder = Folder::new().with("a.pfm", [&b"Pf\n2 2\n-1\n"[..], &numbers].concat()).scene(
+        "<emitter type='spot'><float name='cutoff_angle' value='40'/><float name='beam_width' value='20'/>
+            <texture type='bitmap' name='texture'><string name='filename' value='a.pfm'/><boolean name='raw' value='true'/>
+            <string name='filter_type' value='nearest'/></texture></emitter>",
+    );
+    let loaded = folder.load(&bare()).unwrap();
+    assert_eq!(told(&loaded), Vec::<String>::new());
+    let LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } = loaded.scene.lights[0].kind
+    else {
+        panic!("{:?}", loaded.scene.lights)
+    };
+    assert_eq!((intensity, aspect), (Vec3::splat(1.0), 1.0));
+    // What Mitsuba 3.9.1 (`scalar_rgb`) says arrives at these points, times the square of the distance.
+    for (p, expected) in [
+        (Vec3::new(0.1, 0.05, 1.0), 4.0),
+        (Vec3::new(-0.1, 0.05, 1.0), 3.0),
+        (Vec3::new(0.1, -0.05, 1.0), 2.0),
+        (Vec3::new(-0.1, -0.05, 1.0), 1.0),
+        (Vec3::new(0.5, 0.1, 1.0), 2.596_575),
+        (Vec3::new(0.6, 0.4, 1.0), 0.840_847),
+        (Vec3::new(0.7, 0.5, 1.0), 0.0),
+    ] {
+        let local = world_from_light.inverse().transform_vector3(p.normalize());
+        let place = Vec2::new(local.x, -local.y) / (-local.z * (0.5 * vertical_fov).tan());
+        let map = TextureMap::new(image);
+        let texel = loaded.scene.images[image.0 as usize].eval(&map, place * 0.5 + 0.5, 0.0).x;
+        let strength = texel / (-local.z).powi(3);
+        assert!((strength - expected).abs() < 0.01 * expected.max(1.0), "{p}: {strength}");
+    }
 }
 
 #[test]

@@ -4,6 +4,8 @@ mod bad_input;
 mod fuzz;
 mod lights;
 mod materials;
+#[path = "../mutation/mod.rs"]
+mod mutation;
 mod parameters;
 mod real_scenes;
 mod sensors;

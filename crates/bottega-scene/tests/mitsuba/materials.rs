@@ -1,6 +1,8 @@
 //! What surfaces are made of.
 
-use bottega_scene::{AlphaMode, Back, Distribution, Facets, Material, Relief, Shadowing, Surface, Wrap};
+use bottega_scene::{
+    AlphaMode, Back, Distribution, Facets, Material, ReliefRule, ReliefSource, Shadowing, Surface, Wrap,
+};
 use glam::{Vec2, Vec3};
 
 use crate::support::{Folder, bare, read, read_old, silent, told};
@@ -70,7 +72,14 @@ fn masks_blends_and_reliefs_wrap_what_is_within() {
     let bump = material(
         "<bsdf type='bumpmap'><float name='scale' value='3'/><texture name='arbitrary' type='checkerboard'/><bsdf type='diffuse'/></bsdf>",
     );
-    assert!(matches!(bump.relief, Some(Relief::Bump(height)) if height.factor == 3.0 && height.texture.is_some()));
+    let relief = bump.relief.unwrap();
+    assert!(matches!(relief.source, ReliefSource::Heights(height) if height.factor == 3.0 && height.texture.is_some()));
+    assert_eq!(relief.rule, ReliefRule::Mitsuba { turns: true, shadows: true, mirrored: false });
+    let bump = material(
+        "<bsdf type='twosided'><bsdf type='bumpmap'><boolean name='flip_invalid_normals' value='false'/><boolean name='use_shadowing_function' value='false'/><texture name='arbitrary' type='checkerboard'/><bsdf type='diffuse'/></bsdf></bsdf>",
+    );
+    let rule = ReliefRule::Mitsuba { turns: false, shadows: false, mirrored: true };
+    assert_eq!((bump.relief.unwrap().rule, bump.back), (rule, Back::Same));
 }
 
 #[test]
@@ -146,4 +155,35 @@ fn media_lie_where_light_goes_through() {
         "<shape type='cube'><bsdf type='null'/><medium name='interior' type='homogeneous'><rgb name='sigmaS' value='3'/><rgb name='sigmaA' value='1'/></medium></shape>",
     );
     assert!((old.scene.media[0].scattering - Vec3::splat(3.0)).length() < 1e-6);
+}
+
+#[test]
+fn scattering_and_absorption_vary_each_by_its_own_grid() {
+    let grid = |values: [f32; 2]| {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1i32, 2, 1, 1, 1].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+        values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        bytes
+    };
+    let volume = |name: &str| {
+        format!("<volume type='gridvolume' name='sigma_{name}'><string name='filename' value='{name}.vol'/></volume>")
+    };
+    let coefficients = |absorption: &str| {
+        let medium = format!(
+            "<medium name='interior' type='heterogeneous'>{}{absorption}<float name='scale' value='2'/></medium>",
+            volume("s")
+        );
+        let folder = Folder::new()
+            .scene(&format!("<shape type='cube'><bsdf type='null'/>{medium}</shape>"))
+            .with("s.vol", grid([1.0, 3.0]))
+            .with("a.vol", grid([0.5, 0.0]));
+        let loaded = folder.load(&bare()).unwrap();
+        assert_eq!(told(&loaded), Vec::<String>::new());
+        let medium = loaded.scene.media[0].clone();
+        let at = |x: f32| medium.coefficients(medium.variation.as_ref().unwrap(), Vec3::new(x, 0.5, 0.5));
+        [0.25, 0.75].map(|x| (at(x).absorption.x, at(x).scattering.x))
+    };
+    assert_eq!(coefficients(&volume("a")), [(1.0, 2.0), (0.0, 6.0)]);
+    assert_eq!(coefficients("<float name='sigma_a' value='0.25'/>"), [(0.5, 2.0), (0.5, 6.0)]);
 }

@@ -159,7 +159,7 @@ impl Converter<'_, '_> {
 
     fn relief(&mut self, mtl: &MtlMaterial) -> Result<Option<Relief>, SceneError> {
         if let Some(map) = &mtl.normal_map {
-            return Ok(Some(Relief::Normal(self.texture(map, Encoding::Linear)?, 1.0)));
+            return Ok(Some(Relief::normals(self.texture(map, Encoding::Linear)?, 1.0)));
         }
         let Some(map) = &mtl.bump_map else { return Ok(None) };
         let Some(height) = map.strength else {
@@ -168,7 +168,7 @@ impl Converter<'_, '_> {
             return Ok(None);
         };
         let texture = (self.texture(map, Encoding::Linear)?, Channel::R);
-        Ok(Some(Relief::Bump(ScalarParam { factor: height, texture: Some(texture) })))
+        Ok(Some(Relief::heights(ScalarParam { factor: height, texture: Some(texture) })))
     }
 
     fn texture(&mut self, map: &MtlMap, encoding: Encoding) -> Result<TextureMap, SceneError> {

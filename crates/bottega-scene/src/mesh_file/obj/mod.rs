@@ -71,7 +71,7 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
     let blocks = lines::blocks(bytes, 1, true);
     let parsed = (blocks.par_iter())
         .map(|block| {
-            let parsed = parse::parse(*block).map_err(|fault| source.at_line(fault))?;
+            let parsed = parse::parse(*block).map_err(|fault| source.located(fault))?;
             // Threads take pieces as they come, so what is too much is noticed after a few of them.
             let held = budget.hold(path, parsed.memory_bytes())?;
             Ok((parsed, held))
@@ -108,7 +108,7 @@ fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed
         .map(|((parsed, base), block)| {
             parsed
                 .resolve(base, totals)
-                .map_err(|(triangle, problem)| source.at_line((parse::line_of_triangle(*block, triangle), problem)))
+                .map_err(|(corner, problem)| source.located(parse::locate_corner(*block, corner, problem)))
         })
         .collect();
     results.into_iter().collect()

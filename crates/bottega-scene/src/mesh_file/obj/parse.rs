@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::lines::{Block, float, integer, next_word};
+use super::super::lines::{Block, Fault, Located, float, integer, next_word};
 use super::{Corner, NONE};
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
@@ -34,16 +34,13 @@ pub(super) enum Statement {
     Unknown(String, usize),
 }
 
-/// A line, and what is wrong with it.
-type Fault = (usize, String);
-
-pub(super) fn parse(block: Block<'_>) -> Result<Parsed, Fault> {
+pub(super) fn parse(block: Block<'_>) -> Result<Parsed, Located> {
     let mut parsed = Parsed::default();
     let mut unknown: Vec<Vec<u8>> = Vec::new();
     block.for_each_statement(|number, line| {
         let mut words = line;
         let keyword = next_word(&mut words).unwrap_or_default();
-        let result = match keyword {
+        match keyword {
             b"v" => parsed.position(words),
             b"vt" => parsed.uv(words),
             b"vn" => parsed.normal(words),
@@ -57,44 +54,47 @@ pub(super) fn parse(block: Block<'_>) -> Result<Parsed, Fault> {
                 unknown.push(keyword.to_vec());
                 let keyword = shortened(&String::from_utf8_lossy(keyword)).into_owned();
                 if unknown.len() > 16 && !keyword.is_ascii() {
-                    return Err((number, "this is no OBJ file".into()));
+                    return Err(Fault::new(line, "this is no OBJ file"));
                 }
                 parsed.add(Statement::Unknown(keyword, number))
             }
-        };
-        result.map_err(|problem| (number, problem))
+        }
     })?;
     Ok(parsed)
 }
 
-/// The line of a triangle of a piece that could be parsed.
-pub(super) fn line_of_triangle(block: Block<'_>, triangle: usize) -> usize {
-    let mut parsed = Parsed::default();
-    let mut found = block.first_line;
-    // Stops, as if it were an error, where it is found.
-    let _ = block.for_each_statement(|number, line| {
+/// Tells of a problem at the corner of a triangle of a piece that could be parsed.
+pub(super) fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
+    let mut before = 0;
+    let found = block.for_each_statement(|_, line| {
         let mut words = line;
-        if matches!(next_word(&mut words), Some(b"f" | b"fo")) {
-            found = number;
-            // Relative indices are not asked for here.
-            let corners = std::iter::from_fn(|| next_word(&mut words)).count();
-            parsed.triangles.resize(parsed.triangles.len() + corners.saturating_sub(2), [[NONE; 3]; 3]);
+        if !matches!(next_word(&mut words), Some(b"f" | b"fo")) {
+            return Ok(());
         }
-        if parsed.triangles.len() > triangle { Err(()) } else { Ok(()) }
+        let corners: Vec<&[u8]> = std::iter::from_fn(|| next_word(&mut words)).collect();
+        let count = corners.len().saturating_sub(2);
+        if triangle < before + count {
+            // A fan: all triangles of a face share its first corner.
+            let index = if corner == 0 { 0 } else { triangle - before + corner };
+            return Err(Fault::new(corners[index], ""));
+        }
+        before += count;
+        Ok(())
     });
-    found
+    let (line, column) = found.map_or_else(|found| (found.line, found.column), |()| (block.first_line, 1));
+    Located { line, column, problem }
 }
 
 fn text(words: &[u8]) -> String {
     String::from_utf8_lossy(words.trim_ascii()).into_owned()
 }
 
-fn wrong(word: &[u8]) -> String {
-    format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word)))
+fn wrong(word: &[u8]) -> Fault<'_> {
+    Fault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
 }
 
 /// Up to `N` numbers, and how many there are.
-fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), String> {
+fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), Fault<'_>> {
     let mut values = [0.0; N];
     let mut count = 0;
     for value in &mut values {
@@ -103,6 +103,11 @@ fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), String>
         count += 1;
     }
     Ok((values, count))
+}
+
+/// Tells of all the words of a statement, from the first one on.
+fn few(words: &[u8], problem: String) -> Fault<'_> {
+    Fault::new(words.trim_ascii_start(), problem)
 }
 
 impl Parsed {
@@ -121,19 +126,19 @@ impl Parsed {
             + size_of_val(&self.statements[..]))
     }
 
-    fn add(&mut self, statement: Statement) -> Result<(), String> {
+    fn add<'t>(&mut self, statement: Statement) -> Result<(), Fault<'t>> {
         self.statements.push((self.triangles.len(), statement));
         Ok(())
     }
 
-    fn position(&mut self, words: &[u8]) -> Result<(), String> {
+    fn position<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
         let ([x, y, z, r, g, b], count) = floats(words)?;
         if count < 3 {
-            return Err(format!("a vertex needs three coordinates, here are {count}"));
+            return Err(few(words, format!("a vertex needs three coordinates, here are {count}")));
         }
         let position = Vec3::new(x, y, z);
         if !(position.is_finite() && position.abs().max_element() <= COORDINATE_MAX) {
-            return Err("the position is not a number, or out of reach".into());
+            return Err(few(words, "the position is not a number, or out of reach".into()));
         }
         if count == 6 {
             // Programs that write colours write what they show.
@@ -145,19 +150,19 @@ impl Parsed {
         Ok(())
     }
 
-    fn uv(&mut self, words: &[u8]) -> Result<(), String> {
+    fn uv<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
         let (uv, count) = floats(words)?;
         self.uvs.push(Vec2::from_array(uv));
-        if count > 0 { Ok(()) } else { Err("texture coordinates without number".into()) }
+        if count > 0 { Ok(()) } else { Err(few(words, "texture coordinates without number".into())) }
     }
 
-    fn normal(&mut self, words: &[u8]) -> Result<(), String> {
+    fn normal<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
         let (normal, count) = floats(words)?;
         self.normals.push(Vec3::from_array(normal));
-        if count == 3 { Ok(()) } else { Err(format!("a normal needs three numbers, here are {count}")) }
+        if count == 3 { Ok(()) } else { Err(few(words, format!("a normal needs three numbers, here are {count}"))) }
     }
 
-    fn smoothing(&mut self, mut words: &[u8]) -> Result<(), String> {
+    fn smoothing<'t>(&mut self, mut words: &'t [u8]) -> Result<(), Fault<'t>> {
         let group = match next_word(&mut words) {
             None | Some(b"off") => 0,
             Some(b"on") => 1,
@@ -167,7 +172,9 @@ impl Parsed {
         self.add(Statement::Smoothing(group))
     }
 
-    fn polygon(&mut self, mut words: &[u8]) -> Result<(), String> {
+    fn polygon<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
+        let all = words;
+        let mut words = words;
         let (mut first, mut last) = ([NONE; 3], [NONE; 3]);
         let mut count = 0;
         while let Some(word) = next_word(&mut words) {
@@ -180,11 +187,11 @@ impl Parsed {
             last = corner;
             count += 1;
         }
-        if count < 3 { Err(format!("a face needs three corners, here are {count}")) } else { Ok(()) }
+        if count < 3 { Err(few(all, format!("a face needs three corners, here are {count}"))) } else { Ok(()) }
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&self, word: &[u8]) -> Result<Corner, String> {
+    fn corner<'t>(&self, word: &'t [u8]) -> Result<Corner, Fault<'t>> {
         let mut corner = [NONE; 3];
         let counts = self.counts();
         let mut numbers = word.split(|&byte| byte == b'/');
@@ -193,22 +200,22 @@ impl Parsed {
                 None => break,
                 Some([]) if kind > 0 => {}
                 Some(number) => {
-                    let number = integer(number).ok_or_else(|| wrong(word))?;
-                    *index = encode(number, counts[kind])?;
+                    let value = integer(number).ok_or_else(|| wrong(word))?;
+                    *index = encode(value, counts[kind]).map_err(|problem| Fault::new(number, problem))?;
                 }
             }
         }
         if numbers.next().is_some() { Err(wrong(word)) } else { Ok(corner) }
     }
 
-    /// Makes indices absolute. An error names the triangle.
+    /// Makes indices absolute. An error names the triangle and which of its corners.
     ///
     /// - `base`: how many of each kind were before this piece.
     /// - `totals`: how many of each kind the file has.
-    pub(super) fn resolve(&mut self, base: [usize; 3], totals: [usize; 3]) -> Result<(), (usize, String)> {
+    pub(super) fn resolve(&mut self, base: [usize; 3], totals: [usize; 3]) -> Result<(), ([usize; 2], String)> {
         const NAMES: [&str; 3] = ["vertex", "texture coordinates", "normal"];
         for (number, triangle) in self.triangles.iter_mut().enumerate() {
-            for corner in triangle {
+            for (which, corner) in triangle.iter_mut().enumerate() {
                 for kind in 0..3 {
                     let index = &mut corner[kind];
                     if *index == NONE {
@@ -222,7 +229,7 @@ impl Parsed {
                     if absolute < 0 || absolute >= totals[kind] as i64 {
                         let (name, total) = (NAMES[kind], totals[kind]);
                         let said = if absolute < 0 { absolute } else { absolute + 1 };
-                        return Err((number, format!("refers to {name} {said}, but there are {total}")));
+                        return Err(([number, which], format!("refers to {name} {said}, but there are {total}")));
                     }
                     *index = absolute as u32;
                 }

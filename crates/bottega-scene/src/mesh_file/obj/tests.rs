@@ -108,32 +108,38 @@ fn long_files_are_read_in_pieces() {
     // The last quad refers to what is not there.
     let bad = format!("{text}f 1 2 240001\n");
     let message = with(&bad, |file| file.err().unwrap().to_string());
-    assert!(message.contains(&format!("line {}", 6 * count + 1)) && message.contains("vertex 240001"), "{message}");
+    assert!(
+        message.contains(&format!("line {}, column 7", 6 * count + 1)) && message.contains("vertex 240001"),
+        "{message}"
+    );
 }
 
 #[test]
-fn the_line_of_what_is_wrong_is_named() {
-    for (line, problem) in [
-        ("f 0 1 2", "count from 1"),
-        ("f 1 2 5", "refers to vertex 5"),
-        ("f 1 2 -5", "refers to vertex -1"),
-        ("f 1/1 2/1 3/1", "refers to texture coordinates 1"),
-        ("f 1//1 2//1 3//1", "refers to normal 1"),
-        ("f 1 2", "three corners"),
-        ("f 1 2 x", "is not a number"),
-        ("f 1/2/3/4 2 3", "is not a number"),
-        ("f 1 2 99999999999999999999", "is not a number"),
-        ("f 1 2 4294967297", "out of reach"),
-        ("v 1 2", "three coordinates"),
-        ("v 1 2 nan", "the position"),
-        ("v 1 2 1e30", "the position"),
-        ("vn 1 2", "three numbers"),
-        ("vt", "without number"),
-        ("vt a", "is not a number"),
+fn the_line_and_column_of_what_is_wrong_are_named() {
+    for (line, column, problem) in [
+        ("f 0 1 2", 3, "count from 1"),
+        ("f 1 2 5", 7, "refers to vertex 5"),
+        ("f 1 2 3 1 2 5 3", 13, "refers to vertex 5"),
+        ("  f  1 2 -5", 10, "refers to vertex -1"),
+        ("f 1/1 2/1 3/1", 3, "refers to texture coordinates 1"),
+        ("f 1//1 2//1 3//1", 3, "refers to normal 1"),
+        ("f 1 2", 3, "three corners"),
+        ("f 1 2 x", 7, "is not a number"),
+        ("f 1/2/3/4 2 3", 3, "is not a number"),
+        ("f 1 2/0 3", 7, "count from 1"),
+        ("f 1 2 99999999999999999999", 7, "is not a number"),
+        ("f 1 2 4294967297", 7, "out of reach"),
+        ("v 1 2", 3, "three coordinates"),
+        ("v 1 2 nan", 3, "the position"),
+        ("v 1 2 1e30", 3, "the position"),
+        ("vn 1 2", 4, "three numbers"),
+        ("vt", 3, "without number"),
+        ("vt a", 4, "is not a number"),
     ] {
         let text = format!("{CORNERS}{line}\nf 1 2 3\n");
         let message = with(&text, |file| file.err().map(|error| error.to_string())).unwrap_or_default();
-        assert!(message.contains("line 5") && message.contains(problem), "{line}: {message}");
+        let place = format!("line 5, column {column}: ");
+        assert!(message.contains(&place) && message.contains(problem), "{line}: {message}");
     }
 }
 

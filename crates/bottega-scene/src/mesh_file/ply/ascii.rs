@@ -5,16 +5,13 @@ use std::ops::Range;
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::super::lines::{self, Block, float, integer, next_word};
+use super::super::lines::{self, Block, Fault, Located, float, integer, next_word};
 use super::super::{Source, clean};
 use super::header::{Element, Header};
 use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
-
-/// A line, and what is wrong with it.
-type Fault = (usize, String);
 
 pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Mesh, SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
@@ -36,11 +33,14 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<
     };
     let slices = Slices::of(&mut mesh).split(first_rows.iter().map(vertex_rows));
     let tasks: Vec<_> = blocks.into_iter().zip(first_rows).zip(slices).collect();
-    let decoded: Vec<Result<Vec<[u32; 3]>, Fault>> = tasks
+    let decoded: Vec<Result<Vec<[u32; 3]>, Located>> = tasks
         .into_par_iter()
-        .map(|((block, rows), vertices)| elements.decode(block, rows, vertices, header.vertex_count))
+        .map(|((block, rows), vertices)| {
+            let decoded = elements.decode(block, rows, vertices, header.vertex_count);
+            decoded.map_err(|fault| block.locate(block.first_line, fault))
+        })
         .collect();
-    let decoded = decoded.into_iter().collect::<Result<Vec<_>, Fault>>().map_err(|fault| source.at_line(fault))?;
+    let decoded = decoded.into_iter().collect::<Result<Vec<_>, Located>>().map_err(|fault| source.located(fault))?;
     let total: usize = decoded.iter().map(Vec::len).sum();
     source.budget.take(source.path, "", total * size_of::<[u32; 3]>())?;
     mesh.triangles.reserve_exact(total);
@@ -52,24 +52,25 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<
 pub(super) fn face_colors(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Vec<Vec4>, SceneError> {
     let mut colors = Vec::new();
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
-    let mut lines = blocks.into_iter().flat_map(rows);
+    let mut lines = blocks.into_iter().flat_map(|block| rows(block).map(move |line| (block, line)));
     for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
         let (roles, corners) = (element.roles(), element.corners().filter(|_| element.is_faces()));
         for row in 0..element.count {
-            let Some((number, mut line)) = lines.next() else {
+            let Some((block, mut line)) = lines.next() else {
                 return Err(source.damaged(format!("it ends before row {row} of `{}`", element.name())));
             };
             let Some(corners) = corners else { continue };
+            let located = |fault| source.located(block.locate(block.first_line, fault));
             let (mut color, mut triangles) = (Vec4::ONE, 0);
             for (index, (property, role)) in element.properties.iter().zip(&roles).enumerate() {
-                let word = next_word(&mut line).ok_or_else(|| source.at_line((number, missing(element))))?;
+                let word = next_word(&mut line).ok_or_else(|| located(missing(element, line)))?;
                 if property.count.is_some() {
                     if index == corners {
                         triangles = integer(word).and_then(|n| usize::try_from(n).ok()).unwrap_or(0).saturating_sub(2);
                     }
-                    skip_list(word, &mut line).map_err(|problem| source.at_line((number, problem)))?;
+                    skip_list(word, &mut line).map_err(located)?;
                 } else if let Some(Role::Color(channel)) = *role {
-                    let value = float(word).ok_or_else(|| source.at_line((number, wrong(word))))?;
+                    let value = float(word).ok_or_else(|| located(wrong(word)))?;
                     color[channel] = vertices::color(f64::from(value), property.kind, channel) as f32;
                 }
             }
@@ -81,8 +82,8 @@ pub(super) fn face_colors(source: Source<'_>, header: &Header, bytes: &[u8]) -> 
 }
 
 /// The lines that are not empty.
-fn rows(block: Block<'_>) -> impl Iterator<Item = (usize, &[u8])> {
-    block.lines().filter(|(_, line)| !line.is_empty())
+fn rows(block: Block<'_>) -> impl Iterator<Item = &[u8]> {
+    block.lines().map(|(_, line)| line).filter(|line| !line.is_empty())
 }
 
 fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
@@ -119,13 +120,13 @@ impl<'a> Elements<'a> {
     }
 
     /// Fills the vertices that a part of the text holds, and returns its triangles.
-    fn decode(
+    fn decode<'t>(
         &self,
-        block: Block<'_>,
+        block: Block<'t>,
         numbers: Range<usize>,
         mut vertices: Slices<'_>,
         vertex_count: usize,
-    ) -> Result<Vec<[u32; 3]>, Fault> {
+    ) -> Result<Vec<[u32; 3]>, Fault<'t>> {
         let mut triangles = Vec::new();
         let mut lines = numbers.clone().zip(rows(block));
         let part = |rows: &Range<usize>| overlap(&numbers, rows);
@@ -149,87 +150,88 @@ impl<'a> Elements<'a> {
     }
 }
 
-fn missing(element: &Element) -> String {
-    format!("a row of `{}` has fewer numbers than announced", element.name())
+fn missing<'t>(element: &Element, end: &'t [u8]) -> Fault<'t> {
+    Fault::new(end, format!("a row of `{}` has fewer numbers than announced", element.name()))
 }
 
-fn wrong(word: &[u8]) -> String {
-    format!("`{}` is not a number as announced", shortened(&String::from_utf8_lossy(word)))
+fn wrong(word: &[u8]) -> Fault<'_> {
+    Fault::new(word, format!("`{}` is not a number as announced", shortened(&String::from_utf8_lossy(word))))
 }
 
 fn read_vertices<'t>(
     element: &Element,
-    lines: &mut impl Iterator<Item = (usize, &'t [u8])>,
+    lines: &mut impl Iterator<Item = &'t [u8]>,
     vertices: &mut Slices<'_>,
-) -> Result<(), Fault> {
+) -> Result<(), Fault<'t>> {
     let roles = element.roles();
-    let mut numbers = Vec::new();
-    for (vertex, (number, mut line)) in lines.enumerate() {
-        numbers.push(number);
+    let mut starts = Vec::new();
+    for (vertex, mut line) in lines.enumerate() {
+        starts.push(line);
         for (property, role) in element.properties.iter().zip(&roles) {
-            let word = next_word(&mut line).ok_or_else(|| (number, missing(element)))?;
+            let word = next_word(&mut line).ok_or_else(|| missing(element, line))?;
             if property.count.is_some() {
-                skip_list(word, &mut line).map_err(|problem| (number, problem))?;
+                skip_list(word, &mut line)?;
             } else if let Some(role) = *role {
                 let value = if property.kind.is_integer() {
                     integer(word).map(|value| value as f64)
                 } else {
                     float(word).map(f64::from)
                 };
-                let value = value.ok_or_else(|| (number, wrong(word)))?;
+                let value = value.ok_or_else(|| wrong(word))?;
                 vertices.set(vertex, role, property.kind, value);
             }
         }
     }
     let has_alpha = roles.contains(&Some(Role::Color(3)));
-    vertices.complete(has_alpha).map_err(|vertex| (numbers.get(vertex).copied().unwrap_or(0), UNSOUND.into()))
+    vertices.complete(has_alpha).map_err(|vertex| Fault::new(starts.get(vertex).copied().unwrap_or_default(), UNSOUND))
 }
 
 /// Passes over the numbers of a list whose length is `word`.
-fn skip_list(word: &[u8], line: &mut &[u8]) -> Result<(), String> {
+fn skip_list<'t>(word: &'t [u8], line: &mut &'t [u8]) -> Result<(), Fault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     for _ in 0..length {
-        next_word(line).ok_or("a list has fewer numbers than announced")?;
+        next_word(line).ok_or_else(|| Fault::new(line, "a list has fewer numbers than announced"))?;
     }
     Ok(())
 }
 
 fn read_faces<'t>(
     element: &Element,
-    lines: &mut impl Iterator<Item = (usize, &'t [u8])>,
+    lines: &mut impl Iterator<Item = &'t [u8]>,
     vertex_count: usize,
     triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), Fault> {
+) -> Result<(), Fault<'t>> {
     let corners = element.corners();
     let read = if element.is_strips() { read_strip } else { read_corners };
-    for (number, mut line) in lines {
+    for mut line in lines {
         for (index, property) in element.properties.iter().enumerate() {
-            let word = next_word(&mut line).ok_or_else(|| (number, missing(element)))?;
+            let word = next_word(&mut line).ok_or_else(|| missing(element, line))?;
             if Some(index) == corners {
-                read(word, &mut line, vertex_count, triangles).map_err(|problem| (number, problem))?;
+                read(word, &mut line, vertex_count, triangles)?;
                 // What follows means nothing to us.
                 break;
             } else if property.count.is_some() {
-                skip_list(word, &mut line).map_err(|problem| (number, problem))?;
+                skip_list(word, &mut line)?;
             }
         }
     }
     Ok(())
 }
 
-fn read_corners(
-    word: &[u8],
-    line: &mut &[u8],
+fn read_corners<'t>(
+    word: &'t [u8],
+    line: &mut &'t [u8],
     vertex_count: usize,
     triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), String> {
+) -> Result<(), Fault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     let (mut first, mut last) = (0, 0);
     for corner in 0..length {
-        let word = next_word(line).ok_or("a face has fewer corners than announced")?;
+        let word = next_word(line).ok_or_else(|| Fault::new(line, "a face has fewer corners than announced"))?;
         let index = integer(word).ok_or_else(|| wrong(word))?;
         let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < vertex_count);
-        let index = in_range.ok_or_else(|| format!("refers to vertex {index}, but there are {vertex_count}"))?;
+        let index = in_range
+            .ok_or_else(|| Fault::new(word, format!("refers to vertex {index}, but there are {vertex_count}")))?;
         match corner {
             0 => first = index,
             1 => {}
@@ -240,12 +242,18 @@ fn read_corners(
     Ok(())
 }
 
-fn read_strip(word: &[u8], line: &mut &[u8], vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), String> {
+fn read_strip<'t>(
+    word: &'t [u8],
+    line: &mut &'t [u8],
+    vertex_count: usize,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<(), Fault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     let mut strip = Strip::default();
     for _ in 0..length {
-        let word = next_word(line).ok_or("a strip has fewer corners than announced")?;
-        triangles.extend(strip.next(integer(word).ok_or_else(|| wrong(word))?, vertex_count)?);
+        let word = next_word(line).ok_or_else(|| Fault::new(line, "a strip has fewer corners than announced"))?;
+        let index = integer(word).ok_or_else(|| wrong(word))?;
+        triangles.extend(strip.next(index, vertex_count).map_err(|problem| Fault::new(word, problem))?);
     }
     Ok(())
 }

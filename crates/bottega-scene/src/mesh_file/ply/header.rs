@@ -1,10 +1,10 @@
 //! What a PLY file says of its elements.
 
 use super::super::Source;
-use super::super::lines::{integer, next_word};
+use super::super::lines::{Fault, Located, integer, next_word};
 use super::vertices::Role;
 use crate::SceneError;
-use crate::text::shortened;
+use crate::text::{column, shortened};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -155,45 +155,51 @@ impl Header {
             let line = &rest[..length];
             at += length + 1 + usize::from(rest[length..].starts_with(b"\r\n"));
             number += 1;
-            let wrong = |problem: String| source.at_line((number, problem));
             let mut words = line;
+            let wrong = |problem: String, at: &[u8]| {
+                source.located(Located { line: number, column: column(line, at.trim_ascii_start()), problem })
+            };
             let keyword = next_word(&mut words);
             if number == 1 {
                 if keyword != Some(b"ply") {
-                    return Err(wrong("a PLY file begins with `ply`".into()));
+                    return Err(wrong("a PLY file begins with `ply`".into(), line));
                 }
                 continue;
             }
             match keyword {
                 None | Some(b"comment" | b"obj_info") => {}
                 Some(b"format") => {
+                    let at = words;
                     encoding = Some(match next_word(&mut words) {
                         Some(b"ascii") => Encoding::Ascii,
                         Some(b"binary_little_endian") => Encoding::LittleEndian,
                         Some(b"binary_big_endian") => Encoding::BigEndian,
-                        other => return Err(wrong(format!("unknown format `{}`", text(other)))),
+                        other => return Err(wrong(format!("unknown format `{}`", text(other)), at)),
                     });
                 }
                 Some(b"element") => {
+                    let before_name = words;
                     let name = next_word(&mut words).unwrap_or_default().to_vec();
+                    let before_count = words;
                     let count = next_word(&mut words).and_then(integer).and_then(|count| usize::try_from(count).ok());
                     let Some(count) = count else {
-                        return Err(wrong(format!("the number of `{}` is not a number", text(Some(&name)))));
+                        let problem = format!("the number of `{}` is not a number", text(Some(&name)));
+                        return Err(wrong(problem, before_count));
                     };
                     if elements.iter().any(|element| element.name == name) {
-                        return Err(wrong(format!("there are two elements `{}`", text(Some(&name)))));
+                        return Err(wrong(format!("there are two elements `{}`", text(Some(&name))), before_name));
                     }
                     elements.push(Element { name, count, properties: Vec::new(), line: number });
                 }
                 Some(b"property") => {
-                    let property = property(words).map_err(wrong)?;
+                    let property = property(words).map_err(|Fault { at, problem }| wrong(problem, at))?;
                     let Some(element) = elements.last_mut() else {
-                        return Err(wrong("a property before the first element".into()));
+                        return Err(wrong("a property before the first element".into(), line));
                     };
                     element.properties.push(property);
                 }
                 Some(b"end_header") => break,
-                other => return Err(wrong(format!("unknown keyword `{}`", text(other)))),
+                other => return Err(wrong(format!("unknown keyword `{}`", text(other)), line)),
             }
         }
         let Some(encoding) = encoding else { return Err(source.damaged("its header does not say its format")) };
@@ -205,10 +211,9 @@ impl Header {
     /// Checks that there are vertices and faces, and no more than the rest of the file can hold.
     fn check(&mut self, source: Source<'_>, body_bytes: usize) -> Result<(), SceneError> {
         for element in &self.elements {
-            let announced = |problem: &str| {
-                let problem = format!("{} `{}` {problem}", element.count, element.name());
-                source.at_line((element.line, problem))
-            };
+            // An element is announced at the start of its line.
+            let at_element = |problem: String| source.located(Located { line: element.line, column: 1, problem });
+            let announced = |problem: &str| at_element(format!("{} `{}` {problem}", element.count, element.name()));
             // A number in ascii takes a digit and a space.
             let row = match self.encoding {
                 Encoding::Ascii => element.properties.len().min(1),
@@ -220,7 +225,7 @@ impl Header {
             if element.is_vertices() {
                 let roles = element.roles();
                 if !(0..3).all(|axis| roles.contains(&Some(Role::Position(axis)))) {
-                    return Err(source.at_line((element.line, "vertices need the properties x, y and z".into())));
+                    return Err(at_element("vertices need the properties x, y and z".into()));
                 }
                 if element.count > u32::MAX as usize {
                     return Err(announced("are more than can be indexed"));
@@ -229,11 +234,10 @@ impl Header {
             }
             if element.is_faces() || element.is_strips() {
                 let Some(corners) = element.corners() else {
-                    let problem = format!("`{}` needs the list property vertex_indices", element.name());
-                    return Err(source.at_line((element.line, problem)));
+                    return Err(at_element(format!("`{}` needs the list property vertex_indices", element.name())));
                 };
                 if !element.properties[corners].kind.is_integer() {
-                    return Err(source.at_line((element.line, "indices of vertices must be whole numbers".into())));
+                    return Err(at_element("indices of vertices must be whole numbers".into()));
                 }
             }
         }
@@ -244,19 +248,23 @@ impl Header {
     }
 }
 
-fn property(mut words: &[u8]) -> Result<Property, String> {
-    let kind = |word: Option<&[u8]>| {
-        word.and_then(Kind::new).ok_or_else(|| format!("unknown type of property `{}`", text(word)))
-    };
-    let first = next_word(&mut words);
-    let (count, kind) = if first == Some(b"list") {
-        let count = kind(next_word(&mut words))?;
+fn property(mut words: &[u8]) -> Result<Property, Fault<'_>> {
+    fn kind<'t>(words: &mut &'t [u8]) -> Result<Kind, Fault<'t>> {
+        let at = *words;
+        let word = next_word(words);
+        let wrong = || Fault::new(at, format!("unknown type of property `{}`", text(word)));
+        word.and_then(Kind::new).ok_or_else(wrong)
+    }
+    let mut rest = words;
+    let (count, kind) = if next_word(&mut rest) == Some(b"list") {
+        words = rest;
+        let count = kind(&mut words)?;
         if !count.is_integer() {
-            return Err("the length of a list must be a whole number".into());
+            return Err(Fault::new(rest, "the length of a list must be a whole number"));
         }
-        (Some(count), kind(next_word(&mut words))?)
+        (Some(count), kind(&mut words)?)
     } else {
-        (None, kind(first)?)
+        (None, kind(&mut words)?)
     };
     Ok(Property { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
 }

@@ -207,13 +207,15 @@ fn long_files_are_read_in_pieces() {
             assert!(mesh.positions.iter().enumerate().all(|(i, p)| *p == Vec3::new(i as f32, -1.0, 0.5)));
         }
         // The last but one face of the last piece refers to a vertex that is not there.
+        let third = count - 2;
+        let column = format!("3 {third} {} ", (third * 7 + 1) % count).len() + 1;
         let row = rows.len() - 2;
         rows[row][3] = I32(-1);
         for format in FORMATS {
             let bytes = file(format, &header, &rows);
             let message = refusal(&bytes);
             let place = if format == "ascii" {
-                format!("line {}", row + 9 + 1)
+                format!("line {}, column {column}", row + 9 + 1)
             } else {
                 format!("byte {}", bytes.len() - 2 * 13)
             };
@@ -252,29 +254,29 @@ fn normals_without_direction_are_mended_and_other_lines_ends_understood() {
 fn the_place_of_what_is_wrong_is_named() {
     let with = |from: &str, to: &str| refusal(SQUARE.replace(from, to));
     for (from, to, place) in [
-        ("4 0 1 2 3", "4 0 1 2 4", "line 15, refers to vertex 4, but there are 4"),
-        ("4 0 1 2 3", "4 0 1 2 -1", "line 15"),
-        ("4 0 1 2 3", "4 0 1 2", "line 15, a face has fewer corners"),
-        ("4 0 1 2 3", "4 0 1 2 1e0", "line 15, `1e0` is not a number"),
-        ("4 0 1 2 3", "99999999999 0 1", "line 15"),
+        ("4 0 1 2 3", "4 0 1 2 4", "line 15, column 9, refers to vertex 4, but there are 4"),
+        ("4 0 1 2 3", "4 0 1 2 -1", "line 15, column 9"),
+        ("4 0 1 2 3", "4 0 1 2", "line 15, column 8, a face has fewer corners"),
+        ("4 0 1 2 3", " 4 0 1 2 1e0", "line 15, column 10, `1e0` is not a number"),
+        ("4 0 1 2 3", "99999999999 0 1", "line 15, column 16"),
         ("4 0 1 2 3", "", "before row 0 of the 1 of `face`"),
-        ("1 1 0", "1 nan 0", "line 13, the position is not a number"),
-        ("1 1 0", "1 1e19 0", "line 13, the position is not a number, or out of reach"),
-        ("1 1 0", "1 x 0", "line 13, `x`"),
-        ("1 1 0", "1 1", "line 13, a row of `vertex` has fewer numbers"),
-        ("vertex 4", "vertex 400000000000", "line 4"),
-        ("vertex 4", "vertex -4", "line 4"),
-        ("face 1", "face 18446744073709551615", "line 8"),
-        ("property float y\n", "", "line 4, vertices need the properties x, y and z"),
-        ("uchar int", "uchar float", "line 8"),
-        ("list uchar", "list float", "line 9"),
-        ("vertex_indices", "corners", "line 8"),
-        ("float z", "number z", "line 7"),
-        ("ascii", "binary", "line 2"),
-        ("ply\n", "pls\n", "line 1"),
-        ("comment", "commend", "line 3"),
-        ("face", "vertex", "line 8"),
-        ("end_header", "", "line 11"),
+        ("1 1 0", "1 nan 0", "line 13, column 1, the position is not a number"),
+        ("1 1 0", "1 1e19 0", "line 13, column 1, the position is not a number, or out of reach"),
+        ("1 1 0", "1 x 0", "line 13, column 3, `x`"),
+        ("1 1 0", "1 1", "line 13, column 4, a row of `vertex` has fewer numbers"),
+        ("vertex 4", "vertex 400000000000", "line 4, column 1"),
+        ("vertex 4", "vertex -4", "line 4, column 16"),
+        ("face 1", "face 18446744073709551615", "line 8, column 14"),
+        ("property float y\n", "", "line 4, column 1, vertices need the properties x, y and z"),
+        ("uchar int", "uchar float", "line 8, column 1"),
+        ("list uchar", "list float", "line 9, column 15"),
+        ("vertex_indices", "corners", "line 8, column 1"),
+        ("float z", "number z", "line 7, column 10"),
+        ("ascii", "binary", "line 2, column 8"),
+        ("ply\n", "pls\n", "line 1, column 1"),
+        ("comment", "commend", "line 3, column 1"),
+        ("face", "vertex", "line 8, column 9"),
+        ("end_header", "", "line 11, column 1"),
     ] {
         let message = with(from, to).replace(": ", ", ");
         assert!(message.contains(place), "{from} to {to}: {message}");

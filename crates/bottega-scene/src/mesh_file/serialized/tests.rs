@@ -102,9 +102,13 @@ fn truncated_and_lying_files_are_refused() {
         change(&mut data);
         read_bytes(&file(4, &[data]), 0).unwrap_err().to_string()
     };
+    // Behind the flags, a name and half of the first count.
+    let cut = refusal(&square(0), &|data| data.truncate(17));
+    assert!(cut.contains("shape 0 at byte 0") && cut.contains("beyond their byte 13"), "{cut}");
     let counts = 4 + "my shape\0".len();
     let many = |data: &mut Vec<u8>| data[counts..counts + 8].copy_from_slice(&u64::MAX.to_le_bytes());
-    assert!(refusal(&square(0), &many).contains("more than can be indexed"));
+    let many = refusal(&square(0), &many);
+    assert!(many.contains("more than can be indexed") && many.contains("byte 29"), "{many}");
     let million = |data: &mut Vec<u8>| data[counts..counts + 8].copy_from_slice(&1_000_000u64.to_le_bytes());
     assert!(refusal(&square(0), &million).contains("more than its data can unfold to"));
     assert!(refusal(&square(0), &|data| data.truncate(40)).contains("unfold"));
