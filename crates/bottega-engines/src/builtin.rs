@@ -3,7 +3,7 @@
 use std::{
     collections::VecDeque,
     sync::{
-        Arc, Mutex,
+        Arc, Mutex, OnceLock,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::{self, JoinHandle},
@@ -65,6 +65,7 @@ struct Shared {
     samples_done: AtomicU64,
     /// Samples whose radiance was not finite.
     dropped_count: AtomicU64,
+    watcher: OnceLock<Box<dyn Fn(&Tile) + Send + Sync>>,
 }
 
 impl BuiltinEngine {
@@ -84,6 +85,7 @@ impl BuiltinEngine {
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
             samples_done: AtomicU64::new(0),
             dropped_count: AtomicU64::new(0),
+            watcher: OnceLock::new(),
         };
         Self { shared: Arc::new(shared), hra, zones: Mutex::default() }
     }
@@ -96,6 +98,13 @@ impl BuiltinEngine {
     /// Samples so far whose radiance was not finite, and which therefore counted as black.
     pub fn dropped_count(&self) -> u64 {
         self.shared.dropped_count.load(Ordering::Relaxed)
+    }
+
+    /// From now on shows the blocks of pixels to `watcher` as they are painted: each after some milliseconds of work on
+    /// it, with the running sums that it has then. Called from several threads, and must return soon. There is one
+    /// watcher: a second call does nothing.
+    pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
+        let _ = self.shared.watcher.set(Box::new(watcher));
     }
 
     /// What the resources of the allocator have done so far.
@@ -257,6 +266,9 @@ impl<'a> ZonePainter<'a> {
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
         self.learn(completed.busy, samples);
+        if let Some(watcher) = self.shared.watcher.get() {
+            watcher(&tile);
+        }
         if block.next_sample < self.samples.end {
             if !self.shared.cancelled.load(Ordering::Relaxed) {
                 return self.submit(ticket, block, tile);

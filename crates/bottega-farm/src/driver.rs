@@ -15,7 +15,7 @@ use std::{
 };
 
 use bottega_agents::{AgentId, LocalPlatform, Mailbox, StateMachine, Time, driver::Performer};
-use bottega_engines::{RenderEngine, Tunables};
+use bottega_engines::{RenderEngine, Survey, Tunables};
 use bottega_image::{Film, Layout, Rect};
 
 use self::easel::Easel;
@@ -147,6 +147,8 @@ pub enum JobError {
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
+    /// The engine has had a look at the whole picture: the first that there is to see. Not called when a work is resumed.
+    fn surveyed(&self, _survey: &Arc<Survey>) {}
     /// The Analyst has made map and zones. Not called when a work is resumed.
     fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
     /// A zone's row has changed.
@@ -469,6 +471,9 @@ impl Shared {
             let before = to.now();
             let survey = shared.engine.survey(width, height).map(Arc::new).map_err(|error| error.to_string());
             shared.state().survey = to.now() - before;
+            if let Ok(survey) = &survey {
+                shared.observer.surveyed(survey);
+            }
             to.complete(FarmCompletion::Surveyed(survey));
             shared.end_outstanding();
         };

@@ -23,10 +23,8 @@ impl Canvas {
 
     /// A picture as a display shows it, without dithering.
     pub fn of_picture(picture: &Picture, exposure_stops: f32, tone: ToneMap) -> Self {
-        let shown = |&color: &[f32; 3]| {
-            displayed(color, exposure_stops, tone).map(|v| (srgb_from_linear(v) * 255.0).round() as u8)
-        };
-        Self { width: picture.width, height: picture.height, pixels: picture.data.iter().map(shown).collect() }
+        let pixels = picture.data.iter().map(|&color| shown(displayed(color, exposure_stops, tone))).collect();
+        Self { width: picture.width, height: picture.height, pixels }
     }
 
     /// Values in false colors.
@@ -102,6 +100,11 @@ impl Canvas {
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         write_png_rgb8(path, self.width, self.height, self.pixels.as_flattened())
     }
+}
+
+/// Linear display values as 8-bit sRGB.
+pub(crate) fn shown(display: [f32; 3]) -> [u8; 3] {
+    display.map(|value| (srgb_from_linear(value) * 255.0).round() as u8)
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ mod parallel;
 mod picture;
 mod png_read;
 mod png_write;
+mod preview;
 mod read;
 mod rect;
 mod tile;
@@ -39,9 +40,10 @@ pub use metrics::{
     FlipError, FlipOptions, FlipView, Moments, USUAL_TRIM, firefly_count, flip, mae, mean_z_score, rejected_share,
     rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse,
 };
-pub use output::{OutputFormat, check_writable};
+pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
+pub use preview::Preview;
 pub use read::{ImageFile, ReadLimits, read_image, read_image_bytes, read_picture};
 pub use rect::Rect;
 pub use tile::{SampleValues, Tile};

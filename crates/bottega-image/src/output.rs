@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    io::BufWriter,
+    io::{BufWriter, Write},
     path::{Path, PathBuf},
 };
 
@@ -58,6 +58,14 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
     }
     // Nothing but trying tells whether the folder takes a file: permissions, quota, a read-only file system.
     AtomicFile::create(path).map(|_| format)
+}
+
+/// Writes `bytes` to `path`, whole or not at all: who reads the file meanwhile sees the old one or the new one.
+pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    let mut file = AtomicFile::create(path)?;
+    file.writer().write_all(bytes).map_err(|source| ImageError::write(path, source))?;
+    file.commit()
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -124,7 +132,6 @@ impl Drop for AtomicFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
 
     fn reason(path: &Path) -> String {
         match check_writable(path) {

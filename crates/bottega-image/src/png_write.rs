@@ -73,6 +73,26 @@ pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8
     frame.write(path.as_ref(), |row, out| out.extend_from_slice(&rgb[row as usize * row_bytes..][..row_bytes]))
 }
 
+/// A picture of 8-bit sRGB as the bytes of a PNG file.
+///
+/// - `size`: columns and rows, both at least 1.
+/// - `row(y, out)`: appends the bytes of a row, `[width × 3]`, to `out`.
+pub(crate) fn png_bytes_rgb8(size: (u32, u32), row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<Vec<u8>, ImageError> {
+    let metadata = Metadata::new();
+    let frame = Frame {
+        size,
+        color_type: png::ColorType::Rgb,
+        bits: PngBits::Eight,
+        encoding: Encoding::Srgb,
+        metadata: &metadata,
+    };
+    let mut bytes = Vec::new();
+    let told =
+        |error: png::EncodingError| ImageError::NotWritable { path: "a PNG picture".into(), reason: error.to_string() };
+    frame.write_to(&mut bytes, row).map_err(told)?;
+    Ok(bytes)
+}
+
 /// Appends the bytes of one pixel: `[r, g, b, alpha, …]` of a film.
 fn encode_pixel(pixel: &[f32], (x, y): (u32, u32), options: &PngOptions, out: &mut Vec<u8>) {
     let alpha = pixel[Layout::ALPHA].clamp(0.0, 1.0);

@@ -239,7 +239,7 @@ impl Builder<'_> {
             if self.parallel { items.par_iter().map(Item::id).collect() } else { items.iter().map(Item::id).collect() };
         drop(items);
         if self.options.optimize
-            && let Some(better) = reinsert::optimize(&binary, &ids)
+            && let Some(better) = reinsert::optimize(&binary, &ids, self.parallel)
         {
             (binary, ids) = better;
         }

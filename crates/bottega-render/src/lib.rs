@@ -22,7 +22,7 @@ mod work;
 
 pub use error::RenderError;
 pub use filter::Filter;
-pub use prepare::{PrepareOptions, PreparedScene};
+pub use prepare::{PrepareOptions, PreparedScene, build_accel};
 pub use settings::{DirectLight, PathSettings, View};
 pub use survey::survey;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};

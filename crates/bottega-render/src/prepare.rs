@@ -97,8 +97,14 @@ pub(crate) struct PreparedMaterial {
 impl PreparedScene {
     /// Builds everything that painting needs.
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
-        scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
         let accel = build_accel(&scene, options)?;
+        Ok(Self::with_accel(scene, accel, options))
+    }
+
+    /// Builds everything else that painting needs.
+    ///
+    /// - `accel`: what [`build_accel`] made of the same scene.
+    pub fn with_accel(scene: Arc<Scene>, accel: Accel, options: &PrepareOptions) -> Self {
         let materials: Vec<_> = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let mut instances: Vec<_> =
             scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
@@ -117,7 +123,7 @@ impl PreparedScene {
         let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        Ok(Self {
+        Self {
             scene,
             accel,
             instances,
@@ -130,7 +136,7 @@ impl PreparedScene {
             threads: options.threads,
             guides: Mutex::default(),
             id,
-        })
+        }
     }
 
     /// The scene as it was imported.
@@ -238,7 +244,9 @@ impl PreparedScene {
     }
 }
 
-fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
+/// Checks a scene and builds its acceleration structures: the long part of preparing one of many triangles.
+pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
+    scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let meshes: Vec<_> = scene
         .meshes
         .iter()

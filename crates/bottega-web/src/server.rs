@@ -9,9 +9,10 @@ use std::{
 
 use axum::{
     Json, Router,
+    body::Bytes,
     extract::State,
-    http::header,
-    response::{Html, IntoResponse, Sse, sse},
+    http::{StatusCode, header},
+    response::{Html, IntoResponse, Response, Sse, sse},
     routing::get,
 };
 use tokio::sync::broadcast;
@@ -45,6 +46,8 @@ pub struct Dashboard {
 struct Shared {
     /// The events that tell the present state to one who comes late: all but the outdated.
     state: Mutex<JobState>,
+    /// What is painted, as a PNG file.
+    preview: Mutex<Option<Bytes>>,
     live: broadcast::Sender<String>,
 }
 
@@ -54,6 +57,7 @@ struct JobState {
     analyzed: Option<Event>,
     zones: std::collections::BTreeMap<u32, Event>,
     progress: Option<Event>,
+    preview: Option<Event>,
     end: Option<Event>,
     warnings: Vec<Event>,
 }
@@ -68,6 +72,7 @@ impl JobState {
                 self.zones.insert(id, event);
             }
             Event::Progress(_) => self.progress = Some(event),
+            Event::Preview { .. } => self.preview = Some(event),
             Event::Warning { .. } => self.warnings.push(event),
             Event::Finished { .. } | Event::Interrupted { .. } => self.end = Some(event),
         }
@@ -79,6 +84,7 @@ impl JobState {
             .chain(&self.warnings)
             .chain(&self.analyzed)
             .chain(self.zones.values())
+            .chain(&self.preview)
             .chain(&self.progress)
             .chain(&self.end)
             .cloned()
@@ -94,12 +100,13 @@ impl Dashboard {
         listener.set_nonblocking(true).map_err(listen)?;
         let bound = listener.local_addr().map_err(listen)?;
         let (live, _) = broadcast::channel(EVENTS_KEPT);
-        let shared = Arc::new(Shared { state: Mutex::default(), live });
+        let shared = Arc::new(Shared { state: Mutex::default(), preview: Mutex::default(), live });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(listen)?;
         let routes = Router::new()
             .route("/", get(async || Html(include_str!("dashboard.html"))))
             .route("/api/job", get(job))
             .route("/api/events", get(events))
+            .route("/api/preview.png", get(preview))
             .with_state(Arc::clone(&shared));
         thread::spawn(move || {
             runtime.block_on(async move {
@@ -122,6 +129,20 @@ impl Dashboard {
         // Nobody listening is no error.
         let _ = self.shared.live.send(event.to_json());
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner).take(event);
+    }
+
+    /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
+    pub fn set_preview(&self, png: impl Into<Bytes>) {
+        *self.shared.preview.lock().unwrap_or_else(PoisonError::into_inner) = Some(png.into());
+    }
+}
+
+/// What is painted.
+async fn preview(State(shared): State<Arc<Shared>>) -> Response {
+    let png = shared.preview.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    match png {
+        Some(png) => ([(header::CONTENT_TYPE, "image/png"), (header::CACHE_CONTROL, "no-store")], png).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
     }
 }
 
@@ -178,6 +199,18 @@ mod tests {
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
         assert!(answer.contains(r#""state":"done""#) && !answer.contains(r#""state":"open""#), "{answer}");
         assert!(answer.contains(r#""zones_done":1"#), "{answer}");
+    }
+
+    #[test]
+    fn the_preview_is_there_when_there_is_one() {
+        let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into()).expect("a free port");
+        assert!(get(dashboard.address(), "/api/preview.png").starts_with("HTTP/1.1 404"));
+        dashboard.set_preview("one");
+        dashboard.set_preview("two");
+        dashboard.publish(Event::Preview { number: 2, seconds: 0.5 });
+        let answer = get(dashboard.address(), "/api/preview.png");
+        assert!(answer.contains("image/png") && answer.ends_with("two"), "{answer}");
+        assert!(get(dashboard.address(), "/api/job").contains(r#""number":2"#));
     }
 
     #[test]

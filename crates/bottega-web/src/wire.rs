@@ -59,6 +59,14 @@ pub enum Event {
     },
     /// How far the work is.
     Progress(Progress),
+    /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/preview.png` where
+    /// the dashboard is.
+    Preview {
+        /// How many there were, with this one. The first is coarse: a look at the whole picture before it is painted.
+        number: u32,
+        /// Seconds since the scene was loaded: its file read and its acceleration structures built.
+        seconds: f64,
+    },
     /// The picture is written.
     Finished {
         /// The file.

@@ -194,6 +194,9 @@ pub(crate) struct RenderArgs {
     /// Serve a live view of the work on this address, such as 127.0.0.1:8080.
     #[arg(long, value_name = "ADDRESS", help_heading = "Output")]
     pub(crate) dashboard: Option<SocketAddr>,
+    /// Show the picture in this PNG file while it is painted: coarse and complete at once, then better and better.
+    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath, help_heading = "Output")]
+    pub(crate) preview: Option<PathBuf>,
     /// Write every message between the agents to this file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,

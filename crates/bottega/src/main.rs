@@ -9,6 +9,7 @@ mod diff;
 mod error;
 mod info;
 mod keeping;
+mod preview;
 mod render;
 mod reporter;
 mod scene;

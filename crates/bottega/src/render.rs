@@ -7,8 +7,10 @@ use std::{
     sync::Arc,
 };
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
-use bottega_farm::{Expert, ImportanceFunction, JobError, JobReport, JobSettings, Level, Optimization, StopSwitch};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
+use bottega_farm::{
+    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, survey_size,
+};
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
     check_writable, write_exr, write_png,
@@ -22,6 +24,7 @@ use crate::{
     },
     error::CliError,
     keeping::{Keeping, name_of},
+    preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
     scene::{Subject, agents, shown, threads},
 };
@@ -38,8 +41,10 @@ const INTERRUPTED: u8 = 130;
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
+    args.preview.as_deref().map(check_preview).transpose()?;
     let experts = experts(&args.rules)?;
-    let reporter = Arc::new(reporter(args)?);
+    let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
+    let reporter = Arc::new(reporter(args, dashboard.clone())?);
     let subject = Subject::load(&args.scene)?;
     for warning in &subject.warnings {
         reporter.warn(warning.to_string());
@@ -50,6 +55,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let engine = Arc::new(engine(args, &subject, &settings)?);
     started(&reporter, args, &subject, &settings);
 
+    if args.preview.is_some() || dashboard.is_some() {
+        show(args, dashboard, &subject, settings.crop, &engine, &reporter, keeping.kept.as_ref())?;
+    }
     let painter = Arc::clone(&engine);
     reporter.watch(move || painter.samples_done());
     let stop = StopSwitch::new();
@@ -73,18 +81,39 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
 }
 
 /// Which voice, dashboard and trace.
-fn reporter(args: &RenderArgs) -> Result<Reporter, CliError> {
+fn reporter(args: &RenderArgs, dashboard: Option<Dashboard>) -> Result<Reporter, CliError> {
     let voice = match (args.scene.json, args.quiet) {
         (true, _) => Voice::Json,
         (_, true) => Voice::Quiet,
         _ => Voice::Bar,
     };
-    let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Reporter::new(voice, dashboard.clone(), args.trace.as_deref())?;
     if let Some(dashboard) = dashboard {
         reporter.say(&format!("live view: http://{}", dashboard.address()));
     }
     Ok(reporter)
+}
+
+/// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
+fn show(
+    args: &RenderArgs,
+    dashboard: Option<Dashboard>,
+    subject: &Subject,
+    crop: Rect,
+    engine: &BuiltinEngine,
+    reporter: &Arc<Reporter>,
+    kept: Option<&Kept>,
+) -> Result<(), CliError> {
+    let look = Look { frame: subject.frame(), crop, exposure: args.exposure, tone: tone(args.tonemap) };
+    let show = Arc::new(Show::new(look, args.preview.clone(), dashboard));
+    if let Some(kept) = kept {
+        let (columns, rows) = survey_size(&look.frame);
+        show.begin(&engine.survey(columns, rows)?);
+        kept.tiles.values().for_each(|tile| show.painted(tile));
+    }
+    reporter.show(&show, subject.loaded);
+    engine.watch(move |tile| show.painted(tile));
+    Ok(())
 }
 
 /// The rules of the agents.
@@ -256,6 +285,14 @@ fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report
     metadata
 }
 
+fn tone(tone: ToneArg) -> ToneMap {
+    match tone {
+        ToneArg::Agx => ToneMap::Agx,
+        ToneArg::Aces => ToneMap::Aces,
+        ToneArg::Linear => ToneMap::Linear,
+    }
+}
+
 fn write(args: &RenderArgs, format: OutputFormat, film: &Film, metadata: &Metadata) -> Result<(), CliError> {
     match format {
         OutputFormat::Exr => {
@@ -263,16 +300,16 @@ fn write(args: &RenderArgs, format: OutputFormat, film: &Film, metadata: &Metada
             write_exr(&args.output, film, metadata, ExrOptions { depth, tiled: args.tiled, ..ExrOptions::default() })?;
         }
         OutputFormat::Png => {
-            let tone = match args.tonemap {
-                ToneArg::Agx => ToneMap::Agx,
-                ToneArg::Aces => ToneMap::Aces,
-                ToneArg::Linear => ToneMap::Linear,
-            };
             let encoding = match args.encoding {
                 EncodingArg::Srgb => Encoding::Srgb,
                 EncodingArg::Linear => Encoding::Linear,
             };
-            let options = PngOptions { exposure_stops: args.exposure, tone, encoding, ..PngOptions::default() };
+            let options = PngOptions {
+                exposure_stops: args.exposure,
+                tone: tone(args.tonemap),
+                encoding,
+                ..PngOptions::default()
+            };
             write_png(&args.output, film, &options, metadata)?;
         }
     }

@@ -11,6 +11,7 @@ use std::{
 };
 
 use bottega_agents::Time;
+use bottega_engines::Survey;
 use bottega_farm::{FarmMessage, ImportanceMap, Observer, Partition, Progress, ZoneRow, ZoneState};
 use bottega_web::{
     Dashboard,
@@ -18,7 +19,7 @@ use bottega_web::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::error::CliError;
+use crate::{error::CliError, preview::Show};
 
 /// How often progress is told.
 const TELL_EVERY: Duration = Duration::from_millis(500);
@@ -48,6 +49,13 @@ pub(crate) struct Reporter {
     trace: Option<Mutex<BufWriter<File>>>,
     pace: Mutex<Pace>,
     watch: OnceLock<Watch>,
+    show: OnceLock<Showing>,
+}
+
+/// Shows the picture while it is painted.
+struct Showing {
+    show: Arc<Show>,
+    thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// Looks at the engine while zones are under way.
@@ -83,7 +91,7 @@ impl Reporter {
             .transpose()?;
         let pace =
             Mutex::new(Pace { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
-        Ok(Self { voice, bar, dashboard, trace, pace, watch: OnceLock::new() })
+        Ok(Self { voice, bar, dashboard, trace, pace, watch: OnceLock::new(), show: OnceLock::new() })
     }
 
     /// Says something to people only.
@@ -122,6 +130,26 @@ impl Reporter {
         let _ = self.watch.set(Watch { stop, thread: Mutex::new(Some(thread)) });
     }
 
+    /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
+    pub(crate) fn show(self: &Arc<Self>, show: &Arc<Show>, loaded: Instant) {
+        let (reporter, showing) = (Arc::downgrade(self), Arc::clone(show));
+        let thread = thread::spawn(move || {
+            let renewed = |number| {
+                let Some(reporter) = reporter.upgrade() else { return };
+                let since = loaded.elapsed();
+                if number == 1 {
+                    reporter.say(&format!("first preview {} after loading", duration(since)));
+                }
+                reporter.tell(Event::Preview { number, seconds: since.as_secs_f64() });
+            };
+            if let (Err(error), Some(reporter)) = (showing.keep_fresh(renewed), reporter.upgrade()) {
+                reporter.warn(format!("the preview is not shown any more: {error}"));
+            }
+        });
+        // As above.
+        let _ = self.show.set(Showing { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
+    }
+
     fn tell_progress(&self, samples_done: u64) {
         let Some((progress, samples_per_second)) = self.pace().present(samples_done) else { return };
         let left = progress.left.map_or("–".to_owned(), duration);
@@ -144,12 +172,18 @@ impl Reporter {
         }));
     }
 
-    /// No progress is shown from now on.
+    /// No progress is shown from now on; the preview is what was painted last.
     pub(crate) fn finish(&self) {
         if let Some(watch) = self.watch.get() {
             // When it is gone already there is nobody to tell.
             let _ = watch.stop.send(());
             if let Some(thread) = watch.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                let _ = thread.join();
+            }
+        }
+        if let Some(Showing { show, thread }) = self.show.get() {
+            show.end();
+            if let Some(thread) = thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 let _ = thread.join();
             }
         }
@@ -197,6 +231,12 @@ impl Pace {
 }
 
 impl Observer for Reporter {
+    fn surveyed(&self, survey: &Arc<Survey>) {
+        if let Some(showing) = self.show.get() {
+            showing.show.begin(survey);
+        }
+    }
+
     fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
         let zones = partition.iter().map(|(id, rect)| zone(id.0, rect, map.density(&rect))).collect();
         let seconds = self.pace().begun.elapsed().as_secs_f64();

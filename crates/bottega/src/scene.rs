@@ -1,9 +1,9 @@
 //! Scene, camera and size, as the options say.
 
-use std::{path::Path, sync::Arc};
+use std::{path::Path, sync::Arc, time::Instant};
 
 use bottega_image::Rect;
-use bottega_render::{PrepareOptions, PreparedScene, View};
+use bottega_render::{PrepareOptions, PreparedScene, View, build_accel};
 use bottega_scene::{Environment, Projection, RenderHints, Scene, Spectrum, Warning};
 use glam::Mat3;
 
@@ -23,6 +23,8 @@ pub(crate) struct Subject {
     pub(crate) warnings: Vec<Warning>,
     /// What the file asks for. Its part of the picture is left out where the user says how large the picture is.
     pub(crate) hints: RenderHints,
+    /// When loading ended: the file was read and its acceleration structures were built.
+    pub(crate) loaded: Instant,
 }
 
 impl Subject {
@@ -35,8 +37,10 @@ impl Subject {
         let size = args.size.or_else(|| hinted_size(&hints)).unwrap_or_else(|| default_size(&scene, camera));
         hints.crop = hints.crop.filter(|_| args.size.is_none());
         let options = PrepareOptions { threads: threads(args), ..PrepareOptions::default() };
-        let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &options)?);
-        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings, hints })
+        let accel = build_accel(&scene, &options)?;
+        let loaded = Instant::now();
+        let prepared = Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options));
+        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings, hints, loaded })
     }
 
     pub(crate) fn scene(&self) -> &Scene {

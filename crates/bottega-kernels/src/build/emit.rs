@@ -8,6 +8,7 @@ use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
 
 /// A wide node to be written: its binary node, and the indices of its first child node and first leaf.
+#[derive(Clone, Copy)]
 struct Outline {
     binary: u32,
     first_node: u32,
@@ -21,30 +22,63 @@ struct Plan {
     leaves: Vec<u32>,
 }
 
-fn plan(binary: &[Binary], choices: &[Choice]) -> Plan {
-    let mut plan = Plan { nodes: Vec::new(), leaves: Vec::new() };
-    if choices[0].is_leaf() {
-        plan.leaves.push(0);
-        return plan;
+/// Smaller subtrees are not worth another thread, in items.
+const PARALLEL_ITEMS: u32 = 1 << 17;
+
+/// Plans the wide tree below a binary node, which is not a leaf. Indices count from the node itself, and its first leaf.
+///
+/// - `depth`: of the node.
+/// - `least`: nodes of so many items and more are shared among threads. The plan does not depend on it.
+fn plan(binary: &[Binary], choices: &[Choice], top: usize, depth: usize, least: u32) -> Plan {
+    if binary[top].count < least {
+        return plan_alone(binary, choices, top, depth);
     }
-    plan.nodes.push(Outline { binary: 0, first_node: 0, first_leaf: 0 });
-    let mut stack = vec![(0usize, 1usize)];
+    let mut out = [0; WIDTH];
+    let count = children(binary, choices, top, &mut out);
+    let (leaves, inner): (Vec<_>, Vec<_>) = out[..count].iter().partition(|&&child| choices[child].is_leaf());
+    let parts: Vec<Plan> = inner.par_iter().map(|&child| plan(binary, choices, child, depth + 1, least)).collect();
+    let mut nodes = vec![Outline { binary: top as u32, first_node: 1, first_leaf: 0 }];
+    nodes.reserve_exact(parts.iter().map(|part| part.nodes.len()).sum());
+    nodes.extend(parts.iter().map(|part| part.nodes[0]));
+    let mut leaves: Vec<u32> = leaves.into_iter().map(|leaf| leaf as u32).collect();
+    leaves.reserve_exact(parts.iter().map(|part| part.leaves.len()).sum());
+    // What is below the last child follows first: see `plan_alone`.
+    for (slot, part) in parts.iter().enumerate().rev() {
+        // Its first node lies with its siblings already.
+        let (node_base, leaf_base) = (nodes.len() as u32 - 1, leaves.len() as u32);
+        let moved = |node: &Outline| Outline {
+            binary: node.binary,
+            first_node: node.first_node + node_base,
+            first_leaf: node.first_leaf + leaf_base,
+        };
+        nodes[1 + slot] = moved(&part.nodes[0]);
+        nodes.extend(part.nodes[1..].iter().map(moved));
+        leaves.extend_from_slice(&part.leaves);
+    }
+    Plan { nodes, leaves }
+}
+
+/// As [`plan`], on one thread.
+fn plan_alone(binary: &[Binary], choices: &[Choice], top: usize, depth: usize) -> Plan {
+    let mut nodes = vec![Outline { binary: top as u32, first_node: 0, first_leaf: 0 }];
+    let mut leaves = Vec::new();
+    let mut stack = vec![(0usize, depth)];
     while let Some((node, depth)) = stack.pop() {
         assert!(depth < MAX_DEPTH, "the binary tree is at most {MAX_DEPTH} deep");
         let mut out = [0; WIDTH];
-        let count = children(binary, choices, plan.nodes[node].binary as usize, &mut out);
-        plan.nodes[node].first_node = plan.nodes.len() as u32;
-        plan.nodes[node].first_leaf = plan.leaves.len() as u32;
+        let count = children(binary, choices, nodes[node].binary as usize, &mut out);
+        nodes[node].first_node = nodes.len() as u32;
+        nodes[node].first_leaf = leaves.len() as u32;
         for &child in &out[..count] {
             if choices[child].is_leaf() {
-                plan.leaves.push(child as u32);
+                leaves.push(child as u32);
             } else {
-                stack.push((plan.nodes.len(), depth + 1));
-                plan.nodes.push(Outline { binary: child as u32, first_node: 0, first_leaf: 0 });
+                stack.push((nodes.len(), depth + 1));
+                nodes.push(Outline { binary: child as u32, first_node: 0, first_leaf: 0 });
             }
         }
     }
-    plan
+    Plan { nodes, leaves }
 }
 
 /// Where a tree has gone.
@@ -71,7 +105,11 @@ pub(super) fn nodes<'a>(
     let Some(top) = binary.first() else {
         return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new(), lines: &mut [] });
     };
-    let plan = plan(binary, choices);
+    let plan = if choices[0].is_leaf() {
+        Plan { nodes: Vec::new(), leaves: vec![0] }
+    } else {
+        plan(binary, choices, 0, 1, if parallel { PARALLEL_ITEMS } else { u32::MAX })
+    };
     let base = arena.len();
     let leaf_base = base + plan.nodes.len() * Node::LINES;
     let end = leaf_base + plan.leaves.len() * leaf_lines;
@@ -104,7 +142,12 @@ pub(super) fn nodes<'a>(
         written.iter_mut().zip(&plan.nodes).for_each(write);
     }
     let root = if plan.nodes.is_empty() { leaf(leaf_base, top) } else { Child::node(base) };
-    let leaves = plan.leaves.iter().map(|&i| (binary[i as usize].first, binary[i as usize].count)).collect();
+    let range = |&node: &u32| (binary[node as usize].first, binary[node as usize].count);
+    let leaves = if parallel {
+        plan.leaves.par_iter().with_min_len(4096).map(range).collect()
+    } else {
+        plan.leaves.iter().map(range).collect()
+    };
     Ok(Emitted { root, bounds: top.bounds, leaves, lines })
 }
 
@@ -163,4 +206,30 @@ pub(super) fn blocks(
 /// Refuses more than a [`Child`] can number.
 pub(super) fn check(what: &'static str, count: usize) -> Result<(), BuildError> {
     if count > Child::LIMIT { Err(BuildError::TooMany { what, count, limit: Child::LIMIT }) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bins::{self, Item};
+    use super::super::collapse;
+    use super::*;
+    use crate::bench::Random;
+    use glam::Vec3;
+
+    #[test]
+    fn a_plan_does_not_depend_on_who_makes_which_part() {
+        let mut random = Random::new(3);
+        let mut place = || Vec3::new(random.unit(), random.unit(), random.unit());
+        let mut items: Vec<Item> = (0..5000).map(|id| Item::new(&Aabb::around(place(), 0.01), id)).collect();
+        let binary = bins::build(&mut items, 4, false);
+        let choices = collapse::choose(&binary, WIDTH as u32, false);
+        let alone = plan_alone(&binary, &choices, 0, 1);
+        assert!(alone.nodes.len() > 100);
+        for least in [1, 50, 700] {
+            let shared = plan(&binary, &choices, 0, 1, least);
+            assert_eq!(shared.leaves, alone.leaves);
+            let parts = |node: &Outline| (node.binary, node.first_node, node.first_leaf);
+            assert!(shared.nodes.iter().map(parts).eq(alone.nodes.iter().map(parts)), "least {least}");
+        }
+    }
 }

@@ -3,8 +3,9 @@
 //! A long thin triangle at an angle fills its box badly, and every ray through the box tests it in vain. Cutting the box
 //! in two along the longest side (and the triangle with it) leaves boxes with less area in sum. As in Karras and Aila 2013,
 //! "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies", section 4, planes are taken from one grid over the
-//! scene where one fits, so that neighbors are cut alike. Unlike there, cuts are made in the order of the area they
-//! save, and none that saves less than a quarter of what an average triangle has; evenly tessellated meshes are left alone.
+//! scene where one fits, so that neighbors are cut alike. Unlike there, the cuts that save most area are made first, in a few rounds
+//! that threads may share, and none that saves less than a quarter of what an average triangle has; evenly tessellated meshes are
+//! left alone.
 //!
 //! What counts is the area without the box's largest face. A wall that is aligned with the axes is all largest face: whatever
 //! ray gets into its box is at its end, and all that lies in the same wall is tested at once. Cut up, it would only lie in many
@@ -15,33 +16,26 @@ use crate::Aabb;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::ops::Range;
 
 /// A cut must save this part of the area of an average triangle's box.
 const WORTHWHILE: f32 = 0.25;
 
+/// Once so small a part of the budget is left, all of it is spent at once.
+const REST: usize = 16;
+
 /// A cut that could be made.
+#[derive(Clone, Copy)]
 struct Cut {
     saved: f32,
     /// Which item.
-    index: usize,
-    parts: [Aabb; 2],
+    index: u32,
 }
 
-impl PartialEq for Cut {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Cut {}
-impl PartialOrd for Cut {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Cut {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.saved.total_cmp(&other.saved).then(other.index.cmp(&self.index))
+impl Cut {
+    /// Those that save most come first.
+    fn order(&self, other: &Self) -> Ordering {
+        other.saved.total_cmp(&self.saved).then(self.index.cmp(&other.index))
     }
 }
 
@@ -59,40 +53,75 @@ pub(super) fn presplit(
     let (scene, total) = survey(items, parallel);
     let least = WORTHWHILE * (total / items.len().max(1) as f64) as f32;
     // `whole`: the item is a whole triangle, of which much is known before it is clipped.
-    let consider = |items: &[Item], index: usize, whole: bool| {
-        let bounds = items[index].bounds();
+    let consider = |items: &[Item], index: u32, whole: bool| {
+        let item = &items[index as usize];
+        let bounds = item.bounds();
         let most = thickness(&bounds);
         if most <= least || !least.is_finite() {
             return None;
         }
-        let corners = corners(items[index].id());
+        let corners = corners(item.id());
         if whole && most - shadows(&corners) <= least {
             return None;
         }
         let halves = cut(&bounds, &scene)?;
         let area = |b: &Aabb| thickness(&clipped(b, &parallelogram(&corners)));
         let saved = most - area(&halves[0]) - area(&halves[1]);
-        (saved > least).then(|| Cut { saved, index, parts: halves.map(|half| clipped(&half, &corners)) })
+        (saved > least).then_some(Cut { saved, index })
     };
-    let all = 0..items.len();
-    let cuts: Vec<Cut> = if parallel {
-        all.into_par_iter().with_min_len(4096).filter_map(|index| consider(items, index, true)).collect()
-    } else {
-        all.filter_map(|index| consider(items, index, true)).collect()
+    let parts = |items: &[Item], made: &Cut| {
+        let item = &items[made.index as usize];
+        let corners = corners(item.id());
+        cut(&item.bounds(), &scene).map(|halves| halves.map(|half| Item::new(&clipped(&half, &corners), item.id())))
     };
-    let mut heap = BinaryHeap::from(cuts);
-    let limit = items.len() + budget;
-    while items.len() < limit {
-        let Some(Cut { index, parts, .. }) = heap.pop() else { break };
-        let id = items[index].id();
-        items[index] = Item::new(&parts[0], id);
-        if items.len() == items.capacity() {
-            items.reserve_exact((items.len() / 8).max(64).min(limit - items.len()));
+    let mut left = budget.min((u32::MAX as usize).saturating_sub(items.len()));
+    let mut cuts = collect(0..items.len() as u32, parallel, |index| consider(items, index, true));
+    while left > 0 && !cuts.is_empty() {
+        // More than these cannot be made.
+        keep_first(&mut cuts, left, parallel);
+        // The best half, so that what their parts save then counts beside the others.
+        let count = if left > budget / REST { left.div_ceil(2) } else { left };
+        let rest = keep_first(&mut cuts, count, parallel);
+        left -= cuts.len();
+        let halves = collect(0..cuts.len() as u32, parallel, |made| parts(items, &cuts[made as usize]));
+        let first = items.len() as u32;
+        items.reserve_exact(halves.len());
+        for (made, [half, other]) in cuts.iter().zip(halves) {
+            items[made.index as usize] = half;
+            items.push(other);
         }
-        items.push(Item::new(&parts[1], id));
-        heap.extend(consider(items, index, false));
-        heap.extend(consider(items, items.len() - 1, false));
+        let fresh = collect(0..2 * cuts.len() as u32, parallel, |half| {
+            let made = half / 2;
+            consider(items, if half % 2 == 0 { cuts[made as usize].index } else { first + made }, false)
+        });
+        cuts = rest;
+        cuts.extend(fresh);
     }
+}
+
+/// What `find` finds, in the order of the numbers.
+fn collect<T: Send>(numbers: Range<u32>, parallel: bool, find: impl Fn(u32) -> Option<T> + Sync) -> Vec<T> {
+    if parallel {
+        numbers.into_par_iter().with_min_len(1024).filter_map(&find).collect()
+    } else {
+        numbers.filter_map(&find).collect()
+    }
+}
+
+/// Leaves the best `count` in the order of the items, and returns the rest.
+fn keep_first(cuts: &mut Vec<Cut>, count: usize, parallel: bool) -> Vec<Cut> {
+    if count >= cuts.len() {
+        return Vec::new();
+    }
+    cuts.select_nth_unstable_by(count, Cut::order);
+    let rest = cuts.split_off(count);
+    // So that neighbors are near in memory, and nothing hangs on how selection moves what it does not sort.
+    if parallel {
+        cuts.par_sort_unstable_by_key(|cut| cut.index);
+    } else {
+        cuts.sort_unstable_by_key(|cut| cut.index);
+    }
+    rest
 }
 
 /// The box around all items, and the sum of half their areas: taken in pieces, the same whoever takes them.

@@ -9,8 +9,10 @@
 use super::bins::Binary;
 use crate::Aabb;
 use crate::tree::MAX_DEPTH;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 const NONE: u32 = u32::MAX;
 /// One node in so many is taken out in each round.
@@ -28,7 +30,7 @@ const TOP: usize = 1 << 16;
 struct Link {
     bounds: Aabb,
     parent: u32,
-    /// For a leaf [`LEAF`] | the binary node, and how many levels are below it.
+    /// For a leaf [`LEAF`] | the binary node, and nothing.
     children: [u32; 2],
 }
 
@@ -84,7 +86,7 @@ impl Links {
             let node = &binary[index];
             let mut children = [NONE; 2];
             if node.second == 0 || node.count <= small {
-                children = [LEAF | index as u32, height(binary, index)];
+                children[0] = LEAF | index as u32;
             } else {
                 stack.extend([(index + node.second as usize, this, 1), (index + 1, this, 0)]);
             }
@@ -179,7 +181,7 @@ impl Links {
 }
 
 /// Levels below a node.
-fn height(binary: &[Binary], index: usize) -> u32 {
+fn height(binary: &[Binary], index: usize) -> usize {
     match binary[index].second {
         0 => 0,
         second => 1 + height(binary, index + 1).max(height(binary, index + second as usize)),
@@ -197,7 +199,9 @@ fn subtree(binary: &[Binary], index: usize) -> &[Binary] {
 
 /// An improved tree, and the items' numbers in its order. `None` where it is best left as it is, or when the result would be too
 /// deep.
-pub(super) fn optimize(binary: &[Binary], ids: &[u32]) -> Option<(Vec<Binary>, Vec<u32>)> {
+///
+/// - `parallel`: whether to use the threads of the current pool; the result does not depend on it.
+pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option<(Vec<Binary>, Vec<u32>)> {
     if binary.len() < 8 || binary.len() >= LEAF as usize {
         return None;
     }
@@ -217,46 +221,118 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32]) -> Option<(Vec<Binary>, V
             links.reinsert(index, &mut heap);
         }
     }
-    links.rebuild(binary, ids)
+    links.rebuild(binary, ids, parallel)
+}
+
+/// A subtree that has moved as it is.
+struct Moved {
+    /// Its first node before.
+    from: u32,
+    /// Its nodes, and the first of them now.
+    nodes: Range<u32>,
+    /// Its first item now.
+    first: u32,
+    /// Levels above it.
+    depth: usize,
+}
+
+/// Inner nodes of the top, each with its number, and what hangs on them; both in preorder.
+#[derive(Default)]
+struct Order {
+    inner: Vec<(u32, Binary)>,
+    moved: Vec<Moved>,
 }
 
 impl Links {
     /// The tree in preorder again.
-    fn rebuild(self, binary: &[Binary], ids: &[u32]) -> Option<(Vec<Binary>, Vec<u32>)> {
-        let mut nodes: Vec<Binary> = Vec::with_capacity(binary.len());
-        let mut order: Vec<u32> = Vec::with_capacity(ids.len());
-        // The inner nodes, whose items are counted in the end.
-        let mut inner: Vec<u32> = Vec::with_capacity(self.nodes.len() / 2);
-        // Node, depth, and the parent where it is a second child.
-        let mut stack = vec![(self.root, 0, NONE)];
+    fn rebuild(self, binary: &[Binary], ids: &[u32], parallel: bool) -> Option<(Vec<Binary>, Vec<u32>)> {
+        let Order { inner, moved } = self.order(binary);
+        let (mut nodes, mut order) = (Vec::new(), Vec::new());
+        let pieces = pieces(&moved, &mut nodes, &mut order, (binary.len(), ids.len()), parallel);
+        let copy = |(moved, nodes, order): (&Moved, &mut [Binary], &mut [u32])| {
+            let (from, old) = (moved.from as usize, binary[moved.from as usize].first);
+            for (node, old_node) in nodes.iter_mut().zip(&binary[from..]) {
+                *node = Binary { first: old_node.first - old + moved.first, ..*old_node };
+            }
+            order.copy_from_slice(&ids[old as usize..][..order.len()]);
+            moved.depth + height(nodes, 0) + 2 < MAX_DEPTH
+        };
+        let is_shallow = if parallel {
+            pieces.into_par_iter().map(copy).reduce(|| true, |a, b| a && b)
+        } else {
+            pieces.into_iter().map(copy).fold(true, |a, b| a && b)
+        };
+        for (at, node) in inner.into_iter().rev() {
+            let at = at as usize;
+            let count = nodes[at + 1].count + nodes[at + node.second as usize].count;
+            nodes[at] = Binary { count, ..node };
+        }
+        is_shallow.then_some((nodes, order))
+    }
+
+    /// Where everything goes. The items of the inner nodes are not counted.
+    fn order(&self, binary: &[Binary]) -> Order {
+        let mut order = Order::default();
+        let (mut next, mut first) = (0, 0);
+        // Node, depth, and where the parent is among the inner ones, of which it is the second child.
+        let mut stack = vec![(self.root, 0, None::<usize>)];
         while let Some((index, depth, parent)) = stack.pop() {
-            let this = nodes.len() as u32;
-            if parent != NONE {
-                nodes[parent as usize].second = this - parent;
+            if let Some(parent) = parent {
+                let (at, parent) = &mut order.inner[parent];
+                parent.second = next - *at;
             }
             let Link { bounds, children, .. } = self.nodes[index as usize];
-            let first = order.len() as u32;
             if children[0] & LEAF != 0 {
-                if depth + children[1] as usize + 2 >= MAX_DEPTH {
-                    return None;
-                }
-                let subtree = subtree(binary, (children[0] & !LEAF) as usize);
-                let (old, count) = (subtree[0].first, subtree[0].count);
-                nodes.extend(subtree.iter().map(|node| Binary { first: node.first - old + first, ..*node }));
-                order.extend_from_slice(&ids[old as usize..(old + count) as usize]);
+                let from = children[0] & !LEAF;
+                let subtree = subtree(binary, from as usize);
+                let nodes = next..next + subtree.len() as u32;
+                next = nodes.end;
+                order.moved.push(Moved { from, nodes, first, depth });
+                first += subtree[0].count;
             } else {
-                stack.push((children[1], depth + 1, this));
-                stack.push((children[0], depth + 1, NONE));
-                inner.push(this);
-                nodes.push(Binary { bounds, first, count: 0, second: 0 });
+                stack.push((children[1], depth + 1, Some(order.inner.len())));
+                stack.push((children[0], depth + 1, None));
+                order.inner.push((next, Binary { bounds, first, count: 0, second: 0 }));
+                next += 1;
             }
         }
-        for &index in inner.iter().rev() {
-            let index = index as usize;
-            nodes[index].count = nodes[index + 1].count + nodes[index + nodes[index].second as usize].count;
-        }
-        Some((nodes, order))
+        order
     }
+}
+
+/// For each subtree that has moved where its nodes and its items go.
+///
+/// - `nodes`, `items`: made as long as `lengths` say.
+fn pieces<'a>(
+    moved: &'a [Moved],
+    nodes: &'a mut Vec<Binary>,
+    items: &'a mut Vec<u32>,
+    lengths: (usize, usize),
+    parallel: bool,
+) -> Vec<(&'a Moved, &'a mut [Binary], &'a mut [u32])> {
+    const NOTHING: Binary = Binary { bounds: Aabb::EMPTY, first: 0, count: 0, second: 0 };
+    if parallel {
+        // Memory is had from the system by touching it, which takes as long as what is written there.
+        rayon::join(
+            || (0..lengths.0).into_par_iter().map(|_| NOTHING).collect_into_vec(nodes),
+            || (0..lengths.1).into_par_iter().map(|_| 0).collect_into_vec(items),
+        );
+    } else {
+        nodes.resize(lengths.0, NOTHING);
+        items.resize(lengths.1, 0);
+    }
+    let (mut nodes, mut items, mut next) = (&mut nodes[..], &mut items[..], 0);
+    let mut pieces = Vec::with_capacity(moved.len());
+    for (index, piece) in moved.iter().enumerate() {
+        let rest = std::mem::take(&mut nodes).split_at_mut((piece.nodes.start - next) as usize).1;
+        let (own, rest) = rest.split_at_mut(piece.nodes.len());
+        (nodes, next) = (rest, piece.nodes.end);
+        let count = moved.get(index + 1).map_or(items.len(), |after| (after.first - piece.first) as usize);
+        let (own_items, rest) = std::mem::take(&mut items).split_at_mut(count);
+        items = rest;
+        pieces.push((piece, own, own_items));
+    }
+    pieces
 }
 
 #[cfg(test)]
@@ -279,7 +355,10 @@ mod tests {
         let area = |nodes: &[Binary]| nodes.iter().map(|node| node.bounds.half_area()).sum::<f32>();
         let cost = area(&before);
         let ids: Vec<u32> = items.iter().map(Item::id).collect();
-        let (after, mut ids) = optimize(&before, &ids).expect("not too deep");
+        let (shared, shared_ids) = optimize(&before, &ids, true).expect("not too deep");
+        let (after, mut ids) = optimize(&before, &ids, false).expect("not too deep");
+        let parts = |node: &Binary| (node.bounds, node.first, node.count, node.second);
+        assert!(shared.iter().map(parts).eq(after.iter().map(parts)) && shared_ids == ids, "threads show");
         assert!(area(&after) < 0.98 * cost, "{} against {cost}", area(&after));
         for node in &after {
             for &id in &ids[node.first as usize..(node.first + node.count) as usize] {

@@ -1,0 +1,99 @@
+//! What is seen of a picture while it is painted.
+
+mod support;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader},
+    path::Path,
+    process::Stdio,
+};
+
+use bottega_image::{Picture, read_picture, rmse};
+use support::{bottega, run, scenes, succeed, text};
+
+const SIZE: (u32, u32) = (96, 72);
+
+fn arguments<'a>(scene: &'a str, output: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
+    [&["render", scene, "-o", text(output), "--size", "96x72", "--spp", "48"], more].concat()
+}
+
+fn picture(path: &Path) -> Picture {
+    read_picture(path).expect("a picture")
+}
+
+#[test]
+fn the_preview_is_complete_at_once_and_in_the_end_the_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [output, seen, alone] = ["a.png", "seen.png", "b.png"].map(|name| folder.path().join(name));
+    let told = ["--json", "--preview", text(&seen)];
+    let mut child =
+        bottega(&arguments("goblets.glb", &output, &told)).stdout(Stdio::piped()).spawn().expect("it starts");
+    let (mut first, mut kinds) = (None, Vec::new());
+    for line in BufReader::new(child.stdout.take().expect("piped")).lines() {
+        let event: serde_json::Value = serde_json::from_str(&line.expect("text")).expect("JSON");
+        if event["event"] == "preview" && first.is_none() {
+            assert_eq!(event["number"], 1);
+            assert!(event["seconds"].as_f64().is_some_and(|seconds| seconds >= 0.0), "{event}");
+            first = Some(picture(&seen));
+        }
+        kinds.push(event["event"].to_string());
+    }
+    assert!(child.wait().expect("it ends").success());
+    let of_kind = |kind: &str| kinds.iter().position(|known| known.contains(kind)).expect("told");
+    assert!(of_kind("started") < of_kind("preview") && of_kind("preview") < of_kind("finished"), "{kinds:?}");
+
+    let (first, last, painted) = (first.expect("a first preview"), picture(&seen), picture(&output));
+    assert_eq!(first.size(), SIZE);
+    // It shows the scene, if coarsely: it is nearer to the picture than the picture's mean color is to it.
+    let mean = std::array::from_fn(|channel| {
+        painted.data.iter().map(|pixel| pixel[channel]).sum::<f32>() / painted.data.len() as f32
+    });
+    let flat = Picture::from_fn(SIZE.0, SIZE.1, |_, _| mean);
+    let error = |seen| rmse(seen, &painted).expect("pictures of one size");
+    assert!(error(&first) < 0.7 * error(&flat), "{} and {}", error(&first), error(&flat));
+    // The last one is the picture but for rounding: that is dithered.
+    assert!(error(&last) < 0.01, "{}", error(&last));
+
+    succeed(&arguments("goblets.glb", &alone, &["--quiet"]));
+    assert!(painted == picture(&alone), "who looks changes nothing");
+    let left: Vec<_> =
+        fs::read_dir(folder.path()).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect();
+    assert_eq!(left.len(), 3, "{left:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn who_resumes_sees_what_was_kept_and_ends_with_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [whole, parts, seen] = ["whole.exr", "parts.exr", "seen.png"].map(|name| folder.path().join(name));
+    let scene = scenes().join("goblets.glb");
+    let more = ["--spp", "300", "--json", "--preview", text(&seen)];
+    let command =
+        |output| -> Vec<&str> { [&["render", text(&scene), "-o", output, "--size", "96x72"][..], &more].concat() };
+    let mut child = bottega(&command(text(&parts))).stdout(Stdio::piped()).spawn().expect("it starts");
+    let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.contains(r#""state":"done""#)), "a zone is done");
+    let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+    lines.for_each(drop);
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "it was stopped before its end");
+    assert_eq!(picture(&seen).size(), SIZE);
+
+    fs::remove_file(&seen).expect("removed");
+    let told = succeed(&[&command(text(&parts))[..], &["--resume"]].concat());
+    assert!(told.contains(r#""event":"preview","number":1"#), "{told}");
+    assert_eq!(picture(&seen).size(), SIZE);
+    succeed(&[&command(text(&whole))[..8], &["--quiet"]].concat());
+    assert!(picture(&whole) == picture(&parts));
+}
+
+#[test]
+fn a_preview_is_a_png_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("a.exr");
+    let refused = run(&arguments("goblets.glb", &output, &["--preview", "seen.exr"]));
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains(".png"));
+    assert!(!output.exists());
+}
