@@ -55,6 +55,9 @@ pub struct BuiltinEngine {
     zones: Mutex<Vec<JoinHandle<()>>>,
 }
 
+/// Sees blocks of pixels as they are painted.
+type Watcher = Box<dyn Fn(&Tile) + Send + Sync>;
+
 struct Shared {
     scene: Arc<PreparedScene>,
     options: BuiltinOptions,
@@ -65,7 +68,7 @@ struct Shared {
     samples_done: AtomicU64,
     /// Samples whose radiance was not finite.
     dropped_count: AtomicU64,
-    watcher: OnceLock<Box<dyn Fn(&Tile) + Send + Sync>>,
+    watcher: OnceLock<Watcher>,
 }
 
 impl BuiltinEngine {

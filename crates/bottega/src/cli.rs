@@ -21,7 +21,7 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Paint a picture of a scene.
-    Render(RenderArgs),
+    Render(Box<RenderArgs>),
     /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
     Analyze(AnalyzeArgs),
     /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ.

@@ -15,6 +15,14 @@ struct Outline {
     first_leaf: u32,
 }
 
+impl Outline {
+    /// The same node of a plan that begins elsewhere.
+    fn moved(self, node_base: u32, leaf_base: u32) -> Self {
+        let Self { binary, first_node, first_leaf } = self;
+        Self { binary, first_node: first_node + node_base, first_leaf: first_leaf + leaf_base }
+    }
+}
+
 /// Which nodes and leaves there will be. Children of a node have consecutive indices.
 struct Plan {
     nodes: Vec<Outline>,
@@ -46,13 +54,8 @@ fn plan(binary: &[Binary], choices: &[Choice], top: usize, depth: usize, least: 
     for (slot, part) in parts.iter().enumerate().rev() {
         // Its first node lies with its siblings already.
         let (node_base, leaf_base) = (nodes.len() as u32 - 1, leaves.len() as u32);
-        let moved = |node: &Outline| Outline {
-            binary: node.binary,
-            first_node: node.first_node + node_base,
-            first_leaf: node.first_leaf + leaf_base,
-        };
-        nodes[1 + slot] = moved(&part.nodes[0]);
-        nodes.extend(part.nodes[1..].iter().map(moved));
+        nodes[1 + slot] = part.nodes[0].moved(node_base, leaf_base);
+        nodes.extend(part.nodes[1..].iter().map(|node| node.moved(node_base, leaf_base)));
         leaves.extend_from_slice(&part.leaves);
     }
     Plan { nodes, leaves }

@@ -90,6 +90,9 @@ pub(super) fn presplit(
             items[made.index as usize] = half;
             items.push(other);
         }
+        if left == 0 {
+            break;
+        }
         let fresh = collect(0..2 * cuts.len() as u32, parallel, |half| {
             let made = half / 2;
             consider(items, if half % 2 == 0 { cuts[made as usize].index } else { first + made }, false)

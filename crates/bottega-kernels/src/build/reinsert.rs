@@ -257,17 +257,17 @@ impl Links {
             order.copy_from_slice(&ids[old as usize..][..order.len()]);
             moved.depth + height(nodes, 0) + 2 < MAX_DEPTH
         };
-        let is_shallow = if parallel {
-            pieces.into_par_iter().map(copy).reduce(|| true, |a, b| a && b)
-        } else {
-            pieces.into_iter().map(copy).fold(true, |a, b| a && b)
-        };
+        // Whoever finds one too deep may leave the rest: then the tree is of no use.
+        let is_shallow = if parallel { pieces.into_par_iter().all(copy) } else { pieces.into_iter().all(copy) };
+        if !is_shallow {
+            return None;
+        }
         for (at, node) in inner.into_iter().rev() {
             let at = at as usize;
             let count = nodes[at + 1].count + nodes[at + node.second as usize].count;
             nodes[at] = Binary { count, ..node };
         }
-        is_shallow.then_some((nodes, order))
+        Some((nodes, order))
     }
 
     /// Where everything goes. The items of the inner nodes are not counted.
