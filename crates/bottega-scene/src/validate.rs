@@ -108,7 +108,7 @@ impl Scene {
         match material.relief.as_ref().map(|relief| &relief.source) {
             Some(ReliefSource::Normals(_, scale)) => check(scale.is_finite(), "a normal map's scale is not finite")?,
             Some(ReliefSource::Heights(height)) => {
-                check(height.factor.is_finite(), "a bump map's scale is not finite")?
+                check(height.factor.is_finite(), "a bump map's scale is not finite")?;
             }
             None => {}
         }
