@@ -68,7 +68,7 @@ fn who_resumes_sees_what_was_kept_and_ends_with_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder");
     let [whole, parts, seen] = ["whole.exr", "parts.exr", "seen.png"].map(|name| folder.path().join(name));
     let scene = scenes().join("goblets.glb");
-    let more = ["--spp", "300", "--json", "--preview", text(&seen)];
+    let more = ["--spp", "600", "--json", "--preview", text(&seen)];
     let command =
         |output| -> Vec<&str> { [&["render", text(&scene), "-o", output, "--size", "96x72"][..], &more].concat() };
     let mut child = bottega(&command(text(&parts))).stdout(Stdio::piped()).spawn().expect("it starts");
