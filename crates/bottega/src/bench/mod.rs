@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_engines::{CancelSwitch, BuiltinEngine, BuiltinOptions, EngineError, RenderEngine, Tunables, ZoneTask};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, RenderEngine, Tunables, ZoneTask};
 use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
