@@ -5,11 +5,13 @@ use std::{
     path::{Path, PathBuf},
     process::ExitCode,
     sync::Arc,
+    time::Instant,
 };
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, survey_size,
+    Expert, Goal, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch,
+    survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -32,6 +34,13 @@ use crate::{
 /// Samples of a pixel where nobody says.
 const DEFAULT_SAMPLES: u32 = 64;
 
+/// The most samples of a pixel where an error is asked for, or a time, and nobody says.
+const MOST_SAMPLES: u32 = 4096;
+/// The same with a time: a picture may take all night.
+const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
+/// For so many samples the guide is learnt at most where nobody knows how many a pixel will get.
+const PLANNED_SAMPLES_MAX: u32 = 256;
+
 /// Bounces where nobody says.
 const DEFAULT_DEPTH: u32 = 16;
 
@@ -39,6 +48,7 @@ const DEFAULT_DEPTH: u32 = 16;
 const INTERRUPTED: u8 = 130;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
+    let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
@@ -49,7 +59,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     for warning in &subject.warnings {
         reporter.warn(warning.to_string());
     }
-    let settings = job_settings(args, &subject, experts)?;
+    let mut settings = job_settings(args, &subject, experts)?;
+    settings.goal = goal(args, begun)?;
     let name = name_of(args, &subject, &settings);
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine(args, &subject, &settings)?);
@@ -62,6 +73,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     reporter.watch(move || painter.samples_done());
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
+    settings.goal = goal(args, begun)?;
     let report = bottega_farm::run(
         &settings,
         Arc::clone(&engine) as _,
@@ -141,7 +153,13 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
     }
     let threads = threads(&args.scene);
     let tunables = Tunables { max_depth: max_depth(args, subject), light_samples: args.light_samples };
-    let samples = args.spp.or(subject.hints.samples).map_or(DEFAULT_SAMPLES, |samples| samples.clamp(1, SAMPLES_MAX));
+    let hinted = subject.hints.samples.filter(|_| args.error.is_none() && args.time.is_none());
+    let default = match (args.error, args.time) {
+        (Some(_), _) => MOST_SAMPLES,
+        (_, Some(_)) => MOST_SAMPLES_IN_TIME,
+        _ => DEFAULT_SAMPLES,
+    };
+    let samples = args.spp.or(hinted).map_or(default, |samples| samples.clamp(1, SAMPLES_MAX));
     let layout = Layout::new(args.aov.iter().copied().collect::<AovSet>());
     Ok(JobSettings {
         crop,
@@ -155,6 +173,21 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
     })
 }
 
+/// When a zone is finished. Loading is a part of the time that was asked for.
+fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
+    match (args.error, args.time) {
+        (Some(error), _) => Ok(Goal::Error(error)),
+        (None, Some(time)) => match time.checked_sub(begun.elapsed()) {
+            Some(left) if !left.is_zero() => Ok(Goal::Time(left)),
+            _ => Err(CliError::failed(
+                format!("reading the scene took {}, no less than --time allows", duration(begun.elapsed())),
+                "give it more time",
+            )),
+        },
+        (None, None) => Ok(Goal::Samples),
+    }
+}
+
 fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
     let IntegratorArg::Path = args.integrator;
     let settings = PathSettings {
@@ -163,7 +196,10 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
         light_samples: args.light_samples,
         filter: filter(args, subject),
         guiding: !args.no_guiding,
-        planned_samples: job.samples,
+        planned_samples: match job.goal {
+            Goal::Samples => job.samples,
+            Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
+        },
         ..PathSettings::default()
     };
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };
@@ -271,6 +307,11 @@ fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report
     metadata.set("scene_digest", &*subject.scene().digest);
     metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
     metadata.set("samples_per_pixel", settings.samples.to_string());
+    match settings.goal {
+        Goal::Samples => {}
+        Goal::Error(error) => metadata.set("error_asked", error.to_string()),
+        Goal::Time(_) => metadata.set("time_asked", args.time.unwrap_or_default().as_secs_f64().to_string()),
+    }
     metadata.set("max_depth", settings.tunables.max_depth.to_string());
     metadata.set("light_samples", args.light_samples.to_string());
     metadata.set("seed", args.seed.to_string());
