@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use bottega_engines::{EngineDescription, Tunables};
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
+use bottega_image::Sides;
 
 use crate::{Choice, Goal, GoalRules, InputRanges, Interval, WorkRow, WorkSettings, ZoneRow};
 
@@ -115,17 +116,26 @@ impl Expert {
             }
         }
         let size = zone.size() as f64;
-        let mut values = vec![
-            (COMPLEXITY, zone.complexity / size.max(1.0)),
-            (NEIGHBOR_DIFFERENCE, zone.neighbor_difference),
-            (SIZE, size),
-            (OPTIMIZATION_LEVEL, level),
-        ];
-        values.retain(|(name, _)| rules.input_index(name).is_some());
-        let outputs = rules.evaluate(&values)?;
+        let evaluate = |difference: f64| {
+            let mut values = vec![
+                (COMPLEXITY, zone.complexity / size.max(1.0)),
+                (NEIGHBOR_DIFFERENCE, difference),
+                (SIZE, size),
+                (OPTIMIZATION_LEVEL, level),
+            ];
+            values.retain(|(name, _)| rules.input_index(name).is_some());
+            rules.evaluate(&values)
+        };
+        let outputs = evaluate(zone.neighbor_difference.mean)?;
         let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
-        let band = outputs.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0).clamp(0.0, BAND_MAX).round() as u32;
-        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), band))
+        // Each edge has a band of its own, by how much the zones beyond it differ.
+        let band = |difference: f64| {
+            let band = evaluate(difference)?.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0);
+            Ok::<_, EvaluateError>(band.clamp(0.0, BAND_MAX).round() as u32)
+        };
+        let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
+        let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
+        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
     }
 
     /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
@@ -140,7 +150,7 @@ impl Expert {
     }
 
     /// - `light`: share of all light samples of a pixel: samples times light samples a vertex. Both take an equal part.
-    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, band: u32) -> Choice {
+    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
         let max_depth = if self.has_max_depth { part(max_depth, depth).max(max_depth.min(1)) } else { max_depth };
@@ -148,7 +158,7 @@ impl Expert {
         let fewer = fewer.max(light_samples.min(1));
         let left = if fewer > 0 { light * f64::from(light_samples) / f64::from(fewer) } else { light };
         let samples = part(settings.samples, left.min(1.0)).max(1);
-        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, band }
+        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, bands }
     }
 }
 
@@ -157,10 +167,16 @@ mod tests {
     use bottega_image::Rect;
 
     use super::*;
-    use crate::{Optimization, WorkId, ZoneId};
+    use crate::{NeighborDifference, Optimization, WorkId, ZoneId};
 
     fn zone(index: u32, complexity: f64, difference: f64) -> ZoneRow {
-        ZoneRow::open(WorkId(1), ZoneId(index), Rect::of_size(32, 32), complexity * 1024.0, difference)
+        ZoneRow::open(
+            WorkId(1),
+            ZoneId(index),
+            Rect::of_size(32, 32),
+            complexity * 1024.0,
+            NeighborDifference::all(difference),
+        )
     }
 
     fn work(optimization: Optimization, rows: &[ZoneRow]) -> WorkRow {
@@ -199,7 +215,7 @@ mod tests {
     fn the_band_is_wide_where_neighbors_differ() {
         let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
         let work = work(Optimization::Normal, &rows);
-        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).band);
+        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).bands.left);
         assert!(rim >= 12 && even <= 2, "{even} {rim}");
     }
 

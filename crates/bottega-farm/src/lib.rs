@@ -49,7 +49,7 @@ pub use ids::{WorkId, ZoneId};
 pub use importance::{ImportanceError, ImportanceFunction, ImportanceMap};
 pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
-pub use partition::{Level, Partition, PartitionSettings, UnknownLevel};
+pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel};
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};

@@ -8,7 +8,7 @@ mod join;
 
 use std::str::FromStr;
 
-use bottega_image::Rect;
+use bottega_image::{Rect, Sides};
 
 use crate::{ImportanceMap, ZoneId};
 
@@ -147,34 +147,56 @@ impl Partition {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
-    /// The paper's Neighbor Difference by zone: mean of the differences in cost a pixel to the zones that share an
-    /// edge, weighted by the length of the edge. 0 for a zone without neighbours.
-    pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<f64> {
+    /// How each zone differs from its neighbours.
+    pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
         let difference = |(i, zone): (usize, &Rect)| {
-            let (mut sum, mut length) = (0.0, 0.0);
+            // Of each side: the sum of differences by length, and the length.
+            let mut sides = Sides::all((0.0, 0.0));
             for j in index.touching(&zone.grown(1, &self.frame)).filter(|&j| j != i) {
-                let edge = shared_edge(zone, &self.zones[j]);
-                sum += f64::from(edge) * (density[i] - density[j]).abs();
-                length += f64::from(edge);
+                if let Some(((sum, length), edge)) = shared_edge(zone, &self.zones[j], &mut sides) {
+                    *sum += f64::from(edge) * (density[i] - density[j]).abs();
+                    *length += f64::from(edge);
+                }
             }
-            if length > 0.0 { sum / length } else { 0.0 }
+            let mean = |(sum, length): (f64, f64)| if length > 0.0 { sum / length } else { 0.0 };
+            let all = sides.into_array().into_iter().fold((0.0, 0.0), |all, side| (all.0 + side.0, all.1 + side.1));
+            NeighborDifference { mean: mean(all), sides: sides.map(mean) }
         };
         self.zones.iter().enumerate().map(difference).collect()
     }
 }
 
-/// Length of the edge that two disjoint rectangles share, in pixels.
-fn shared_edge(a: &Rect, b: &Rect) -> u32 {
-    let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
-    if a.x1 == b.x0 || b.x1 == a.x0 {
-        overlap(a.y0, a.y1, b.y0, b.y1)
-    } else if a.y1 == b.y0 || b.y1 == a.y0 {
-        overlap(a.x0, a.x1, b.x0, b.x1)
-    } else {
-        0
+/// The paper's Neighbor Difference: how much the cost a pixel of a zone differs from that of the zones that share an edge
+/// with it, weighted by the length of the edge. 0 where there are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NeighborDifference {
+    /// Over all its edges.
+    pub mean: f64,
+    /// Over the edges of each side.
+    pub sides: Sides<f64>,
+}
+
+impl NeighborDifference {
+    /// The same on all sides.
+    pub fn all(difference: f64) -> Self {
+        Self { mean: difference, sides: Sides::all(difference) }
     }
+}
+
+/// On which side of `a` the rectangle `b`, disjoint from it, has an edge with it, and how long that is in pixels.
+fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'a mut T, u32)> {
+    let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
+    let (high, wide) = (overlap(a.y0, a.y1, b.y0, b.y1), overlap(a.x0, a.x1, b.x0, b.x1));
+    let side = match (high > 0, wide > 0) {
+        (true, _) if b.x1 == a.x0 => &mut sides.left,
+        (true, _) if b.x0 == a.x1 => &mut sides.right,
+        (_, true) if b.y1 == a.y0 => &mut sides.top,
+        (_, true) if b.y0 == a.y1 => &mut sides.bottom,
+        _ => return None,
+    };
+    Some((side, high.max(wide)))
 }
 
 /// First level: halves the longer side while a zone is too complex and both halves are large enough.
@@ -342,8 +364,10 @@ mod tests {
         let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap();
         let third = |i: u32| Rect::new(30 * i, 0, 30 * i + 30, 30);
         let differences = Partition::of_zones(frame, vec![third(0), third(1), third(2)]).neighbor_differences(&map);
-        assert_eq!(differences[0], 0.0);
-        assert!(differences[1] > 0.0 && differences[2] > differences[1]);
+        assert_eq!(differences[0].mean, 0.0);
+        assert!(differences[1].mean > 0.0 && differences[2].mean > differences[1].mean);
+        assert_eq!((differences[1].sides.left, differences[1].sides.top), (0.0, 0.0));
+        assert_eq!(differences[1].sides.right, differences[2].sides.left);
     }
 
     #[test]

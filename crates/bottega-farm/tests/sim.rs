@@ -281,7 +281,7 @@ fn assert_pieces(zones: &BTreeMap<ZoneId, ZoneRow>, frame: Rect, seed: u64) {
     let mut left: BTreeMap<ZoneId, u64> = BTreeMap::new();
     for row in zones.values().filter(|row| row.root.is_none()) {
         let choice = row.choice.expect("a painted zone has a choice");
-        left.insert(row.zone, row.rect.grown(choice.band, &frame).area());
+        left.insert(row.zone, row.rect.grown_by(choice.bands, &frame).area());
     }
     let rows: Vec<&ZoneRow> = zones.values().collect();
     for (i, row) in rows.iter().enumerate() {

@@ -45,7 +45,7 @@ pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
 pub use preview::Preview;
 pub use read::{ImageFile, ReadLimits, read_image, read_image_bytes, read_picture};
-pub use rect::Rect;
+pub use rect::{Rect, Sides};
 pub use tile::{SampleValues, Tile};
 pub use tile_bytes::TileBytesError;
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};

@@ -112,7 +112,8 @@ fn report(analysis: &Analysis) -> Value {
                 "size": row.size(),
                 "complexity": row.complexity,
                 "share_of_cost": row.complexity / total,
-                "neighbor_difference": row.neighbor_difference,
+                "neighbor_difference": row.neighbor_difference.mean,
+                "edge_differences": row.neighbor_difference.sides.into_array(),
             })
         })
         .collect();
