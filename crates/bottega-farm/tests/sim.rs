@@ -186,7 +186,7 @@ fn play(seed: u64, scene: &Scene, trace: bool) -> Play {
             tunables: tunables(),
             optimization: scene.optimization,
         },
-        importance: ImportanceFunction::PredictedCost,
+        importance: ImportanceFunction::default(),
         partition: PartitionSettings {
             zone_count: scene.zones,
             ..PartitionSettings::for_agents(Level::Balanced, agents.len(), frame)

@@ -2,6 +2,7 @@
 
 use std::{net::SocketAddr, path::PathBuf};
 
+use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
@@ -119,9 +120,27 @@ pub(crate) struct SceneArgs {
     /// Which measure makes the importance map.
     #[arg(long, value_enum, default_value_t = ImportanceArg::Predicted, help_heading = "Work")]
     pub(crate) importance: ImportanceArg,
+    /// What the measure knows of a place; default: everything. What is left out counts everywhere as its mean, and tells
+    /// no places apart. For `predicted`: steps,path,shadow,material; for `visual`: recursion,depth,indirect,texture,noise,
+    /// saliency.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_channel, help_heading = "Work")]
+    pub(crate) channels: Option<Vec<Channel>>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long, help_heading = "Output")]
     pub(crate) json: bool,
+}
+
+impl SceneArgs {
+    /// The measure, of the channels that are on.
+    pub(crate) fn importance_function(&self) -> ImportanceFunction {
+        let channels = self.channels.iter().flatten().copied().collect::<ChannelSet>();
+        let channels = if self.channels.is_some() { channels } else { ChannelSet::ALL };
+        match self.importance {
+            ImportanceArg::Predicted => ImportanceFunction::PredictedCost(channels),
+            ImportanceArg::Paper => ImportanceFunction::Paper,
+            ImportanceArg::Visual => ImportanceFunction::Visual(channels),
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -209,9 +228,17 @@ pub(crate) struct RenderArgs {
 pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for importance.png, zones.png, cost.png and analysis.json.
+    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
+    /// index.json, which says what is what.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
+    /// Paint every zone of each level twice, and tell how well its time was predicted: by the map alone, and after
+    /// profiling. One processor does it, unless --threads says otherwise.
+    #[arg(long, help_heading = "Work")]
+    pub(crate) verify: bool,
+    /// Samples a pixel of --verify.
+    #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
+    pub(crate) spp: u32,
     /// Agents that the zones are meant for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
@@ -348,6 +375,8 @@ pub(crate) enum ImportanceArg {
     Predicted,
     /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
     Paper,
+    /// How much an error would be seen.
+    Visual,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -465,6 +494,10 @@ fn parse_aov(text: &str) -> Result<Aov, String> {
         .into_iter()
         .find(|aov| aov.name() == text.trim())
         .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
+}
+
+fn parse_channel(text: &str) -> Result<Channel, String> {
+    text.parse().map_err(|error: bottega_farm::UnknownChannel| error.to_string())
 }
 
 fn parse_define(text: &str) -> Result<(String, String), String> {
