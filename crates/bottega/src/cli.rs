@@ -25,7 +25,7 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
     Analyze(AnalyzeArgs),
-    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ.
+    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ; or look for seams between zones.
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
@@ -249,14 +249,20 @@ pub(crate) struct DiffArgs {
     /// The picture to judge: EXR, PNG or HDR.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) picture: PathBuf,
-    /// The picture that it should equal.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) reference: PathBuf,
+    /// The picture that it should equal. Only --seams can do without.
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present = "seams")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Say whether the edges of zones can be seen: the zones are those in the index.json that `bottega analyze` writes.
+    #[arg(long, value_name = "INDEX.json", value_hint = ValueHint::FilePath)]
+    pub(crate) seams: Option<PathBuf>,
+    /// The level of partition of --seams.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, requires = "seams", value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub(crate) level: u8,
     /// Write where they differ (FLIP, dark: equal, bright: different) as a PNG.
-    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath, requires = "reference")]
     pub(crate) output: Option<PathBuf>,
     /// Exit with 1 when the mean FLIP error is above this.
-    #[arg(long, value_name = "FLIP")]
+    #[arg(long, value_name = "FLIP", requires = "reference")]
     pub(crate) fail_above: Option<f32>,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
