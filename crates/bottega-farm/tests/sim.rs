@@ -219,7 +219,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
             tunables: tunables(),
             optimization: scene.optimization,
         },
-        importance: ImportanceFunction::PredictedCost,
+        importance: ImportanceFunction::default(),
         partition: PartitionSettings {
             zone_count: scene.zones,
             ..PartitionSettings::for_agents(Level::Balanced, agents.len(), frame)

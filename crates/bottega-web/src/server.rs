@@ -187,15 +187,7 @@ mod tests {
 
     fn zone(id: u32, state: &str) -> Event {
         let state = state.to_owned();
-        Event::Zone {
-            id,
-            state,
-            agent: None,
-            seconds_estimated: None,
-            seconds_measured: None,
-            samples: 0,
-            error: None,
-        }
+        Event::Zone { id, state, agent: None, seconds_estimated: None, seconds_measured: None, samples: 0, error: None }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
+use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
@@ -24,7 +25,7 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
     Analyze(AnalyzeArgs),
-    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ.
+    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ; or look for seams between zones.
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
@@ -119,9 +120,27 @@ pub(crate) struct SceneArgs {
     /// Which measure makes the importance map.
     #[arg(long, value_enum, default_value_t = ImportanceArg::Predicted, help_heading = "Work")]
     pub(crate) importance: ImportanceArg,
+    /// What the measure knows of a place; default: everything. What is left out counts everywhere as its mean, and tells
+    /// no places apart. For `predicted`: steps,path,shadow,material; for `visual`: recursion,depth,indirect,texture,noise,
+    /// saliency.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_channel, help_heading = "Work")]
+    pub(crate) channels: Option<Vec<Channel>>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long, help_heading = "Output")]
     pub(crate) json: bool,
+}
+
+impl SceneArgs {
+    /// The measure, of the channels that are on.
+    pub(crate) fn importance_function(&self) -> ImportanceFunction {
+        let channels = self.channels.iter().flatten().copied().collect::<ChannelSet>();
+        let channels = if self.channels.is_some() { channels } else { ChannelSet::ALL };
+        match self.importance {
+            ImportanceArg::Predicted => ImportanceFunction::PredictedCost(channels),
+            ImportanceArg::Paper => ImportanceFunction::Paper,
+            ImportanceArg::Visual => ImportanceFunction::Visual(channels),
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -217,9 +236,17 @@ pub(crate) struct RenderArgs {
 pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for importance.png, zones.png, cost.png and analysis.json.
+    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
+    /// index.json, which says what is what.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
+    /// Paint every zone of each level twice, and tell how well its time was predicted: by the map alone, and after
+    /// profiling. One processor does it, unless --threads says otherwise.
+    #[arg(long, help_heading = "Work")]
+    pub(crate) verify: bool,
+    /// Samples a pixel of --verify.
+    #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
+    pub(crate) spp: u32,
     /// Agents that the zones are meant for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
@@ -230,14 +257,20 @@ pub(crate) struct DiffArgs {
     /// The picture to judge: EXR, PNG or HDR.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) picture: PathBuf,
-    /// The picture that it should equal.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) reference: PathBuf,
+    /// The picture that it should equal. Only --seams can do without.
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present = "seams")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Say whether the edges of zones can be seen: the zones are those in the index.json that `bottega analyze` writes.
+    #[arg(long, value_name = "INDEX.json", value_hint = ValueHint::FilePath)]
+    pub(crate) seams: Option<PathBuf>,
+    /// The level of partition of --seams.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, requires = "seams", value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub(crate) level: u8,
     /// Write where they differ (FLIP, dark: equal, bright: different) as a PNG.
-    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath, requires = "reference")]
     pub(crate) output: Option<PathBuf>,
     /// Exit with 1 when the mean FLIP error is above this.
-    #[arg(long, value_name = "FLIP")]
+    #[arg(long, value_name = "FLIP", requires = "reference")]
     pub(crate) fail_above: Option<f32>,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
@@ -356,6 +389,8 @@ pub(crate) enum ImportanceArg {
     Predicted,
     /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
     Paper,
+    /// How much an error would be seen.
+    Visual,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -473,6 +508,10 @@ fn parse_aov(text: &str) -> Result<Aov, String> {
         .into_iter()
         .find(|aov| aov.name() == text.trim())
         .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
+}
+
+fn parse_channel(text: &str) -> Result<Channel, String> {
+    text.parse().map_err(|error: bottega_farm::UnknownChannel| error.to_string())
 }
 
 fn parse_define(text: &str) -> Result<(String, String), String> {

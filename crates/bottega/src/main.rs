@@ -4,6 +4,7 @@
 mod analyze;
 mod bench;
 mod cli;
+mod clock;
 mod devices;
 mod diff;
 mod error;

@@ -10,8 +10,7 @@ use std::{
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, Goal, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch,
-    survey_size,
+    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -21,9 +20,7 @@ use bottega_render::{Filter, PathSettings};
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
-    cli::{
-        DEPTH_MAX, EncodingArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg,
-    },
+    cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     error::CliError,
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
@@ -168,7 +165,7 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
         agents: agents(args.agents, threads),
         experts,
         processors: threads,
-        importance: importance(args.scene.importance),
+        importance: args.scene.importance_function(),
         ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
 }
@@ -209,13 +206,6 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
 
 pub(crate) fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
-}
-
-pub(crate) fn importance(importance: ImportanceArg) -> ImportanceFunction {
-    match importance {
-        ImportanceArg::Predicted => ImportanceFunction::PredictedCost,
-        ImportanceArg::Paper => ImportanceFunction::Paper,
-    }
 }
 
 fn optimization(optimize: OptimizeArg) -> Optimization {
