@@ -28,6 +28,7 @@ mod master;
 mod partition;
 mod render_agent;
 mod settings;
+pub mod simulate;
 mod vocabulary;
 mod wire;
 
