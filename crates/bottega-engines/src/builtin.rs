@@ -14,7 +14,7 @@ use bottega_hra::{Completed, Hra, HraClient, HraConfig, HraReport, Resource, Vir
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View};
 
-use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 
 const NAME: &str = "builtin";
 
@@ -172,6 +172,7 @@ struct ZonePainter<'a> {
     /// By block, of those that are done.
     parts: Vec<(Rect, Duration)>,
     complete: bool,
+    cancel: CancelSwitch,
 }
 
 #[derive(Clone, Copy)]
@@ -203,7 +204,12 @@ impl<'a> ZonePainter<'a> {
             busy: Duration::ZERO,
             parts: Vec::new(),
             complete: true,
+            cancel: task.cancel,
         }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_cancelled() || self.shared.cancelled.load(Ordering::Relaxed)
     }
 
     fn paint(mut self) -> Result<Painted, EngineError> {
@@ -230,7 +236,7 @@ impl<'a> ZonePainter<'a> {
             if next_sample >= self.samples.end {
                 continue;
             }
-            if self.shared.cancelled.load(Ordering::Relaxed) {
+            if self.is_cancelled() {
                 self.complete = false;
                 continue;
             }
@@ -279,7 +285,7 @@ impl<'a> ZonePainter<'a> {
             watcher(&tile);
         }
         if block.next_sample < self.samples.end {
-            if !self.shared.cancelled.load(Ordering::Relaxed) {
+            if !self.is_cancelled() {
                 return self.submit(ticket, block, tile);
             }
             self.complete = false;

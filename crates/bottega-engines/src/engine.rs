@@ -1,6 +1,13 @@
 //! The contract between the farm and an engine.
 
-use std::{ops::Range, time::Duration};
+use std::{
+    ops::Range,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
 
 use bottega_image::{Rect, Tile};
 
@@ -30,6 +37,22 @@ pub struct EngineDescription {
     pub exact_by_pixel: bool,
 }
 
+/// Ends one task early. Clones are the same switch.
+#[derive(Clone, Debug, Default)]
+pub struct CancelSwitch(Arc<AtomicBool>);
+
+impl CancelSwitch {
+    /// Ends the task soon; it is reported with what it has.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was pressed.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
 /// A zone to paint, or some of its samples.
 #[derive(Clone, Debug)]
 pub struct ZoneTask {
@@ -41,6 +64,8 @@ pub struct ZoneTask {
     pub tunables: Tunables,
     /// Running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
+    /// Whoever has this may end it early.
+    pub cancel: CancelSwitch,
 }
 
 /// What came of a [`ZoneTask`].

@@ -7,7 +7,9 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, EngineError, Painted, RenderEngine, Tunables, ZoneTask};
+use bottega_engines::{
+    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, Painted, RenderEngine, Tunables, ZoneTask,
+};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::{Camera, Layered, Material, Mesh, Scene, Spectrum};
@@ -52,7 +54,8 @@ fn begin(
 ) -> mpsc::Receiver<Result<Painted, EngineError>> {
     let (sender, receiver) = mpsc::channel();
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
-    engine.start(ZoneTask { rect, samples, tunables, tile }, Box::new(move |painted| drop(sender.send(painted))));
+    let task = ZoneTask { rect, samples, tunables, tile, cancel: CancelSwitch::default() };
+    engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
     receiver
 }
 

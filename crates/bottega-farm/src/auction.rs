@@ -3,20 +3,25 @@
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
 //! with more credit wins; credit rises or falls in proportion to T_est − T.
 
-use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
+mod field;
+mod open_zones;
+
+use std::{collections::BTreeMap, time::Duration};
 
 use bottega_agents::AgentId;
 
-use crate::{AgentRow, Bid, Offer, ZoneId, adaptation::scaled};
+pub use self::{field::Field, open_zones::OpenZones};
+use crate::{Bid, Offer, ZoneId};
 
-/// Zones offered in one call for proposals at most: the largest, and some of the smallest for agents that are too slow
-/// for those.
-pub(crate) const OFFERS_MAX: usize = 32;
-const SMALL_OFFERS: usize = 8;
 /// Agents called in one round at most.
 pub(crate) const BIDDERS_MAX: usize = 16;
 /// How far beyond the expected end of all work a zone may be finished, as a share of the time until then.
 const SLACK: f64 = 0.02;
+/// A piece that takes an agent less than this is not worth its messages.
+const PIECE_TIME_MIN: f64 = 0.1;
+/// An agent gets zones that take this share of the time that is left, at most: what was estimated wrong can then be made
+/// good with the rest (the factoring of Hummel, Schonberg and Flynn 1992).
+const SHARE_OF_REST: f64 = 0.5;
 
 /// How a zone's winner is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -38,201 +43,202 @@ pub struct Proposal {
     pub bids: Vec<Bid>,
 }
 
-/// What the Master knows of an agent besides its proposal.
+/// One who has made a proposal.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Contender {
-    /// Its row.
-    pub row: AgentRow,
-    /// T_est of all that it has in hand, reference-machine time.
-    pub load: Duration,
+pub struct Bidder {
+    /// Who.
+    pub agent: AgentId,
+    /// Its credit.
+    pub credit: f64,
+    /// Its own time for a second of the reference machine's, all its processors together.
+    pub own: f64,
+    /// What it said.
+    pub proposal: Proposal,
 }
 
-impl Contender {
-    /// How long so much reference-machine time takes it, all its processors together.
-    pub fn own(&self, reference: Duration) -> Duration {
-        scaled(self.row.power.to_own(reference), 1.0 / self.row.lanes.max(1e-6))
-    }
+/// A zone, or the first part of one, and who gets it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Award {
+    /// Which zone.
+    pub zone: ZoneId,
+    /// Who.
+    pub agent: AgentId,
+    /// How much of the zone, 0..1; `None`: all of it.
+    pub share: Option<f64>,
 }
 
-/// How large a zone is; of equal ones the first by id counts as the largest.
-type Rank = (u64, Reverse<ZoneId>);
-
-/// The zones that wait for an auction, largest last.
-#[derive(Clone, Debug, Default)]
-pub struct OpenZones {
-    by_rank: BTreeMap<Rank, Offer>,
-    time: Duration,
-}
-
-impl OpenZones {
-    /// What counts as large: T_est by default, complexity in the paper. Positive floats order as their bits do.
-    fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
-        let rank = match rule {
-            AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
-            AuctionRule::FinishingTime => u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX),
-        };
-        (rank, Reverse(offer.zone))
-    }
-
-    /// Adds a zone.
-    pub fn insert(&mut self, rule: AuctionRule, offer: Offer) {
-        if self.by_rank.insert(Self::rank(rule, &offer), offer).is_none() {
-            self.time += offer.time_estimated;
-        }
-    }
-
-    /// Takes a zone away, given as it was added.
-    pub fn remove(&mut self, rule: AuctionRule, offer: &Offer) {
-        if let Some(offer) = self.by_rank.remove(&Self::rank(rule, offer)) {
-            self.time -= offer.time_estimated;
-        }
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.by_rank.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.by_rank.is_empty()
-    }
-
-    /// T_est of all.
-    pub fn time_estimated(&self) -> Duration {
-        self.time
-    }
-
-    /// What to offer in one call, largest first: all, or the largest and some of the smallest.
-    pub fn offers(&self) -> Vec<Offer> {
-        let smallest_first = self.by_rank.values().copied();
-        if self.by_rank.len() <= OFFERS_MAX {
-            return smallest_first.rev().collect();
-        }
-        let mut offers: Vec<Offer> = smallest_first.clone().rev().take(OFFERS_MAX - SMALL_OFFERS).collect();
-        let small: Vec<Offer> = smallest_first.take(SMALL_OFFERS).collect();
-        offers.extend(small.into_iter().rev());
-        offers
-    }
-}
-
-/// When all the work will be done if it is spread without loss, from now.
-///
-/// - `open`: T_est of all that nobody has in hand.
-pub fn expected_end(contenders: &BTreeMap<AgentId, Contender>, open: Duration) -> Duration {
-    let speed = |contender: &Contender| contender.row.lanes / contender.row.power.get();
-    let speed: f64 = contenders.values().map(speed).sum();
-    let in_hand: f64 = contenders.values().map(|contender| contender.load.as_secs_f64()).sum();
-    if speed > 0.0 {
-        Duration::try_from_secs_f64((open.as_secs_f64() + in_hand) / speed).unwrap_or(Duration::MAX)
-    } else {
-        Duration::MAX
-    }
+/// What is known when a round ends.
+pub struct Standing<'a> {
+    /// All agents of the Master, also those that do not bid now.
+    pub field: &'a Field,
+    /// When the round ends, in seconds.
+    pub now: f64,
+    /// T_est of all that nobody has in hand, in seconds.
+    pub open: f64,
+    /// Whether a zone can be cut; `None`: none is.
+    pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 
 /// Finds the winners of one round. Each zone has at most one, each bidder wins at most as many as it has room for, and
 /// nothing that it did not bid for.
 ///
 /// - `offers`: largest first.
-/// - `contenders`: all agents of the Master, also those that do not bid now.
-/// - `end`: [`expected_end`].
-pub fn award(
-    rule: AuctionRule,
-    offers: &[Offer],
-    proposals: &BTreeMap<AgentId, Proposal>,
-    contenders: &BTreeMap<AgentId, Contender>,
-    end: Duration,
-) -> Vec<(ZoneId, AgentId)> {
-    let mut bidders: Vec<Bidder<'_>> = proposals
-        .iter()
-        .filter_map(|(agent, proposal)| {
-            let contender = contenders.get(agent)?;
-            let finish = proposal.bids.iter().map(|bid| (bid.zone, bid.finish)).collect();
-            Some(Bidder { agent, contender, room: proposal.room, finish })
-        })
-        .collect();
+pub fn award(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &Standing<'_>) -> Vec<Award> {
+    let mut bidders: Vec<Candidate> = bidders.into_iter().map(Candidate::new).collect();
     match rule {
-        AuctionRule::Paper => award_by_credit(offers, &mut bidders),
-        AuctionRule::FinishingTime => award_by_time(offers, bidders, contenders, end),
+        AuctionRule::Paper => by_credit(offers, &mut bidders),
+        AuctionRule::FinishingTime => ByTime::new(offers, bidders, standing).award(),
     }
 }
 
-struct Bidder<'a> {
-    agent: &'a AgentId,
-    contender: &'a Contender,
+/// A bidder during a round.
+struct Candidate {
+    bidder: Bidder,
+    /// By zone, in seconds from now.
+    finish: BTreeMap<ZoneId, f64>,
     room: u32,
-    finish: BTreeMap<ZoneId, Duration>,
+    /// What it has won in this round, in its own seconds.
+    won: f64,
 }
 
-fn award_by_credit(offers: &[Offer], bidders: &mut [Bidder<'_>]) -> Vec<(ZoneId, AgentId)> {
+impl Candidate {
+    fn new(bidder: Bidder) -> Self {
+        let finish = bidder.proposal.bids.iter().map(|bid| (bid.zone, bid.finish.as_secs_f64())).collect();
+        Self { finish, room: bidder.proposal.room, bidder, won: 0.0 }
+    }
+
+    fn own(&self, offer: &Offer) -> f64 {
+        self.bidder.own * offer.time_estimated.as_secs_f64()
+    }
+
+    /// When it would have finished a zone, by its own word and behind what it has won.
+    fn finish(&self, offer: &Offer) -> Option<f64> {
+        self.finish.get(&offer.zone).map(|finish| finish + self.won)
+    }
+
+    /// When it would begin one.
+    fn ready(&self, offers: &[Offer]) -> f64 {
+        let begin = |offer: &Offer| Some((self.finish(offer)? - self.own(offer)).max(self.won));
+        offers.iter().find_map(begin).unwrap_or(self.won)
+    }
+}
+
+fn by_credit(offers: &[Offer], bidders: &mut [Candidate]) -> Vec<Award> {
     let mut by_complexity: Vec<&Offer> = offers.iter().collect();
     by_complexity.sort_by(|a, b| b.complexity.total_cmp(&a.complexity));
     let mut winners = Vec::new();
     for offer in by_complexity {
         let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.finish.contains_key(&offer.zone));
         // Of equal credit the first by name.
-        let best = bids.reduce(
-            |best, other| {
-                if other.contender.row.credit > best.contender.row.credit { other } else { best }
-            },
-        );
+        let best = bids.reduce(|best, other| if other.bidder.credit > best.bidder.credit { other } else { best });
         if let Some(winner) = best {
             winner.room -= 1;
-            winners.push((offer.zone, winner.agent.clone()));
+            winners.push(Award { zone: offer.zone, agent: winner.bidder.agent.clone(), share: None });
         }
     }
     winners
 }
 
-fn award_by_time(
-    offers: &[Offer],
-    mut bidders: Vec<Bidder<'_>>,
-    contenders: &BTreeMap<AgentId, Contender>,
-    end: Duration,
-) -> Vec<(ZoneId, AgentId)> {
-    let mut open: Vec<&Offer> = offers.iter().collect();
-    let mut winners = Vec::new();
-    // What each has won in this round, in its own time.
-    let mut won: BTreeMap<&AgentId, Duration> = BTreeMap::new();
-    let end = scaled(end, 1.0 + SLACK);
-    bidders.retain(|bidder| bidder.room > 0);
-    loop {
-        let ready = |bidder: &Bidder<'_>| bidder.contender.own(bidder.contender.load) + delay(&won, bidder.agent);
-        // Whoever is idle first chooses first; of several the one with more credit, then by name.
-        let first = (0..bidders.len()).min_by(|&a, &b| {
-            let (a, b) = (&bidders[a], &bidders[b]);
-            let by_credit = b.contender.row.credit.total_cmp(&a.contender.row.credit);
-            ready(a).cmp(&ready(b)).then(by_credit).then(a.agent.cmp(b.agent))
-        });
-        let Some(index) = first else { return winners };
-        let bidder = &mut bidders[index];
-        let finish = |offer: &Offer| Some(bidder.finish.get(&offer.zone)?.saturating_add(delay(&won, bidder.agent)));
-        // When the soonest of all others would have finished it, behind all that it has in hand and has won.
-        let soonest_other = |offer: &Offer| {
-            let others = contenders.iter().filter(|(agent, _)| *agent != bidder.agent);
-            others.map(|(agent, it)| it.own(it.load.saturating_add(offer.time_estimated)) + delay(&won, agent)).min()
-        };
-        let in_time = |offer: &&Offer| finish(offer).is_some_and(|finish| finish <= end);
-        let nobody_sooner = |offer: &&Offer| {
-            finish(offer).is_some_and(|finish| soonest_other(offer).is_none_or(|other| finish <= other))
-        };
-        let best = open.iter().copied().find(in_time).or_else(|| open.iter().copied().find(nobody_sooner));
-        let Some(offer) = best else {
-            bidders.swap_remove(index);
-            continue;
-        };
-        open.retain(|other| other.zone != offer.zone);
-        winners.push((offer.zone, bidder.agent.clone()));
-        *won.entry(bidder.agent).or_default() += bidder.contender.own(offer.time_estimated);
-        bidder.room -= 1;
-        if bidder.room == 0 {
-            bidders.swap_remove(index);
-        }
-    }
+/// A round that is decided by when zones would be finished.
+struct ByTime<'a> {
+    /// Not given away, largest first.
+    open: Vec<Offer>,
+    bidders: Vec<Candidate>,
+    standing: &'a Standing<'a>,
+    /// When the work as a whole should end, in seconds from now.
+    end: f64,
+    /// When those who do not bid would have finished each zone, in seconds from now; as far as asked for.
+    others: BTreeMap<ZoneId, f64>,
 }
 
-fn delay(won: &BTreeMap<&AgentId, Duration>, agent: &AgentId) -> Duration {
-    won.get(agent).copied().unwrap_or_default()
+/// What a bidder gets.
+enum Gets {
+    All(usize),
+    Part(usize, f64),
+}
+
+impl<'a> ByTime<'a> {
+    fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a Standing<'a>) -> Self {
+        bidders.retain(|bidder| bidder.room > 0);
+        let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
+        Self { open: offers.to_vec(), bidders, standing, end, others: BTreeMap::new() }
+    }
+
+    fn award(mut self) -> Vec<Award> {
+        let mut winners = Vec::new();
+        while let Some(index) = self.first() {
+            let Some(gets) = self.best_for(index) else {
+                self.bidders.swap_remove(index);
+                continue;
+            };
+            let (place, share) = match gets {
+                Gets::All(place) => (place, None),
+                Gets::Part(place, share) => (place, Some(share)),
+            };
+            let offer = self.open.remove(place);
+            let bidder = &mut self.bidders[index];
+            winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent.clone(), share });
+            bidder.won += bidder.own(&offer) * share.unwrap_or(1.0);
+            bidder.room -= 1;
+            if bidder.room == 0 {
+                self.bidders.swap_remove(index);
+            }
+        }
+        winners
+    }
+
+    /// Whoever is idle first chooses first; of several the one with more credit, then by name.
+    fn first(&self) -> Option<usize> {
+        (0..self.bidders.len()).min_by(|&a, &b| {
+            let (a, b) = (&self.bidders[a], &self.bidders[b]);
+            let by_credit = b.bidder.credit.total_cmp(&a.bidder.credit);
+            a.ready(&self.open)
+                .total_cmp(&b.ready(&self.open))
+                .then(by_credit)
+                .then(a.bidder.agent.cmp(&b.bidder.agent))
+        })
+    }
+
+    fn best_for(&mut self, index: usize) -> Option<Gets> {
+        let bidder = &self.bidders[index];
+        let left = self.end - bidder.ready(&self.open);
+        let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
+        let wanted = if takes_all { left } else { left * SHARE_OF_REST };
+        let bids = |offer: &Offer| bidder.finish.contains_key(&offer.zone);
+        if let Some(place) = self.open.iter().position(|offer| bids(offer) && bidder.own(offer) <= wanted) {
+            return Some(Gets::All(place));
+        }
+        // All are larger. The largest that can be cut gives it what it can do in time.
+        let can_cut = |offer: &Offer| {
+            let rest = bidder.own(offer) - wanted;
+            let is_worth_it = wanted >= PIECE_TIME_MIN && rest >= PIECE_TIME_MIN;
+            bids(offer) && is_worth_it && self.standing.can_cut.is_some_and(|can_cut| can_cut(offer.zone))
+        };
+        if let Some(place) = self.open.iter().position(can_cut) {
+            return Some(Gets::Part(place, wanted / bidder.own(&self.open[place])));
+        }
+        let in_time = |offer: &Offer| bidder.finish(offer).is_some_and(|finish| finish <= self.end);
+        if let Some(place) = self.open.iter().position(in_time) {
+            return Some(Gets::All(place));
+        }
+        (0..self.open.len()).find(|&place| self.nobody_sooner(index, place)).map(Gets::All)
+    }
+
+    /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
+    fn nobody_sooner(&mut self, index: usize, place: usize) -> bool {
+        let offer = self.open[place];
+        let Some(finish) = self.bidders[index].finish(&offer) else { return false };
+        let rivals = self.bidders.iter().enumerate().filter(|(other, _)| *other != index);
+        if rivals.filter_map(|(_, other)| other.finish(&offer)).any(|other| other < finish) {
+            return false;
+        }
+        let (standing, bidders) = (self.standing, &self.bidders);
+        let others = self.others.entry(offer.zone).or_insert_with(|| {
+            let bids = |agent: &AgentId| bidders.iter().any(|it| it.bidder.agent == *agent);
+            standing.field.soonest(standing.now, offer.time_estimated.as_secs_f64(), bids)
+        });
+        finish <= *others
+    }
 }
 
 /// The credit after a zone: T_est − T is added. Seconds of reference-machine time.
@@ -242,88 +248,81 @@ pub fn credit_after(credit: f64, estimated: Duration, measured: Duration) -> f64
 
 #[cfg(test)]
 mod tests {
+    use bottega_agents::Time;
     use proptest::prelude::*;
 
     use super::*;
-    use crate::RelativePower;
 
-    fn seconds(seconds: f64) -> Duration {
-        Duration::from_secs_f64(seconds)
-    }
-
-    /// Agents by (V_cp, load, credit), each with room for `room` and a bid for everything, and zones of these times.
+    /// Agents by (V_cp, load in own seconds, credit), each with room for `room` and a bid for everything, and zones of
+    /// these times.
     fn round(
         rule: AuctionRule,
         agents: &[(f64, f64, f64)],
         room: u32,
         times: &[f64],
-    ) -> (Vec<Offer>, Vec<(ZoneId, AgentId)>) {
-        let open = times.iter().enumerate().map(|(i, &time)| Offer {
-            zone: ZoneId(i as u32),
-            complexity: time,
-            time_estimated: seconds(time),
-        });
+        can_cut: Option<&dyn Fn(ZoneId) -> bool>,
+    ) -> (Vec<Offer>, Vec<Award>) {
         let mut waiting = OpenZones::default();
-        open.for_each(|offer| waiting.insert(rule, offer));
-        let offers = waiting.offers();
-        let contenders: BTreeMap<AgentId, Contender> = agents
-            .iter()
-            .enumerate()
-            .map(|(i, &(power, load, credit))| {
-                let agent = AgentId::new(format!("a{i}"));
-                let row = AgentRow { agent: agent.clone(), power: RelativePower::new(power), lanes: 1.0, credit };
-                (agent, Contender { row, load: seconds(load) })
-            })
-            .collect();
-        let proposals = contenders
-            .iter()
-            .map(|(agent, contender)| {
-                let bid = |offer: &Offer| Bid {
-                    zone: offer.zone,
-                    finish: contender.own(contender.load + offer.time_estimated),
-                };
-                (agent.clone(), Proposal { room, bids: offers.iter().map(bid).collect() })
-            })
-            .collect();
-        let end = expected_end(&contenders, waiting.time_estimated());
-        let winners = award(rule, &offers, &proposals, &contenders, end);
+        for (i, &time) in times.iter().enumerate() {
+            let offer =
+                Offer { zone: ZoneId(i as u32), complexity: time, time_estimated: Duration::from_secs_f64(time) };
+            waiting.insert(rule, offer);
+        }
+        let open = waiting.time_estimated().as_secs_f64();
+        let offers = waiting.offer(1);
+        let mut field = Field::default();
+        let bidder = |(i, &(own, load, credit)): (usize, &(f64, f64, f64))| {
+            let agent = AgentId::new(format!("a{i}"));
+            field.set(&agent, Some((own, Time::since_start(Duration::from_secs_f64(load)), load > 0.0)));
+            let finish = |offer: &Offer| offer.time_estimated.mul_f64(own) + Duration::from_secs_f64(load);
+            let bids = offers.iter().map(|offer| Bid { zone: offer.zone, finish: finish(offer) }).collect();
+            Bidder { agent, credit, own, proposal: Proposal { room, bids } }
+        };
+        let bidders = agents.iter().enumerate().map(bidder).collect();
+        let winners = award(rule, &offers, bidders, &Standing { field: &field, now: 0.0, open, can_cut });
         (offers, winners)
+    }
+
+    fn whole(zone: u32, agent: &str) -> Award {
+        Award { zone: ZoneId(zone), agent: AgentId::new(agent), share: None }
     }
 
     #[test]
     fn credit_decides_in_the_paper() {
-        let (_, winners) = round(AuctionRule::Paper, &[(1.0, 0.0, -1.0), (1.0, 0.0, 2.0)], 1, &[3.0, 9.0]);
-        assert_eq!(winners, [(ZoneId(1), AgentId::new("a1")), (ZoneId(0), AgentId::new("a0"))]);
+        let (_, winners) = round(AuctionRule::Paper, &[(1.0, 0.0, -1.0), (1.0, 0.0, 2.0)], 1, &[3.0, 9.0], None);
+        assert_eq!(winners, [whole(1, "a1"), whole(0, "a0")]);
     }
 
     #[test]
     fn a_slow_agent_does_not_take_the_last_big_zone() {
         // The fast one is busy for a second yet, the slow one is idle; the zone takes 2 s here and 20 s there.
-        let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0]);
-        assert_eq!(winners, [(ZoneId(0), AgentId::new("a1"))]);
-        let (_, winners) = round(AuctionRule::Paper, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0]);
-        assert_eq!(winners, [(ZoneId(0), AgentId::new("a0"))]);
+        let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0], None);
+        assert_eq!(winners, [whole(0, "a1")]);
+        let (_, winners) = round(AuctionRule::Paper, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0], None);
+        assert_eq!(winners, [whole(0, "a0")]);
     }
 
     #[test]
     fn a_slow_agent_gets_the_largest_zone_that_it_finishes_in_time() {
         let times = [9.0, 9.0, 9.0, 4.0, 1.0];
-        let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 20.0, 0.0)], 1, &times);
-        assert!(winners.contains(&(ZoneId(0), AgentId::new("a0"))), "{winners:?}");
-        let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 1, &times);
-        assert!(winners.contains(&(ZoneId(4), AgentId::new("a0"))), "{winners:?}");
+        let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 20.0, 0.0)], 1, &times, None);
+        assert!(winners.contains(&whole(0, "a0")), "{winners:?}");
+        let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 1, &times, None);
+        assert!(winners.contains(&whole(4, "a0")), "{winners:?}");
     }
 
     #[test]
-    fn many_zones_are_offered_by_their_ends() {
-        let mut open = OpenZones::default();
-        for i in 0..100 {
-            let time_estimated = Duration::from_secs(u64::from(i));
-            open.insert(AuctionRule::default(), Offer { zone: ZoneId(i), complexity: 1.0, time_estimated });
-        }
-        let offered = open.offers();
-        assert_eq!(offered.len(), OFFERS_MAX);
-        assert_eq!((offered[0].zone, offered[OFFERS_MAX - 1].zone), (ZoneId(99), ZoneId(0)));
+    fn a_zone_is_cut_for_one_who_is_too_slow_for_all_of_it() {
+        // All would be done after 10 / (1 + 1/4) = 8 s; the slow one gets what takes it half of that, 1 s of the zone.
+        let agents = [(4.0, 0.0, 0.0), (1.0, 0.0, -1.0)];
+        let (_, winners) = round(AuctionRule::FinishingTime, &agents, 1, &[6.0, 4.0], Some(&|_| true));
+        let share = winners[0].share.unwrap();
+        assert_eq!((winners[0].zone, &*winners[0].agent.name), (ZoneId(0), "a0"));
+        assert!((share * 6.0 - 1.0).abs() < 0.05, "{share}");
+        // The fast one takes the other one whole: it is half of what it can do in time.
+        assert_eq!(winners[1], whole(1, "a1"));
+        let (_, winners) = round(AuctionRule::FinishingTime, &agents, 1, &[6.0, 4.0], Some(&|_| false));
+        assert!(winners.iter().all(|award| award.share.is_none()), "{winners:?}");
     }
 
     proptest! {
@@ -331,14 +330,16 @@ mod tests {
         fn each_zone_has_one_winner_and_no_hand_is_overfull(
             agents in prop::collection::vec((0.1f64..10.0, 0.0f64..9.0, -5.0f64..5.0), 0..6),
             times in prop::collection::vec(0.0f64..10.0, 0..50),
-            (room, paper) in (0u32..4, any::<bool>()),
+            (room, paper, cuts) in (0u32..4, any::<bool>(), any::<bool>()),
         ) {
             let rule = if paper { AuctionRule::Paper } else { AuctionRule::FinishingTime };
-            let (offers, winners) = round(rule, &agents, room, &times);
+            let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| zone.0 % 3 != 0;
+            let (offers, winners) = round(rule, &agents, room, &times, cuts.then_some(can_cut));
             let mut won: BTreeMap<&AgentId, u32> = BTreeMap::new();
-            let mut zones: Vec<ZoneId> = winners.iter().map(|(zone, _)| *zone).collect();
-            for (_, agent) in &winners {
-                *won.entry(agent).or_default() += 1;
+            let mut zones: Vec<ZoneId> = winners.iter().map(|award| award.zone).collect();
+            for award in &winners {
+                *won.entry(&award.agent).or_default() += 1;
+                prop_assert!(award.share.is_none_or(|share| share > 0.0 && share < 1.0 && award.zone.0 % 3 != 0));
             }
             prop_assert!(won.values().all(|&count| count <= room));
             zones.sort();

@@ -40,7 +40,37 @@ pub struct ZoneRow {
     pub choice: Option<Choice>,
     /// The samples so far.
     pub result: Option<ResultRef>,
+    /// The pixels that this row answers for, where it is a piece of a zone. `None`: all of the zone with its band.
+    pub piece: Option<Rect>,
+    /// The zone that it was cut from, with whose mask it is composed. `None`: it is a zone of the Analyst's.
+    pub root: Option<ZoneId>,
+    /// What was cut off it last. The row that is cut says so first; whoever finds the other one missing writes it.
+    pub cut: Option<Cut>,
+    /// An order that counts beside the one under this row's revision, because another agent took the zone over: whoever
+    /// is first has painted it.
+    pub rival: Option<Rival>,
 }
+
+/// A piece that was cut off a zone near the end of a work, so that all agents end together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut {
+    /// The id of its row.
+    pub zone: ZoneId,
+    /// Its pixels, the zone's band among them.
+    pub piece: Rect,
+}
+
+/// Who else may report a zone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rival {
+    /// The agent that had it before.
+    pub agent: AgentId,
+    /// The token of its order.
+    pub fence: Revision,
+}
+
+/// The least side of a piece, in pixels.
+const PIECE_SIDE_MIN: u32 = 8;
 
 /// How far a zone is. It goes forward only, but for zones that are taken back from an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -86,12 +116,89 @@ impl ZoneRow {
             attempt: 0,
             choice: None,
             result: None,
+            piece: None,
+            root: None,
+            cut: None,
+            rival: None,
         }
     }
 
-    /// The paper's Size: pixels.
+    /// The paper's Size: pixels of its own, without the band.
     pub fn size(&self) -> u64 {
-        self.rect.area()
+        match self.piece {
+            None => self.rect.area(),
+            Some(piece) => piece.intersection(&self.rect).map_or(0, |own| own.area()),
+        }
+    }
+
+    /// What is painted for it with this choice: its pixels and those of its band.
+    pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
+        self.piece.unwrap_or_else(|| self.rect.grown(choice.band, frame))
+    }
+
+    /// The zone of the Analyst's that it is, or is a piece of.
+    pub fn root(&self) -> ZoneId {
+        self.root.unwrap_or(self.zone)
+    }
+
+    /// The row without the part behind a cut, which [`Self::offcut`] is. Cost and expected time go with the pixels.
+    /// `None` where the pieces would be too small, or nobody knows yet how wide its band is.
+    ///
+    /// - `share`: how much of the zone the row keeps, 0..1.
+    /// - `offcut`: the id of the part that is cut off.
+    pub fn cut_to(&self, share: f64, offcut: ZoneId, frame: &Rect) -> Option<Self> {
+        let whole = self.painted(&self.choice?, frame);
+        let wide = whole.width() > whole.height();
+        let (low, high) = if wide { (whole.x0, whole.x1) } else { (whole.y0, whole.y1) };
+        if high - low < 2 * PIECE_SIDE_MIN {
+            return None;
+        }
+        let kept = (f64::from(high - low) * share).round() as u32;
+        let at = low + kept.clamp(PIECE_SIDE_MIN, high - low - PIECE_SIDE_MIN);
+        let (kept, off) = if wide {
+            (Rect { x1: at, ..whole }, Rect { x0: at, ..whole })
+        } else {
+            (Rect { y1: at, ..whole }, Rect { y0: at, ..whole })
+        };
+        Some(
+            Self { piece: Some(kept), cut: Some(Cut { zone: offcut, piece: off }), ..self.clone() }
+                .in_proportion(&whole, &kept),
+        )
+    }
+
+    /// The row of what was cut off this one last: waiting for an auction, whatever has become of this one since.
+    pub fn offcut(&self) -> Option<Self> {
+        let (Cut { zone, piece }, kept) = (self.cut?, self.piece?);
+        let root = Some(self.root());
+        let row =
+            Self { zone, piece: Some(piece), root, cut: None, rival: None, agent: None, attempt: 0, ..self.clone() };
+        let row = Self { state: ZoneState::Profiled, time_measured: None, ..row.in_proportion(&kept, &piece) };
+        // The samples of profiling are still good, those of painting are of other pixels.
+        let result = row.result.filter(|result| row.choice.is_some_and(|choice| result.samples < choice.samples));
+        Some(Self { result, ..row })
+    }
+
+    fn in_proportion(self, whole: &Rect, part: &Rect) -> Self {
+        let share = part.area() as f64 / whole.area().max(1) as f64;
+        let time_estimated = self.time_estimated.map(|time| time.mul_f64(share));
+        Self { complexity: self.complexity * share, time_estimated, ..self }
+    }
+
+    /// The token under which `agent` may report this zone, where the row has `revision`.
+    pub fn fence_of(&self, agent: &AgentId, revision: Revision) -> Option<Revision> {
+        if !self.is_in_hand() {
+            None
+        } else if self.agent.as_ref() == Some(agent) {
+            Some(revision)
+        } else {
+            self.rival.as_ref().filter(|rival| rival.agent == *agent).map(|rival| rival.fence)
+        }
+    }
+
+    /// Who has it in hand.
+    pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
+        let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
+        holders.into_iter().flatten().filter(|_| self.is_in_hand())
     }
 
     /// Samples a pixel that are painted.
@@ -119,7 +226,7 @@ impl ZoneRow {
             ZoneState::Awarded => ZoneState::Profiled,
             settled => settled,
         };
-        Self { state, attempt, ..self.clone() }
+        Self { state, attempt, rival: None, ..self.clone() }
     }
 
     /// The row after a restart of the whole farm: no agent has it in hand any more, and that is nobody's fault.
@@ -135,7 +242,7 @@ impl ZoneRow {
         let agent = self.agent.clone().filter(|_| state == ZoneState::Done);
         // Revisions begin anew with the Blackboard: an old token must never be taken for a new one.
         let result = self.result.map(|result| ResultRef { fence: Revision::ABSENT, ..result });
-        Self { state, attempt: 0, agent, result, ..self.clone() }
+        Self { state, attempt: 0, agent, result, rival: None, ..self.clone() }
     }
 }
 
@@ -243,6 +350,8 @@ pub fn agent_key(work: WorkId, agent: &AgentId) -> Key {
 pub struct Blackboard {
     work: Option<WorkRow>,
     zones: BTreeMap<ZoneId, (Revision, ZoneRow)>,
+    /// How many of them are the Analyst's.
+    root_count: usize,
     agents: BTreeMap<AgentId, AgentRow>,
 }
 
@@ -255,7 +364,10 @@ impl Blackboard {
                 if self.zones.get(&row.zone).is_some_and(|(seen, _)| *seen >= entry.revision) {
                     return None;
                 }
-                Some(self.zones.insert(row.zone, (entry.revision, row)).map(|(_, before)| before))
+                let is_root = row.root.is_none();
+                let before = self.zones.insert(row.zone, (entry.revision, row)).map(|(_, before)| before);
+                self.root_count += usize::from(is_root && before.is_none());
+                Some(before)
             }
             FarmValue::Work(row) => {
                 self.work = Some(row);
@@ -275,12 +387,17 @@ impl Blackboard {
 
     /// Whether the work and all its zones are known.
     pub fn is_complete(&self) -> bool {
-        self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.zones.len())
+        self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
     /// A zone with the revision of its row.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(&zone).map(|(revision, row)| (*revision, row))
+    }
+
+    /// How many rows of zones there are, with those of pieces.
+    pub fn zone_count(&self) -> usize {
+        self.zones.len()
     }
 
     /// All zones in the order of their ids.

@@ -136,6 +136,13 @@ pub enum FarmContent {
         /// Why not.
         reason: String,
     },
+    /// *cancel*: another agent has painted this zone; this order is void.
+    Withdrawn {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+    },
     /// *inform*: the agent lives, has V_cp `power` and these orders in hand.
     Alive {
         /// V_cp.

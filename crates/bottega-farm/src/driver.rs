@@ -9,13 +9,14 @@ mod progress;
 mod stop;
 
 use std::{
+    collections::BTreeMap,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     thread,
     time::Duration,
 };
 
-use bottega_agents::{AgentId, LocalPlatform, Mailbox, StateMachine, Time, driver::Performer};
-use bottega_engines::{RenderEngine, Survey, Tunables};
+use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, driver::Performer};
+use bottega_engines::{CancelSwitch, RenderEngine, Survey, Tunables};
 use bottega_image::{Film, Layout, Rect};
 
 use self::easel::Easel;
@@ -224,6 +225,8 @@ struct State {
     survey: Duration,
     benchmark: Option<RelativePower>,
     messages: u64,
+    /// Switches of what the engine is painting.
+    orders: BTreeMap<(ZoneId, Revision), CancelSwitch>,
 }
 
 type FarmMailbox = Mailbox<Seen>;
@@ -313,7 +316,8 @@ fn populate(
     let (master, analyst) = (AgentId::new("master@bottega"), AgentId::new("analyst@bottega"));
     let timing = Timing::default();
     let JobSettings { auction, prefetch, .. } = *settings;
-    let master_config = MasterConfig { id: master.clone(), work: WORK, auction, prefetch, timing };
+    // All agents have the same processors: an idle one leaves its own to the others.
+    let master_config = MasterConfig { id: master.clone(), work: WORK, auction, prefetch, shares_tail: false, timing };
     let mailbox = match kept {
         Some((work, rows)) => {
             let config = MasterConfig { work: work.work, ..master_config };
@@ -439,6 +443,7 @@ impl Shared {
             // In one process the engine has the scene.
             FarmEffect::Fetch(work) => mailbox.complete(FarmCompletion::Fetched(work)),
             FarmEffect::Paint(order) => self.paint(order, mailbox),
+            FarmEffect::Drop { zone, fence } => self.drop_order(zone, fence),
             FarmEffect::BeginFilm(work) => {
                 let kept = self.easel().begin(&work);
                 self.tell_kept(kept);

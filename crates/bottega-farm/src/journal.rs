@@ -221,8 +221,9 @@ fn take_zone(reader: &mut Reader<'_>, zones: &mut BTreeMap<ZoneId, (ZoneRow, Opt
 /// The work as it can be gone on with; `None` when zones are missing. A row whose tile is not there, or is not the one
 /// that it means, is painted again from the start.
 fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<Kept> {
-    let in_order = zones.keys().enumerate().all(|(i, zone)| zone.index() == i);
-    if !in_order || zones.len() != work.zone_count as usize {
+    let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
+    let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);
+    if !in_order || roots != work.zone_count as usize {
         return None;
     }
     let mut kept = Kept { work, rows: Vec::new(), tiles: BTreeMap::new() };

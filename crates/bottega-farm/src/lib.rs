@@ -35,10 +35,10 @@ mod wire;
 pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
 pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
-pub use auction::{AuctionRule, Contender, OpenZones, Proposal, award, credit_after, expected_end};
+pub use auction::{AuctionRule, Award, Bidder, Field, OpenZones, Proposal, Standing, award, credit_after};
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, Blackboard, FarmValue, InputRanges, Interval, ResultRef, WorkRow, ZoneRow, ZoneState,
-    agent_key, work_key, work_prefix, zone_key,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkRow, ZoneRow,
+    ZoneState, agent_key, work_key, work_prefix, zone_key,
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};

@@ -12,6 +12,7 @@ mod composition;
 mod ledger;
 mod results;
 mod roster;
+mod tail;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -22,17 +23,15 @@ use bottega_agents::{AgentId, Entry, Performative, Revision, StateMachine, Store
 
 use self::{composition::Composition, ledger::Ledger, roster::Roster};
 use crate::{
-    AgentRow, AuctionRule, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, FarmValue, LifeCycle, Offer, Order, Painting, Partition, Proposal, Report, WorkId, WorkRow, ZoneId,
-    ZoneRow, ZoneState, agent_key,
+    AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
+    FarmEvent, FarmMessage, FarmValue, LifeCycle, Offer, Order, Painting, Partition, Proposal, Report, Rival, Standing,
+    WorkId, WorkRow, ZoneId, ZoneRow, ZoneState, agent_key,
     auction::BIDDERS_MAX,
     award,
     contents::{answer, asking, message},
-    credit_after, expected_end, protocol, work_key, work_prefix, zone_key,
+    credit_after, protocol, work_key, work_prefix, zone_key,
 };
 
-/// Zones to profile that an agent has in hand at most. They are short; more of them hide the way of a message.
-const PROFILE_WINDOW: usize = 4;
 /// The ticket of the watch.
 const WATCH: Ticket = Ticket(0);
 /// Results that the film is given at once.
@@ -66,6 +65,9 @@ pub struct MasterConfig {
     pub auction: AuctionRule,
     /// Zones that an agent has in hand at most: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
     pub prefetch: u32,
+    /// Whether, near the end, zones are cut into pieces and slow agents' zones given to idle ones as well. Of use where
+    /// agents have machines of their own; those who share one have its processors anyway.
+    pub shares_tail: bool,
     /// How long it waits for what.
     pub timing: Timing,
 }
@@ -94,7 +96,6 @@ enum Then {
 /// One round of the auction.
 #[derive(Clone, Debug)]
 struct Round {
-    conversation: u64,
     deadline: Time,
     offers: Vec<Offer>,
     awaited: BTreeSet<AgentId>,
@@ -116,7 +117,12 @@ pub struct Master {
     ledger: Ledger,
     roster: Roster,
     composition: Composition,
-    round: Option<Round>,
+    /// Rounds under way, by conversation. Each has its own zones and its own bidders.
+    rounds: BTreeMap<u64, Round>,
+    /// Those of them in which all have answered.
+    answered: Vec<u64>,
+    /// Pieces that were cut off and have no row yet, with the zones that say so.
+    owed: BTreeMap<ZoneId, ZoneId>,
     writes: BTreeMap<ZoneId, Write>,
     tickets: BTreeMap<Ticket, ZoneId>,
     /// When the present order of a zone was sent.
@@ -129,6 +135,7 @@ impl Master {
     /// A Master that has just been born. It goes on from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
         let ledger = Ledger::new(config.auction);
+        let roster = Roster::new(config.prefetch as usize);
         Self {
             config,
             board: Blackboard::default(),
@@ -138,9 +145,11 @@ impl Master {
             stopping: false,
             finished: false,
             ledger,
-            roster: Roster::default(),
+            roster,
             composition: Composition::default(),
-            round: None,
+            rounds: BTreeMap::new(),
+            answered: Vec::new(),
+            owed: BTreeMap::new(),
             writes: BTreeMap::new(),
             tickets: BTreeMap::new(),
             sent: BTreeMap::new(),
@@ -221,7 +230,7 @@ impl Master {
                     self.see(now, entry, actions);
                 }
                 // Somebody else wrote this row, and not what was to be written.
-                self.end_write(zone);
+                self.end_write(now, zone);
             }
             StoreReply::Unavailable => self.repeat_write(ticket, actions),
             StoreReply::Got { .. } => {}
@@ -235,53 +244,56 @@ impl Master {
             // Known from an earlier life of this Master; its lease begins anew.
             if self.roster.get(&row.agent).is_none() {
                 self.roster.join(now, row.clone());
-                self.refresh_hands(&row.agent.clone());
+                self.refresh_hands(now, &row.agent.clone());
             }
         }
         let zone = match &entry.value {
             FarmValue::Zone(row) => Some(row.clone()),
             _ => None,
         };
+        let rivals = zone.as_ref().and_then(|row| self.rivals(row));
         if self.board.see(entry).is_none() {
             return;
         }
         let Some(row) = zone else { return };
+        if let Some((zone, rivals)) = rivals {
+            self.withdraw(zone, rivals, actions);
+        }
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(row.clone())));
         self.sent.remove(&row.zone);
-        self.composition.set_painted(row.zone, row.state == ZoneState::Done);
-        if !row.is_in_hand() {
+        self.composition.see(&row);
+        self.note_cut(&row);
+        if matches!(row.state, ZoneState::Open | ZoneState::Profiled) {
             self.roster.ask_again();
         }
         let write = self.writes.get(&row.zone).filter(|write| revision > write.expected_revision).cloned();
         match write {
             Some(write) if write.row == row => {
-                self.end_write(row.zone);
+                self.end_write(now, row.zone);
                 self.after_write(now, write, revision, actions);
             }
-            Some(_) => self.end_write(row.zone),
-            None => self.count(&row),
+            Some(_) => self.end_write(now, row.zone),
+            None => self.count(now, &row),
         }
     }
 
-    fn count(&mut self, row: &ZoneRow) {
+    fn count(&mut self, now: Time, row: &ZoneRow) {
         for agent in self.ledger.count(row) {
-            self.refresh_hands(&agent);
+            self.refresh_hands(now, &agent);
         }
     }
 
-    fn refresh_hands(&mut self, agent: &AgentId) {
-        if let Some(member) = self.roster.get_mut(agent) {
-            member.hands = self.ledger.hands(agent);
-        }
+    fn refresh_hands(&mut self, now: Time, agent: &AgentId) {
+        self.roster.set_hands(now, agent, self.ledger.load(agent));
     }
 
     /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
-    fn write(&mut self, row: ZoneRow, then: Then, actions: &mut Vec<FarmAction>) {
-        let Some((expected_revision, _)) = self.board.zone(row.zone) else { return };
+    fn write(&mut self, now: Time, row: ZoneRow, then: Then, actions: &mut Vec<FarmAction>) {
+        let expected_revision = self.board.zone(row.zone).map_or(Revision::ABSENT, |(revision, _)| revision);
         debug_assert!(!self.writes.contains_key(&row.zone));
         let ticket = Ticket(self.number());
         actions.push(FarmAction::Store { ticket, request: self.board.compare_and_set(row.clone()) });
-        self.count(&row);
+        self.count(now, &row);
         self.tickets.insert(ticket, row.zone);
         self.writes.insert(row.zone, Write { ticket, row, expected_revision, then });
     }
@@ -300,13 +312,13 @@ impl Master {
     }
 
     /// A write has ended, well or not: from now on the zone counts as the Blackboard has it.
-    fn end_write(&mut self, zone: ZoneId) {
+    fn end_write(&mut self, now: Time, zone: ZoneId) {
         if let Some(write) = self.writes.remove(&zone) {
             self.tickets.remove(&write.ticket);
         }
         if let Some((_, row)) = self.board.zone(zone) {
             let row = row.clone();
-            self.count(&row);
+            self.count(now, &row);
         }
     }
 
@@ -320,6 +332,7 @@ impl Master {
                 if write.row.state == ZoneState::Done {
                     self.credit(&write.row, actions);
                 }
+                self.help_out(now, &report.sender, actions);
             }
             Then::TakenBack => {}
         }
@@ -327,13 +340,15 @@ impl Master {
 
     /// Credit rises or falls in proportion to T_est − T.
     fn credit(&mut self, row: &ZoneRow, actions: &mut Vec<FarmAction>) {
-        let (Some(estimated), Some(measured)) = (row.time_estimated, row.time_measured) else { return };
-        let Some(member) = row.agent.as_ref().and_then(|agent| self.roster.get_mut(agent)) else { return };
-        member.row.credit = credit_after(member.row.credit, estimated, measured);
-        let row = member.row.clone();
-        self.put_agent(row, actions);
+        let (Some(estimated), Some(measured), Some(agent)) = (row.time_estimated, row.time_measured, &row.agent) else {
+            return;
+        };
+        if let Some(row) = self.roster.update(agent, |row| row.credit = credit_after(row.credit, estimated, measured)) {
+            self.put_agent(row, actions);
+        }
     }
 
+    /// An agent's credit, power or lanes are on the Blackboard.
     fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
         let (key, ticket) = (agent_key(self.config.work, &row.agent), Ticket(self.number()));
         let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
@@ -343,9 +358,7 @@ impl Master {
     // Messages.
 
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
-        if let Some(member) = self.roster.get_mut(&message.sender) {
-            member.heard = now;
-        }
+        self.roster.hear(now, &message.sender);
         match (message.performative, &message.content) {
             (Performative::Subscribe, FarmContent::Subscription { power, lanes }) => {
                 let before = self.roster.get(&message.sender).map(|member| &member.row);
@@ -359,12 +372,11 @@ impl Master {
                     actions,
                 );
             }
-            (Performative::Cancel, FarmContent::Unsubscription) => self.dismiss(&message.sender, actions),
+            (Performative::Cancel, FarmContent::Unsubscription) => self.dismiss(now, &message.sender, actions),
             (Performative::Inform, FarmContent::Alive { power, hands }) => {
-                let Some(member) = self.roster.get_mut(&message.sender) else {
+                if self.roster.update(&message.sender, |row| row.power = *power).is_none() {
                     return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
-                };
-                member.row.power = *power;
+                }
                 self.repeat_orders(now, &message.sender, hands, actions);
             }
             (Performative::Propose, FarmContent::Bids { room, bids }) => {
@@ -372,13 +384,11 @@ impl Master {
                 self.take_bid(message, Some(proposal));
             }
             (Performative::Refuse, FarmContent::Nothing) => {
-                if let Some(member) = self.roster.get_mut(&message.sender) {
-                    member.rests_until = now + self.config.timing.heartbeat;
-                }
+                self.roster.rest(&message.sender, now + self.config.timing.heartbeat);
                 self.take_bid(message, None);
             }
             (Performative::Inform | Performative::Failure, FarmContent::Report(report)) => {
-                self.take_report(message, report, actions);
+                self.take_report(now, message, report, actions);
             }
             (Performative::Inform, FarmContent::Analyzed(_)) | (Performative::NotUnderstood, _) => {}
             _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
@@ -390,7 +400,7 @@ impl Master {
         if self.roster.join(now, row.clone()).is_none() {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
         }
-        self.refresh_hands(&row.agent);
+        self.refresh_hands(now, &row.agent);
         self.answer(message, Performative::Agree, FarmContent::Subscribed, actions);
         self.introduce(std::slice::from_ref(&row.agent), actions);
         self.put_agent(row, actions);
@@ -405,25 +415,32 @@ impl Master {
         }
     }
 
-    /// An agent is gone: what it had in hand is open again.
-    fn dismiss(&mut self, agent: &AgentId, actions: &mut Vec<FarmAction>) {
-        self.roster.leave(agent);
-        if let Some(round) = &mut self.round {
+    /// An agent is gone: what it had in hand is open again, or its rival's.
+    fn dismiss(&mut self, now: Time, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+        let round = self.roster.leave(agent).and_then(|member| member.round);
+        if let Some(round) = round.and_then(|round| self.rounds.get_mut(&round)) {
             round.awaited.remove(agent);
             round.proposals.remove(agent);
         }
-        for zone in self.ledger.hands(agent).into_keys() {
-            self.take_back(zone, actions);
+        for zone in self.ledger.hands(agent) {
+            self.take_back(now, zone, agent, actions);
         }
     }
 
-    fn take_back(&mut self, zone: ZoneId, actions: &mut Vec<FarmAction>) {
+    /// A zone is no longer in this agent's hand.
+    fn take_back(&mut self, now: Time, zone: ZoneId, agent: &AgentId, actions: &mut Vec<FarmAction>) {
         if let Some((_, row)) = self.board.zone(zone)
             && row.is_in_hand()
             && !self.writes.contains_key(&zone)
         {
-            let row = row.taken_back();
-            self.write(row, Then::TakenBack, actions);
+            let is_here = |other: &AgentId| other != agent && self.roster.get(other).is_some();
+            let row = match (&row.agent, &row.rival) {
+                // The other one goes on, under the token that it has.
+                (Some(other), _) if is_here(other) => return,
+                (Some(_), Some(rival)) if is_here(&rival.agent) => ZoneRow { agent: None, ..row.clone() },
+                _ => row.taken_back(),
+            };
+            self.write(now, row, Then::TakenBack, actions);
         }
     }
 
@@ -436,13 +453,26 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         let grace = self.config.timing.heartbeat;
-        for zone in self.ledger.hands(agent).into_keys() {
+        for zone in self.ledger.hands(agent) {
             let Some((revision, row)) = self.board.zone(zone) else { continue };
             let being_written = self.writes.contains_key(&zone);
             let on_its_way = self.sent.get(&zone).is_some_and(|&sent| now < sent + grace);
-            if row.is_in_hand() && !being_written && !on_its_way && !known.contains(&(zone, revision)) {
-                let (row, conversation) = (row.clone(), self.number());
-                self.send_order(now, &row, revision, conversation, actions);
+            let is_known = row.fence_of(agent, revision).is_none_or(|fence| known.contains(&(zone, fence)));
+            if is_known || being_written || on_its_way {
+                continue;
+            }
+            match &row.agent {
+                Some(other) if other == agent => {
+                    let (row, conversation) = (row.clone(), self.number());
+                    self.send_order(now, &row, revision, conversation, actions);
+                }
+                // Another has taken it over.
+                Some(_) => {}
+                // Its order is older than the row, so it cannot be given again.
+                None => {
+                    let row = row.taken_back();
+                    self.write(now, row, Then::TakenBack, actions);
+                }
             }
         }
     }
@@ -480,21 +510,23 @@ impl Master {
     /// Looks for those who have fallen silent.
     fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
+        self.roster.wake(now);
         self.roster.ask_again();
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {
                 tracing::info!(%agent, "agent fell silent");
-                self.dismiss(&agent, actions);
+                self.dismiss(now, &agent, actions);
             }
         }
         let strangers: Vec<AgentId> =
             self.ledger.holders().filter(|agent| self.roster.get(agent).is_none()).cloned().collect();
         for agent in strangers {
-            for zone in self.ledger.hands(&agent).into_keys() {
-                self.take_back(zone, actions);
+            for zone in self.ledger.hands(&agent) {
+                self.take_back(now, zone, &agent, actions);
             }
         }
+        self.help_all(now, actions);
     }
 
     fn assert_invariants(&self) {
@@ -518,10 +550,12 @@ impl StateMachine for Master {
             }
             FarmEvent::Message(message) => self.handle_message(now, &message, actions),
             FarmEvent::Store { ticket, reply } => self.handle_store(now, ticket, reply, actions),
-            FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => self.composed(zone, outcome, actions),
+            FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => {
+                self.composed(now, zone, outcome, actions);
+            }
             FarmEvent::Completed(FarmCompletion::Stop) => {
                 self.stopping = true;
-                self.round = None;
+                self.rounds.clear();
             }
             FarmEvent::Completed(_) | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
@@ -533,7 +567,8 @@ impl StateMachine for Master {
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        let round = self.round.as_ref().map(|round| round.deadline);
+        // Rounds that began later end later.
+        let round = self.rounds.values().next().map(|round| round.deadline);
         [self.next_look, round].into_iter().flatten().min()
     }
 }

@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, time::Duration};
 
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, Time};
+use bottega_image::Rect;
 
 use crate::{
     Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
@@ -58,6 +59,8 @@ pub struct RenderAgent {
     /// The newest token seen of each zone: an order that arrives late or twice is not taken again.
     newest: BTreeMap<ZoneId, Revision>,
     next_heartbeat: Option<Time>,
+    /// When it began with the first of what it has in hand.
+    since: Time,
 }
 
 impl RenderAgent {
@@ -75,6 +78,7 @@ impl RenderAgent {
             unanswered: BTreeMap::new(),
             newest: BTreeMap::new(),
             next_heartbeat: None,
+            since: Time::ZERO,
         }
     }
 
@@ -88,15 +92,15 @@ impl RenderAgent {
         self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence))
     }
 
-    fn handle_message(&mut self, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+    fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         match (message.performative, &message.content) {
             (Performative::Agree, FarmContent::Subscribed) => self.subscribed = true,
             // The Master does not know this agent (any more).
             (Performative::Refuse, FarmContent::Nothing) => self.subscribed = false,
             (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
-            (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(message, offers, actions),
+            (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(now, message, offers, actions),
             (Performative::Request, FarmContent::Profile(order))
-            | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(message, order, actions),
+            | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(now, message, order, actions),
             (Performative::Confirm, FarmContent::Received { zone, fence }) => _ = self.answered(*zone, *fence),
             (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
                 if self.answered(*zone, *fence) {
@@ -104,6 +108,7 @@ impl RenderAgent {
                     self.newest.remove(zone);
                 }
             }
+            (Performative::Cancel, FarmContent::Withdrawn { zone, fence }) => self.drop_order(*zone, *fence, actions),
             (Performative::Request, FarmContent::LifeCycle(change)) => match change {
                 LifeCycle::Suspend => self.suspended = true,
                 LifeCycle::Resume => self.suspended = false,
@@ -142,19 +147,41 @@ impl RenderAgent {
         self.config.prefetch.saturating_sub(self.hands.len() as u32)
     }
 
-    fn propose(&self, message: &FarmMessage, offers: &[Offer], actions: &mut Vec<FarmAction>) {
+    /// When it would have painted what it has in hand, from now.
+    fn load(&self, now: Time) -> Duration {
+        let hands = self.hands.values().map(|hand| self.own(hand.order.row.time_estimated.unwrap_or_default()));
+        hands.sum::<Duration>().saturating_sub(now - self.since)
+    }
+
+    /// How long so much reference-machine time takes it, all its processors together.
+    fn own(&self, reference: Duration) -> Duration {
+        scaled(self.power().to_own(reference), 1.0 / self.lanes)
+    }
+
+    fn propose(&self, now: Time, message: &FarmMessage, offers: &[Offer], actions: &mut Vec<FarmAction>) {
         let room = self.room();
         if room == 0 || offers.is_empty() {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
         }
-        let own = |reference: Duration| scaled(self.power().to_own(reference), 1.0 / self.lanes);
-        let load = self.hands.values().map(|hand| own(hand.order.row.time_estimated.unwrap_or_default())).sum();
-        let bid = |offer: &Offer| Bid { zone: offer.zone, finish: own(offer.time_estimated).saturating_add(load) };
+        let load = self.load(now);
+        let finish = |offer: &Offer| self.own(offer.time_estimated).saturating_add(load);
+        let bid = |offer: &Offer| Bid { zone: offer.zone, finish: finish(offer) };
         let bids = offers.iter().map(bid).collect();
         self.answer(message, Performative::Propose, FarmContent::Bids { room, bids }, actions);
     }
 
-    fn take(&mut self, message: &FarmMessage, order: &Order, actions: &mut Vec<FarmAction>) {
+    /// Another agent has painted a zone that was taken over.
+    fn drop_order(&mut self, zone: ZoneId, fence: Revision, actions: &mut Vec<FarmAction>) {
+        if self.hands.get(&zone).is_some_and(|hand| hand.order.fence == fence)
+            && let Some(hand) = self.hands.remove(&zone)
+            && hand.begun
+        {
+            actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence }));
+        }
+        self.answered(zone, fence);
+    }
+
+    fn take(&mut self, now: Time, message: &FarmMessage, order: &Order, actions: &mut Vec<FarmAction>) {
         let zone = order.row.zone;
         if !order.is_sound() {
             return self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
@@ -179,11 +206,15 @@ impl RenderAgent {
         if self.fetched {
             hand.begin(self.power(), actions);
         }
+        if self.hands.is_empty() {
+            self.since = now;
+        }
         self.hands.insert(zone, hand);
     }
 
     fn painted(
         &mut self,
+        now: Time,
         zone: ZoneId,
         fence: Revision,
         outcome: Result<PaintResult, String>,
@@ -194,6 +225,7 @@ impl RenderAgent {
             return;
         }
         let Some(hand) = self.hands.remove(&zone) else { return };
+        self.since = now;
         let outcome = outcome.map(|painted| {
             let power = self.power();
             let profiling = hand.order.row.state == ZoneState::Profiling;
@@ -280,7 +312,7 @@ impl Hand {
         actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
             zone: row.zone,
             fence: self.order.fence,
-            rect: row.rect.grown(self.choice.band, &self.order.work.settings.frame),
+            rect: row.painted(&self.choice, &self.order.work.settings.frame),
             samples,
             tunables: self.choice.tunables,
             from,
@@ -294,8 +326,9 @@ impl Order {
     /// Whether it can be carried out: what a peer sends is not believed.
     fn is_sound(&self) -> bool {
         let (row, settings) = (&self.row, &self.work.settings);
-        let in_work = row.work == self.work.work && row.zone.0 < self.work.zone_count;
-        let has_pixels = !row.rect.is_empty() && settings.frame.encloses(&row.rect);
+        let in_work = row.work == self.work.work && row.root().0 < self.work.zone_count;
+        let is_part = |rect: &Rect| !rect.is_empty() && settings.frame.encloses(rect);
+        let has_pixels = is_part(&row.rect) && row.piece.as_ref().is_none_or(is_part);
         let has_samples = match (row.state, row.choice) {
             (ZoneState::Profiling, _) => row.result.is_none(),
             (ZoneState::Awarded, Some(choice)) => row.samples_done() < choice.samples,
@@ -314,7 +347,7 @@ impl StateMachine for RenderAgent {
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
         match event {
             FarmEvent::Start => actions.push(FarmAction::Effect(FarmEffect::Benchmark)),
-            FarmEvent::Message(message) => self.handle_message(&message, actions),
+            FarmEvent::Message(message) => self.handle_message(now, &message, actions),
             FarmEvent::Completed(FarmCompletion::Benchmarked { power, lanes }) => {
                 self.adaptation = Some(Adaptation::new(self.config.adaptation, power));
                 self.lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
@@ -328,7 +361,7 @@ impl StateMachine for RenderAgent {
                 }
             }
             FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {
-                self.painted(zone, fence, outcome, actions);
+                self.painted(now, zone, fence, outcome, actions);
             }
             FarmEvent::Completed(_) | FarmEvent::Store { .. } | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }

@@ -54,6 +54,13 @@ pub enum FarmEffect {
     Fetch(WorkId),
     /// Paint; ends with [`FarmCompletion::Painted`].
     Paint(PaintOrder),
+    /// Stop painting this order: nobody wants it any more. Nothing is reported of it.
+    Drop {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+    },
     /// Begin a new, empty film for this work: what was composed before is void.
     BeginFilm(WorkRow),
     /// A zone's row has changed: for those who watch, and for the journal.

@@ -7,7 +7,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 
 use crate::{
-    Choice, InputRanges, Interval, Optimization, ResultRef, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    Choice, Cut, InputRanges, Interval, Optimization, ResultRef, Rival, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
+    ZoneState,
 };
 
 /// The longest name that is written or read.
@@ -73,11 +74,7 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
     put_f64(row.neighbor_difference, bytes);
     put_option(row.time_estimated, bytes, put_duration);
     put_option(row.time_measured, bytes, put_duration);
-    put_option(row.agent.as_ref(), bytes, |agent, bytes| {
-        let name = &agent.name.as_bytes()[..agent.name.floor_char_boundary(NAME_BYTES_MAX)];
-        put_u32(name.len() as u32, bytes);
-        bytes.extend(name);
-    });
+    put_option(row.agent.as_ref(), bytes, put_agent);
     bytes.push(row.state as u8);
     put_u32(row.attempt, bytes);
     put_option(row.choice, bytes, |choice, bytes| {
@@ -89,6 +86,22 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
         put_u32(result.samples, bytes);
         bytes.extend(result.digest.0);
     });
+    put_option(row.piece, bytes, |piece, bytes| put_rect(&piece, bytes));
+    put_option(row.root, bytes, |root, bytes| put_u32(root.0, bytes));
+    put_option(row.cut, bytes, |cut, bytes| {
+        put_u32(cut.zone.0, bytes);
+        put_rect(&cut.piece, bytes);
+    });
+    put_option(row.rival.as_ref(), bytes, |rival, bytes| {
+        put_agent(&rival.agent, bytes);
+        put_u64(rival.fence.0, bytes);
+    });
+}
+
+fn put_agent(agent: &AgentId, bytes: &mut Vec<u8>) {
+    let name = &agent.name.as_bytes()[..agent.name.floor_char_boundary(NAME_BYTES_MAX)];
+    put_u32(name.len() as u32, bytes);
+    bytes.extend(name);
 }
 
 pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
@@ -105,6 +118,10 @@ pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
         attempt: reader.u32()?,
         choice: reader.option(Reader::choice)?,
         result: reader.option(Reader::result)?,
+        piece: reader.option(Reader::rect)?,
+        root: reader.option(|reader| reader.u32().map(ZoneId))?,
+        cut: reader.option(|reader| Ok(Cut { zone: ZoneId(reader.u32()?), piece: reader.rect()? }))?,
+        rival: reader.option(|reader| Ok(Rival { agent: reader.agent()?, fence: Revision(reader.u64()?) }))?,
     })
 }
 
@@ -282,6 +299,10 @@ pub(crate) mod tests {
                         samples,
                         digest: BlobId(digest),
                     }),
+                    piece: (zone % 3 == 0).then_some(rect),
+                    root: (zone % 3 == 0).then_some(ZoneId(x)),
+                    cut: (zone % 2 == 0).then_some(Cut { zone: ZoneId(y), piece: rect }),
+                    rival: (y % 2 == 0).then(|| Rival { agent: AgentId::new("b"), fence: Revision(u64::from(x)) }),
                     ..ZoneRow::open(WorkId(7), ZoneId(zone), rect, complexity, 0.5)
                 }
             },

@@ -43,6 +43,7 @@ impl Stage {
             work,
             auction: AuctionRule::FinishingTime,
             prefetch: 2,
+            shares_tail: true,
             timing: Timing::default(),
         };
         let master = Master::recover(config, all.work, all.rows);

@@ -2,8 +2,8 @@
 
 use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
 
-use bottega_agents::{Time, bus::BlobId};
-use bottega_engines::{EngineError, Painted, ZoneTask};
+use bottega_agents::{Revision, Time, bus::BlobId};
+use bottega_engines::{CancelSwitch, EngineError, Painted, ZoneTask};
 use bottega_image::{Film, Layout, Tile};
 
 use super::{FarmMailbox, JobSettings, Progress, Shared, Times, progress::Tally};
@@ -128,6 +128,7 @@ struct Sitting {
     busy: Duration,
     shared: Arc<Shared>,
     mailbox: FarmMailbox,
+    cancel: CancelSwitch,
 }
 
 impl Shared {
@@ -142,7 +143,10 @@ impl Shared {
         let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
         let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
         self.begin_outstanding();
+        let cancel = CancelSwitch::default();
+        self.state().orders.insert((order.zone, order.fence), cancel.clone());
         let sitting = Sitting {
+            cancel,
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
             shared: Arc::clone(self),
@@ -150,6 +154,13 @@ impl Shared {
             order,
         };
         sitting.go_on(start, tile);
+    }
+
+    /// Nobody wants what is painted under this order.
+    pub(super) fn drop_order(&self, zone: ZoneId, fence: Revision) {
+        if let Some(order) = self.state().orders.get(&(zone, fence)) {
+            order.cancel();
+        }
     }
 }
 
@@ -162,7 +173,7 @@ impl Sitting {
         }
         let end = start.saturating_add(self.pass).min(self.order.samples.end);
         let PaintOrder { rect, tunables, .. } = self.order;
-        let task = ZoneTask { rect, samples: start..end, tunables, tile };
+        let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel: self.cancel.clone() };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
         if shared.stop.is_requested() {
             // It was asked for after the look above, and the engine was told before this zone was begun.
@@ -180,6 +191,8 @@ impl Sitting {
                 self.busy += busy;
                 if self.shared.stop.is_requested() {
                     self.interrupted(Some(tile));
+                } else if self.cancel.is_cancelled() {
+                    self.end();
                 } else {
                     self.done(Err("the engine was cancelled".to_owned()));
                 }
@@ -228,14 +241,18 @@ impl Sitting {
             // Pixels may have different numbers of samples, so it is never gone on with: its digest is none.
             self.shared.easel().tiles.insert(self.order.zone, (BlobId([0; 32]), tile));
         }
-        self.shared.easel().times.painting += self.busy;
-        self.shared.end_outstanding();
+        self.end();
     }
 
     fn done(self, outcome: Result<PaintResult, String>) {
-        self.shared.easel().times.painting += self.busy;
         let PaintOrder { zone, fence, .. } = self.order;
         self.mailbox.complete(FarmCompletion::Painted { zone, fence, outcome });
+        self.end();
+    }
+
+    fn end(self) {
+        self.shared.easel().times.painting += self.busy;
+        self.shared.state().orders.remove(&(self.order.zone, self.order.fence));
         self.shared.end_outstanding();
     }
 }

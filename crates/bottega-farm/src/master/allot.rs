@@ -12,13 +12,10 @@ impl Master {
             self.begin(actions);
         }
         if self.begun && !self.stopping {
-            self.give_out_profiles(actions);
-            if self.round.as_ref().is_some_and(|round| round.awaited.is_empty() || round.deadline <= now) {
-                self.close_round(now, actions);
-            }
-            if self.round.is_none() {
-                self.open_round(now, actions);
-            }
+            self.write_offcuts(now, actions);
+            self.give_out_profiles(now, actions);
+            self.close_rounds(now, actions);
+            while self.open_round(now, actions) {}
         }
         if self.begun {
             self.compose(actions);
@@ -28,7 +25,8 @@ impl Master {
 
     fn begin(&mut self, actions: &mut Vec<FarmAction>) {
         let Some(work) = self.board.work().cloned() else { return };
-        let rects: Vec<_> = self.board.zones().map(|row| row.rect).collect();
+        let zones = self.board.zones().filter(|row| row.root.is_none());
+        let rects: Vec<_> = zones.map(|row| row.rect).collect();
         let in_order = rects.is_sorted_by_key(|rect| (rect.y0, rect.x0));
         if !in_order || !Partition::covers(work.settings.frame, &rects) {
             let reason = "the zones on the blackboard are no partition of the frame".to_owned();
@@ -42,87 +40,133 @@ impl Master {
         self.introduce(&self.roster.names(), actions);
     }
 
-    fn give_out_profiles(&mut self, actions: &mut Vec<FarmAction>) {
+    fn give_out_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(zone) = self.ledger.next_unseen() {
-            let Some(agent) = self.roster.freest(PROFILE_WINDOW) else { return };
+            let Some(agent) = self.roster.freest() else { return };
             let Some((_, row)) = self.board.zone(zone) else { return };
             if self.writes.contains_key(&zone) {
                 return;
             }
             let row = ZoneRow { state: ZoneState::Profiling, agent: Some(agent), ..row.clone() };
             let conversation = self.number();
-            self.write(row, Then::Order(conversation), actions);
+            self.write(now, row, Then::Order(conversation), actions);
         }
     }
 
-    fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if self.ledger.open.is_empty() {
-            return;
+    /// Calls those who may bid, some at a time. Returns whether there was anything to call for.
+    fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) -> bool {
+        if !self.ledger.open.has_waiting() || !self.roster.has_bidders() {
+            return false;
         }
-        let bidders = self.roster.bidders(now, self.config.prefetch as usize, BIDDERS_MAX);
-        if bidders.is_empty() {
-            return;
-        }
-        let (conversation, offers) = (self.number(), self.ledger.open.offers());
+        let bidders = self.roster.bidders(BIDDERS_MAX);
+        let conversation = self.number();
+        let offers = self.ledger.open.offer(conversation);
         let deadline = now + self.config.timing.bids;
-        let to = bidders.iter().cloned().collect();
         let content = FarmContent::Offers(offers.clone());
-        let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
+        let cfp =
+            message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, bidders.clone(), content);
         actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
-        self.round = Some(Round { conversation, deadline, offers, awaited: bidders, proposals: BTreeMap::new() });
+        self.roster.call(conversation, bidders.iter().cloned());
+        let awaited = bidders.into_iter().collect();
+        self.rounds.insert(conversation, Round { deadline, offers, awaited, proposals: BTreeMap::new() });
+        true
     }
 
     pub(super) fn take_bid(&mut self, message: &FarmMessage, proposal: Option<Proposal>) {
-        let Some(round) = self.round.as_mut().filter(|round| round.conversation == message.conversation_id) else {
-            return;
-        };
-        if round.awaited.remove(&message.sender)
-            && let Some(proposal) = proposal
-        {
-            round.proposals.insert(message.sender.clone(), proposal);
+        let Some(round) = self.rounds.get_mut(&message.conversation_id) else { return };
+        if round.awaited.remove(&message.sender) {
+            match proposal {
+                Some(proposal) => _ = round.proposals.insert(message.sender.clone(), proposal),
+                None => self.roster.release(&message.sender),
+            }
+        }
+        if round.awaited.is_empty() {
+            self.answered.push(message.conversation_id);
         }
     }
 
-    fn close_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let Some(mut round) = self.round.take() else { return };
+    /// Ends the rounds in which all have answered, and those whose time is over.
+    fn close_rounds(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        for conversation in std::mem::take(&mut self.answered) {
+            self.close_round(now, conversation, actions);
+        }
+        while let Some((&conversation, round)) = self.rounds.first_key_value() {
+            if round.deadline > now && !round.awaited.is_empty() {
+                return;
+            }
+            self.close_round(now, conversation, actions);
+        }
+    }
+
+    fn close_round(&mut self, now: Time, conversation: u64, actions: &mut Vec<FarmAction>) {
+        let Some(round) = self.rounds.remove(&conversation) else { return };
         // Silence is a refusal.
         for agent in &round.awaited {
-            if let Some(member) = self.roster.get_mut(agent) {
-                member.rests_until = now + self.config.timing.heartbeat;
-            }
+            self.roster.release(agent);
+            self.roster.rest(agent, now + self.config.timing.heartbeat);
         }
-        let contenders = self.roster.contenders(now);
-        let end = expected_end(&contenders, self.ledger.open.time_estimated());
-        let still_open = |offer: &Offer| {
+        let winners = self.winners(now, &round);
+        for offer in round.offers {
+            self.ledger.open.give_back(self.config.auction, conversation, offer);
+        }
+        let lucky: BTreeSet<&AgentId> = winners.iter().map(|award| &award.agent).collect();
+        let losers: Vec<AgentId> = round.proposals.keys().filter(|agent| !lucky.contains(agent)).cloned().collect();
+        for agent in &losers {
+            // Asked again when things have changed, and not in a circle.
+            self.roster.pass_over(agent);
+        }
+        if !losers.is_empty() {
+            let me = &self.config.id;
+            let reject =
+                message(Performative::RejectProposal, protocol::CONTRACT_NET, me, losers, FarmContent::Nothing);
+            actions.push(FarmAction::Send(asking(reject, conversation, None)));
+        }
+        for award in &winners {
+            self.give(now, award, conversation, actions);
+        }
+        for agent in round.proposals.keys() {
+            self.roster.release(agent);
+        }
+    }
+
+    fn winners(&self, now: Time, round: &Round) -> Vec<Award> {
+        let still_open = |offer: &&Offer| {
             let row = self.board.zone(offer.zone);
             row.is_some_and(|(_, row)| row.state == ZoneState::Profiled) && !self.writes.contains_key(&offer.zone)
         };
-        round.offers.retain(still_open);
-        let winners = award(self.config.auction, &round.offers, &round.proposals, &contenders, end);
-        let lucky: BTreeSet<&AgentId> = winners.iter().map(|(_, agent)| agent).collect();
-        let losers: Vec<AgentId> = round.proposals.keys().filter(|agent| !lucky.contains(agent)).cloned().collect();
-        for agent in &losers {
-            if let Some(member) = self.roster.get_mut(agent) {
-                // Asked again when things have changed, and not in a circle.
-                member.passed_over = true;
-            }
-        }
-        if !losers.is_empty() {
-            let nothing = FarmContent::Nothing;
-            let me = &self.config.id;
-            let reject = message(Performative::RejectProposal, protocol::CONTRACT_NET, me, losers, nothing);
-            actions.push(FarmAction::Send(asking(reject, round.conversation, None)));
-        }
-        for (zone, agent) in winners {
-            let Some((_, row)) = self.board.zone(zone) else { continue };
-            let row = ZoneRow { state: ZoneState::Awarded, agent: Some(agent), ..row.clone() };
-            self.write(row, Then::Order(round.conversation), actions);
-        }
+        let offers: Vec<Offer> = round.offers.iter().filter(still_open).copied().collect();
+        let bidder = |(agent, proposal): (&AgentId, &Proposal)| {
+            let member = self.roster.get(agent)?;
+            let (credit, own) = (member.row.credit, member.own());
+            Some(Bidder { agent: agent.clone(), credit, own, proposal: proposal.clone() })
+        };
+        let bidders = round.proposals.iter().filter_map(bidder).collect();
+        let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| self.can_cut(zone);
+        let standing = Standing {
+            field: self.roster.field(),
+            now: now.elapsed().as_secs_f64(),
+            open: self.ledger.open.time_estimated().as_secs_f64(),
+            can_cut: self.config.shares_tail.then_some(can_cut),
+        };
+        award(self.config.auction, &offers, bidders, &standing)
+    }
+
+    fn give(&mut self, now: Time, award: &Award, conversation: u64, actions: &mut Vec<FarmAction>) {
+        let Some((_, row)) = self.board.zone(award.zone) else { return };
+        let row = match award.share {
+            None => row.clone(),
+            Some(share) => match self.cut(award.zone, share) {
+                Some(row) => row,
+                None => return,
+            },
+        };
+        let row = ZoneRow { state: ZoneState::Awarded, agent: Some(award.agent.clone()), ..row };
+        self.write(now, row, Then::Order(conversation), actions);
     }
 
     fn compose(&mut self, actions: &mut Vec<FarmAction>) {
         while self.composition.composing_count() < COMPOSING_MAX {
-            let all_chosen = self.board.work().is_some_and(|w| w.zone_count as usize == self.ledger.chosen_count());
+            let all_chosen = self.board.zone_count() == self.ledger.chosen_count();
             let Some((zone, mask)) = self.composition.next(&self.board, all_chosen) else { return };
             let Some(result) = self.board.zone(zone).and_then(|(_, row)| row.result) else { return };
             actions.push(FarmAction::Effect(FarmEffect::Compose { zone, result, mask }));
@@ -131,13 +175,13 @@ impl Master {
 
     /// Workflow, step 8: the picture is whole.
     fn finish(&mut self, actions: &mut Vec<FarmAction>) {
-        let Some(work) = self.board.work() else { return };
-        if self.ledger.settled_count() < work.zone_count as usize || !self.writes.is_empty() {
+        let zone_count = self.board.zone_count();
+        if self.ledger.settled_count() < zone_count || !self.writes.is_empty() || !self.owed.is_empty() {
             return;
         }
         let failed: Vec<ZoneId> =
             self.board.zones().filter(|row| row.state == ZoneState::Failed).map(|row| row.zone).collect();
-        if self.composition.composed_count() + failed.len() < work.zone_count as usize {
+        if self.composition.composed_count() + failed.len() < zone_count {
             return;
         }
         self.finished = true;

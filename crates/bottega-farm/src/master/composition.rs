@@ -1,14 +1,14 @@
 //! How far the picture is put together.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{Blackboard, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
 
-/// Which zones are in the film. Each is put there once.
+/// Which zones are in the film. Each is put there once, and each piece of a zone in its place among the zones.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Composition {
-    /// Painted, and not yet handed to the film.
-    ready: BTreeSet<ZoneId>,
+    /// Painted, and not yet handed to the film; by zone, then by piece.
+    ready: BTreeSet<(ZoneId, ZoneId)>,
     /// Handed to the film, which has not answered.
     composing: BTreeSet<ZoneId>,
     composed: BTreeSet<ZoneId>,
@@ -16,15 +16,23 @@ pub(super) struct Composition {
     masks: Option<Vec<Mask>>,
     /// With bands, all zones before this one are in the film.
     cursor: u32,
+    /// The pieces of zones that were cut, as far as a row has told of them.
+    pieces: BTreeMap<ZoneId, BTreeSet<ZoneId>>,
 }
 
 impl Composition {
-    /// A zone is painted, or (`false`) no longer is, because its samples were lost.
-    pub(super) fn set_painted(&mut self, zone: ZoneId, painted: bool) {
-        if !painted {
-            self.ready.remove(&zone);
-        } else if !self.composing.contains(&zone) && !self.composed.contains(&zone) {
-            self.ready.insert(zone);
+    /// Takes in a zone's row: it is painted, or no longer is because its samples were lost.
+    pub(super) fn see(&mut self, row: &ZoneRow) {
+        if let Some(cut) = row.cut {
+            self.pieces.entry(row.root()).or_default().insert(cut.zone);
+        }
+        if row.root.is_some() {
+            self.pieces.entry(row.root()).or_default().insert(row.zone);
+        }
+        if row.state != ZoneState::Done {
+            self.ready.remove(&(row.root(), row.zone));
+        } else if !self.composing.contains(&row.zone) && !self.composed.contains(&row.zone) {
+            self.ready.insert((row.root(), row.zone));
         }
     }
 
@@ -35,19 +43,21 @@ impl Composition {
     pub(super) fn next(&mut self, board: &Blackboard, all_chosen: bool) -> Option<(ZoneId, Mask)> {
         let work = board.work()?;
         let plain = work.settings.optimization.rule_input().is_none();
-        let zone = *self.ready.first()?;
-        // Where more than two bands meet, the order of sums shows in the last bit: so it is always the same.
-        if !plain && zone != self.next_in_order(board) {
+        let (root, zone) = *self.ready.first()?;
+        // Where more than two bands meet, the order of sums shows in the last bit: so it is always the same. The pieces
+        // of one zone do not meet.
+        if !plain && root != self.next_in_order(board) {
             return None;
         }
         let settled = |row: &ZoneRow| row.choice.is_some() || row.state == ZoneState::Failed;
         if self.masks.is_none() && (plain || all_chosen && board.zones().all(settled)) {
-            let rects = board.zones().map(|row| row.rect).collect();
-            let bands: Vec<u32> = board.zones().map(|row| row.choice.map_or(0, |choice| choice.band)).collect();
+            let zones = || board.zones().filter(|row| row.root.is_none());
+            let rects = zones().map(|row| row.rect).collect();
+            let bands: Vec<u32> = zones().map(|row| row.choice.map_or(0, |choice| choice.band)).collect();
             self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &bands));
         }
-        let mask = self.masks.as_ref()?[zone.index()].clone();
-        self.ready.remove(&zone);
+        let mask = self.masks.as_ref()?[root.index()].clone();
+        self.ready.remove(&(root, zone));
         self.composing.insert(zone);
         Some((zone, mask))
     }
@@ -58,7 +68,8 @@ impl Composition {
         if asked && well {
             self.composed.insert(zone);
         } else if asked {
-            self.cursor = self.cursor.min(zone.0);
+            let root = self.pieces.iter().find(|(_, pieces)| pieces.contains(&zone)).map_or(zone, |(root, _)| *root);
+            self.cursor = self.cursor.min(root.0);
         }
         asked
     }
@@ -68,7 +79,11 @@ impl Composition {
             let failed = board.zone(zone).is_some_and(|(_, row)| row.state == ZoneState::Failed);
             failed || self.composing.contains(&zone) || self.composed.contains(&zone)
         };
-        while passed(ZoneId(self.cursor)) {
+        let all_passed = |root: ZoneId| {
+            let mut pieces = self.pieces.get(&root).into_iter().flatten();
+            passed(root) && pieces.all(|&piece| passed(piece))
+        };
+        while all_passed(ZoneId(self.cursor)) {
             self.cursor += 1;
         }
         ZoneId(self.cursor)
@@ -85,7 +100,8 @@ impl Composition {
     }
 
     pub(super) fn assert_invariants(&self) {
-        assert!(self.ready.is_disjoint(&self.composing) && self.ready.is_disjoint(&self.composed));
-        assert!(self.composing.is_disjoint(&self.composed), "no zone goes into the film twice");
+        let handed = |zone: &ZoneId| self.composing.contains(zone) || self.composed.contains(zone);
+        debug_assert!(!self.ready.iter().any(|(_, zone)| handed(zone)));
+        debug_assert!(self.composing.is_disjoint(&self.composed), "no zone goes into the film twice");
     }
 }

@@ -15,15 +15,26 @@ use crate::{AuctionRule, Offer, ZoneId, ZoneRow, ZoneState, auction::OpenZones};
 pub(super) struct Ledger {
     rule: AuctionRule,
     /// As they are counted now.
-    rows: BTreeMap<ZoneId, ZoneRow>,
+    zones: BTreeMap<ZoneId, Counted>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
-    /// Waiting for an auction.
+    /// Waiting for an auction, or offered in one.
     pub(super) open: OpenZones,
     /// Zones by agent with T_est.
     hands: BTreeMap<AgentId, BTreeMap<ZoneId, Duration>>,
+    in_hand: usize,
     settled: usize,
     chosen: usize,
+}
+
+/// What is remembered of a zone: as much as is needed to count it off again.
+#[derive(Clone, Debug)]
+struct Counted {
+    state: ZoneState,
+    complexity: f64,
+    time_estimated: Duration,
+    chosen: bool,
+    holders: [Option<AgentId>; 2],
 }
 
 impl Ledger {
@@ -34,48 +45,63 @@ impl Ledger {
     /// Counts a zone as `row` says from now on. Returns the agents whose hands have changed.
     pub(super) fn count(&mut self, row: &ZoneRow) -> Vec<AgentId> {
         let mut changed = Vec::new();
-        if let Some(before) = self.rows.remove(&row.zone) {
-            self.uncount(&before, &mut changed);
+        if let Some(before) = self.zones.remove(&row.zone) {
+            self.uncount(row.zone, before, &mut changed);
         }
+        let mut holders = row.holders().cloned();
+        let counted = Counted {
+            state: row.state,
+            complexity: row.complexity,
+            time_estimated: row.time_estimated.unwrap_or_default(),
+            chosen: row.choice.is_some() || row.state == ZoneState::Failed,
+            holders: [holders.next(), holders.next()],
+        };
         match row.state {
-            ZoneState::Open => _ = self.unseen.insert((complexity_rank(row), row.zone)),
-            ZoneState::Profiled => self.open.insert(self.rule, offer(row)),
+            ZoneState::Open => _ = self.unseen.insert(counted.rank(row.zone)),
+            ZoneState::Profiled => self.open.insert(self.rule, counted.offer(row.zone)),
             ZoneState::Done | ZoneState::Failed => self.settled += 1,
             ZoneState::Profiling | ZoneState::Awarded => {
-                if let Some(agent) = &row.agent {
-                    let time = row.time_estimated.unwrap_or_default();
-                    self.hands.entry(agent.clone()).or_default().insert(row.zone, time);
+                self.in_hand += 1;
+                for agent in counted.holders.iter().flatten() {
+                    self.hands.entry(agent.clone()).or_default().insert(row.zone, counted.time_estimated);
                     changed.push(agent.clone());
                 }
             }
         }
-        self.chosen += usize::from(row.choice.is_some() || row.state == ZoneState::Failed);
-        self.rows.insert(row.zone, row.clone());
+        self.chosen += usize::from(counted.chosen);
+        self.zones.insert(row.zone, counted);
         changed
     }
 
-    fn uncount(&mut self, row: &ZoneRow, changed: &mut Vec<AgentId>) {
-        self.unseen.remove(&(complexity_rank(row), row.zone));
-        if row.state == ZoneState::Profiled {
-            self.open.remove(self.rule, &offer(row));
+    fn uncount(&mut self, zone: ZoneId, before: Counted, changed: &mut Vec<AgentId>) {
+        match before.state {
+            ZoneState::Open => _ = self.unseen.remove(&before.rank(zone)),
+            ZoneState::Profiled => self.open.remove(self.rule, &before.offer(zone)),
+            ZoneState::Done | ZoneState::Failed => self.settled -= 1,
+            ZoneState::Profiling | ZoneState::Awarded => {
+                self.in_hand -= 1;
+                for agent in before.holders.into_iter().flatten() {
+                    if let Some(hands) = self.hands.get_mut(&agent) {
+                        hands.remove(&zone);
+                    }
+                    changed.push(agent);
+                }
+            }
         }
-        if row.is_in_hand()
-            && let Some(agent) = &row.agent
-            && let Some(hands) = self.hands.get_mut(agent)
-        {
-            hands.remove(&row.zone);
-            changed.push(agent.clone());
-        }
-        self.settled -= usize::from(row.is_settled());
-        self.chosen -= usize::from(row.choice.is_some() || row.state == ZoneState::Failed);
+        self.chosen -= usize::from(before.chosen);
     }
 
-    /// The zones that an agent has in hand, with T_est.
-    pub(super) fn hands(&self, agent: &AgentId) -> BTreeMap<ZoneId, Duration> {
-        self.hands.get(agent).cloned().unwrap_or_default()
+    /// How many zones an agent has in hand, and T_est of all of them.
+    pub(super) fn load(&self, agent: &AgentId) -> (usize, Duration) {
+        self.hands.get(agent).map_or((0, Duration::ZERO), |hands| (hands.len(), hands.values().sum()))
     }
 
-    /// All agents that have, or had, zones in hand.
+    /// The zones that an agent has in hand.
+    pub(super) fn hands(&self, agent: &AgentId) -> Vec<ZoneId> {
+        self.hands.get(agent).map_or_else(Vec::new, |hands| hands.keys().copied().collect())
+    }
+
+    /// All agents that have zones in hand.
     pub(super) fn holders(&self) -> impl Iterator<Item = &AgentId> {
         self.hands.iter().filter(|(_, zones)| !zones.is_empty()).map(|(agent, _)| agent)
     }
@@ -96,16 +122,17 @@ impl Ledger {
     }
 
     pub(super) fn assert_invariants(&self) {
-        let in_hand: usize = self.hands.values().map(BTreeMap::len).sum();
         let waiting = self.unseen.len() + self.open.len();
-        assert_eq!(in_hand + waiting + self.settled, self.rows.len(), "each zone is in one place");
+        assert_eq!(self.in_hand + waiting + self.settled, self.zones.len(), "each zone is in one place");
     }
 }
 
-fn complexity_rank(row: &ZoneRow) -> Reverse<u64> {
-    Reverse(row.complexity.max(0.0).to_bits())
-}
+impl Counted {
+    fn rank(&self, zone: ZoneId) -> (Reverse<u64>, ZoneId) {
+        (Reverse(self.complexity.max(0.0).to_bits()), zone)
+    }
 
-fn offer(row: &ZoneRow) -> Offer {
-    Offer { zone: row.zone, complexity: row.complexity, time_estimated: row.time_estimated.unwrap_or_default() }
+    fn offer(&self, zone: ZoneId) -> Offer {
+        Offer { zone, complexity: self.complexity, time_estimated: self.time_estimated }
+    }
 }

@@ -3,7 +3,13 @@
 use super::*;
 
 impl Master {
-    pub(super) fn take_report(&mut self, message: &FarmMessage, report: &Report, actions: &mut Vec<FarmAction>) {
+    pub(super) fn take_report(
+        &mut self,
+        now: Time,
+        message: &FarmMessage,
+        report: &Report,
+        actions: &mut Vec<FarmAction>,
+    ) {
         if !self.begun {
             // Not all rows are known yet: the agent will repeat it.
             return;
@@ -17,7 +23,7 @@ impl Master {
             // The agent will repeat it.
             return;
         }
-        let valid = row.is_in_hand() && revision == fence && row.agent.as_ref() == Some(&message.sender);
+        let valid = row.fence_of(&message.sender, revision) == Some(fence);
         if !valid && row.result.is_some_and(|result| result.fence == fence) {
             // It is on the blackboard already; the confirmation was lost.
             return self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
@@ -26,20 +32,39 @@ impl Master {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
         }
         let after = match &report.outcome {
-            Err(reason) => {
-                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
-                Ok(row.taken_back())
-            }
+            Err(reason) => Err(reason.as_str()),
             Ok(painting) => self.accepted(row, fence, painting),
         };
         match after {
-            Ok(row) => self.write(row, Then::Receive(Box::new(message.clone())), actions),
-            Err(reason) => {
-                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "report refused");
-                let row = row.taken_back();
-                self.answer(message, Performative::Disconfirm, refuse(reason), actions);
-                self.write(row, Then::TakenBack, actions);
+            Ok(row) => {
+                // Whoever painted it is responsible for it.
+                let row = ZoneRow { agent: Some(message.sender.clone()), rival: None, ..row };
+                self.write(now, row, Then::Receive(Box::new(message.clone())), actions);
             }
+            Err(reason) => {
+                tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
+                let after = Self::failed(row, &message.sender);
+                if report.outcome.is_ok() {
+                    self.answer(message, Performative::Disconfirm, refuse(reason), actions);
+                    if let Some(row) = after {
+                        self.write(now, row, Then::TakenBack, actions);
+                    }
+                } else if let Some(row) = after {
+                    self.write(now, row, Then::Receive(Box::new(message.clone())), actions);
+                } else {
+                    self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
+                }
+            }
+        }
+    }
+
+    /// The zone's row after `agent` has failed on it: the rival's, if there is one. `None`: it stays as it is, for the
+    /// agent that took it over goes on.
+    fn failed(row: &ZoneRow, agent: &AgentId) -> Option<ZoneRow> {
+        match (&row.agent, &row.rival) {
+            (Some(newer), Some(rival)) if rival.agent == *agent && newer != agent => None,
+            (_, Some(rival)) if rival.agent != *agent => Some(ZoneRow { agent: None, ..row.clone() }),
+            _ => Some(row.taken_back()),
         }
     }
 
@@ -75,7 +100,13 @@ impl Master {
         })
     }
 
-    pub(super) fn composed(&mut self, zone: ZoneId, outcome: Result<(), String>, actions: &mut Vec<FarmAction>) {
+    pub(super) fn composed(
+        &mut self,
+        now: Time,
+        zone: ZoneId,
+        outcome: Result<(), String>,
+        actions: &mut Vec<FarmAction>,
+    ) {
         let asked = self.composition.composed(zone, outcome.is_ok());
         let Err(reason) = outcome else { return };
         tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
@@ -84,7 +115,7 @@ impl Master {
             let attempt = row.attempt + 1;
             let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };
             let row = ZoneRow { state, attempt, result: None, time_measured: None, ..row.clone() };
-            self.write(row, Then::TakenBack, actions);
+            self.write(now, row, Then::TakenBack, actions);
         }
     }
 }

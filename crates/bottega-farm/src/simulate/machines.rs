@@ -68,11 +68,11 @@ impl Machines {
         self.alter(now, machine, |machine| machine.speed *= factor);
     }
 
-    /// Takes away all jobs of an agent.
-    pub(super) fn drop_jobs(&mut self, now: Time, machine: usize, agent: usize) -> Vec<Job> {
+    /// Takes away the jobs of a machine that nobody wants any more.
+    pub(super) fn drop_jobs(&mut self, now: Time, machine: usize, unwanted: impl Fn(&Job) -> bool) -> Vec<Job> {
         let mut dropped = Vec::new();
         self.alter(now, machine, |machine| {
-            dropped.extend(machine.jobs.extract_if(.., |job| job.agent == agent));
+            dropped.extend(machine.jobs.extract_if(.., |job| unwanted(job)));
         });
         dropped
     }
@@ -185,7 +185,7 @@ mod tests {
         machines.set_speed(at(1.0), 0, 0.25);
         assert_eq!(ends(&mut machines), [(1, 5.0)]);
         machines.begin(at(6.0), 0, job(2, 1.0, 1.0));
-        assert_eq!(machines.drop_jobs(at(7.0), 0, 0).len(), 1);
+        assert_eq!(machines.drop_jobs(at(7.0), 0, |job| job.agent == 0).len(), 1);
         assert_eq!(machines.next(), None);
     }
 }

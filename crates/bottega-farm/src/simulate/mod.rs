@@ -59,6 +59,9 @@ pub struct Plan {
     pub adaptation: AdaptationRule,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
+    /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
+    /// [`MasterConfig::shares_tail`].
+    pub shares_tail: bool,
     /// How long is waited for what.
     pub timing: Timing,
     /// What agents know of rendering.
@@ -70,9 +73,10 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A crew on a fast and faithful network.
+    /// A crew on a fast and faithful network. The end of the work is shared where agents have machines of their own.
     pub fn calm(crew: Crew, seed: u64) -> Self {
         Self {
+            shares_tail: crew.machines.len() >= crew.agents.len(),
             crew,
             faults: Faults::NONE,
             master_may_crash: false,
@@ -286,8 +290,8 @@ impl<'a> Play<'a> {
             simulator.record_trace();
         }
         let master = AgentId::new("master");
-        let Plan { auction, prefetch, timing, .. } = *plan;
-        let config = MasterConfig { id: master.clone(), work: piece.work.work, auction, prefetch, timing };
+        let Plan { auction, prefetch, shares_tail, timing, .. } = *plan;
+        let config = MasterConfig { id: master.clone(), work: piece.work.work, auction, prefetch, shares_tail, timing };
         simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
         Ok(Self { piece, plan, master, simulator, timeline })
     }

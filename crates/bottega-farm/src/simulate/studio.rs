@@ -47,7 +47,7 @@ pub enum SpanKind {
     Profiling,
     /// It painted the rest.
     Painting,
-    /// It painted what was lost with it, or failed.
+    /// It painted what failed, was lost with it, or nobody wanted any more.
     Lost,
 }
 
@@ -89,8 +89,10 @@ pub(super) struct FilmLog {
     /// Films that were begun: one for each life of a Master that got so far.
     pub(super) films: u32,
     pub(super) composed: BTreeSet<ZoneId>,
-    /// The latest order of each zone that was begun, and whose it was.
-    pub(super) newest: BTreeMap<ZoneId, (Revision, usize)>,
+    /// The orders that were begun, and whose they were, by index.
+    pub(super) orders: BTreeMap<(ZoneId, Revision), usize>,
+    /// Orders that count though there are later ones, because a zone was taken over.
+    rivals: BTreeSet<(ZoneId, Revision)>,
     pub(super) finished: Option<(Time, Vec<ZoneId>)>,
     pub(super) abandoned: Option<String>,
     pub(super) broken: Vec<String>,
@@ -112,9 +114,20 @@ impl FilmLog {
         self.must(fresh, || format!("{zone} is composed twice"));
         let painted = result.digest == digest(zone, result.samples, result.fence);
         self.must(painted, || format!("{zone} is composed of samples that nobody painted"));
-        let newest = self.newest.get(&zone).map(|(fence, _)| *fence);
-        let valid = newest == Some(result.fence);
-        self.must(valid, || format!("{zone} is composed under {:?}, and {newest:?} was begun", result.fence));
+        let valid = self.is_valid(zone, result.fence);
+        self.must(valid, || format!("{zone} is composed under {:?}, and there is a later order", result.fence));
+    }
+
+    /// Whether two agents had a valid order for a zone at a time.
+    pub(super) fn is_taken_over(&self, zone: ZoneId) -> bool {
+        self.rivals.range((zone, Revision(0))..=(zone, Revision(u64::MAX))).next().is_some()
+    }
+
+    /// Whether samples of this order may be used: it is the latest that was begun, or counts beside that.
+    pub(super) fn is_valid(&self, zone: ZoneId, fence: Revision) -> bool {
+        let mut orders = self.orders.range((zone, Revision(0))..=(zone, Revision(u64::MAX)));
+        let newest = orders.next_back().map(|((_, newest), _)| *newest);
+        newest == Some(fence) || self.rivals.contains(&(zone, fence))
     }
 }
 
@@ -161,10 +174,7 @@ impl Studio {
     }
 
     fn begin(&mut self, now: Time, agent: usize, order: &PaintOrder) {
-        let newest = self.film.newest.entry(order.zone).or_insert((order.fence, agent));
-        if order.fence >= newest.0 {
-            *newest = (order.fence, agent);
-        }
+        self.film.orders.insert((order.zone, order.fence), agent);
         let (left, width) = self.piece.cost(order);
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
@@ -225,6 +235,7 @@ impl World<FarmAgent> for Studio {
             }
             (FarmEffect::Compose { zone, result, .. }, _) => {
                 self.film.compose(zone, &result);
+                // A piece takes as long as its zone at most.
                 let pixels = self.piece.rows.get(zone.index()).map_or(0, |row| row.size());
                 let time = Duration::from_secs_f64(self.piece.composition_per_pixel * pixels as f64);
                 reports.push((time, FarmCompletion::Composed { zone, outcome: Ok(()) }));
@@ -239,8 +250,18 @@ impl World<FarmAgent> for Studio {
                 // The zones come from outside: there is no Analyst.
                 reports.push((Duration::ZERO, FarmCompletion::Surveyed(Err("nobody looks".to_owned()))));
             }
-            (FarmEffect::ZoneChanged(_) | FarmEffect::Analyzed { .. }, _)
-            | (FarmEffect::Benchmark | FarmEffect::Paint(_), None) => {}
+            (FarmEffect::Drop { zone, fence }, Some(index)) => {
+                let machine = self.seats[index].machine;
+                let unwanted = |job: &Job| (job.agent, job.zone, job.fence) == (index, zone, fence);
+                for job in self.machines.drop_jobs(now, machine, unwanted) {
+                    self.end(now, &job, SpanKind::Lost);
+                }
+            }
+            (FarmEffect::ZoneChanged(row), _) => {
+                self.film.rivals.extend(row.rival.map(|rival| (row.zone, rival.fence)));
+            }
+            (FarmEffect::Analyzed { .. }, _)
+            | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. }, None) => {}
         }
     }
 
@@ -260,7 +281,7 @@ impl World<FarmAgent> for Studio {
 
     fn gone(&mut self, now: Time, agent: &AgentId) {
         let Some(&index) = self.index.get(agent) else { return };
-        for job in self.machines.drop_jobs(now, self.seats[index].machine, index) {
+        for job in self.machines.drop_jobs(now, self.seats[index].machine, |job| job.agent == index) {
             self.end(now, &job, SpanKind::Lost);
         }
     }

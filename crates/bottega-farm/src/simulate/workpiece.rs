@@ -13,6 +13,8 @@ use crate::{InputRanges, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings
 pub const ZONES_MAX: usize = 1 << 22;
 
 const WORK: WorkId = WorkId(1);
+/// Side of a synthetic zone, in pixels.
+const SIDE: u32 = 64;
 
 /// A work with the true cost of all that can be ordered of it.
 #[derive(Clone, Debug)]
@@ -31,7 +33,8 @@ pub struct Workpiece {
 #[derive(Clone, Debug)]
 enum Costs {
     Recorded(Box<Record>),
-    Synthetic(Vec<SyntheticCost>),
+    /// By zone; the zones are squares in so many columns.
+    Synthetic(Vec<SyntheticCost>, usize),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +102,6 @@ impl Workpiece {
 
     /// A work of so many zones whose costs have a log-normal distribution.
     pub fn synthetic(zone_count: usize, spread: &SyntheticSpread, seed: u64) -> Result<Self, WorkpieceError> {
-        const SIDE: u32 = 8;
         const SAMPLES: u32 = 64;
         if zone_count == 0 || zone_count > ZONES_MAX {
             return Err(WorkpieceError::ZoneCount { found: zone_count });
@@ -125,7 +127,7 @@ impl Workpiece {
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
         let settings =
             WorkSettings { picture: frame, frame, samples: SAMPLES, tunables, optimization: Optimization::Off };
-        Ok(Self::new(settings, &zones, Costs::Synthetic(costs)))
+        Ok(Self::new(settings, &zones, Costs::Synthetic(costs, columns)))
     }
 
     /// - `zones`: rectangle, complexity and Neighbor Difference, by id.
@@ -157,18 +159,15 @@ impl Workpiece {
                 let own = own.filter(|own| order.rect.encloses(own)).unwrap_or(order.rect);
                 recorded_cost(record, &own, order)
             }
-            Costs::Synthetic(costs) => {
-                // Parts of zones, should there be any, cost by their size.
-                let zone = costs.get(order.zone.index()).or(costs.last()).copied();
-                let share = self.rows.get(order.zone.index()).map_or(1.0, |row| {
-                    order.rect.area() as f64 / row.rect.area() as f64
-                });
-                let first = self.profile_samples();
-                let seconds = zone.map_or(0.0, |zone| {
-                    let early = first.min(order.samples.end).saturating_sub(order.samples.start);
-                    let all = order.samples.end.saturating_sub(order.samples.start);
-                    f64::from(early) * f64::from(zone.profiling) + f64::from(all - early) * f64::from(zone.painting)
-                });
+            Costs::Synthetic(costs, columns) => {
+                // Pieces of zones cost by their size.
+                let index = (order.rect.y0 / SIDE) as usize * columns + (order.rect.x0 / SIDE) as usize;
+                let index = index.min(costs.len() - 1);
+                let SyntheticCost { profiling, painting } = costs[index];
+                let share = order.rect.area() as f64 / self.rows[index].rect.area() as f64;
+                let early = self.profile_samples().min(order.samples.end).saturating_sub(order.samples.start);
+                let all = order.samples.end.saturating_sub(order.samples.start);
+                let seconds = f64::from(early) * f64::from(profiling) + f64::from(all - early) * f64::from(painting);
                 (seconds * share, f64::INFINITY)
             }
         }
@@ -184,7 +183,7 @@ impl Workpiece {
         self.rows.iter().map(move |row| match &self.costs {
             Costs::Recorded(record) => share_of_recorded(record, &row.rect, &row.rect)
                 .map_or(0.0, |(zone, share)| zone.total().as_secs_f64() * share),
-            Costs::Synthetic(_) => {
+            Costs::Synthetic(..) => {
                 let order = PaintOrder {
                     zone: row.zone,
                     fence: bottega_agents::Revision::ABSENT,

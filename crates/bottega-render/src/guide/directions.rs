@@ -15,7 +15,7 @@ const CELL_AREA: f32 = 4.0 / CELLS as f32;
 
 /// A piecewise constant density over the square, in whole numbers so that sums are exact.
 ///
-/// A search counts how many of sixteen numbers in a row are not above another: a load and a comparison for a vector unit.
+/// A search counts how many of [`SIDE`] numbers in a row are not above another: a few loads and comparisons for a vector unit.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Directions {

@@ -6,8 +6,8 @@
 //! from there. Paths draw from it and from their BSDF, in shares that each region has found best, and divide by the
 //! density of both together: so whatever the guide holds, it moves the noise and never the mean.
 //!
-//! The guide is a function of the scene and the view: learnt with a seed of its own from whole paths all over the
-//! picture, in passes of fixed size whose vertices are folded in the order of the paths. All who paint a picture guide
+//! The guide is a function of the scene, the view and the number of samples planned: learnt with a seed of its own from
+//! whole paths all over the picture, in passes whose sizes these decide and whose vertices are folded in the order of the paths. All who paint a picture guide
 //! their paths alike.
 //!
 //! Sources: Müller, Gross, Novák 2017, *Practical Path Guiding for Efficient Light-Transport Simulation* (a tree over space,

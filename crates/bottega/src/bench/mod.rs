@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, EngineError, RenderEngine, Tunables, ZoneTask};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, RenderEngine, Tunables, ZoneTask};
 use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
@@ -140,6 +140,7 @@ fn paint_zone(
         samples: 0..spp,
         tunables: Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples },
         tile: None,
+        cancel: CancelSwitch::default(),
     };
     let start = Instant::now();
     // The receiver outlives the engine's report.

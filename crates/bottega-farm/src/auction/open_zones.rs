@@ -1,0 +1,114 @@
+//! The zones that wait for a winner, by size.
+
+use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
+
+use crate::{AuctionRule, Offer, ZoneId};
+
+/// Zones offered in one call for proposals at most: the largest, and some of the smallest for agents that are too slow
+/// for those.
+pub(crate) const OFFERS_MAX: usize = 32;
+const SMALL_OFFERS: usize = 8;
+
+/// How large a zone is; of equal ones the first by id counts as the largest.
+type Rank = (u64, Reverse<ZoneId>);
+
+/// The zones that wait for an auction, largest last, and those that are offered in one now.
+#[derive(Clone, Debug, Default)]
+pub struct OpenZones {
+    waiting: BTreeMap<Rank, Offer>,
+    /// With the number of the round.
+    offered: BTreeMap<ZoneId, u64>,
+    time: Duration,
+}
+
+impl OpenZones {
+    /// What counts as large: T_est by default, complexity in the paper. Positive floats order as their bits do.
+    fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
+        let rank = match rule {
+            AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
+            AuctionRule::FinishingTime => u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX),
+        };
+        (rank, Reverse(offer.zone))
+    }
+
+    /// Adds a zone.
+    pub fn insert(&mut self, rule: AuctionRule, offer: Offer) {
+        if self.waiting.insert(Self::rank(rule, &offer), offer).is_none() {
+            self.time += offer.time_estimated;
+        }
+    }
+
+    /// Takes a zone away, given as it was added.
+    pub fn remove(&mut self, rule: AuctionRule, offer: &Offer) {
+        if self.waiting.remove(&Self::rank(rule, offer)).is_some() || self.offered.remove(&offer.zone).is_some() {
+            self.time -= offer.time_estimated;
+        }
+    }
+
+    /// How many there are, with those that are offered.
+    pub fn len(&self) -> usize {
+        self.waiting.len() + self.offered.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty() && self.offered.is_empty()
+    }
+
+    /// Whether there is one that is not offered.
+    pub fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
+    /// T_est of all.
+    pub fn time_estimated(&self) -> Duration {
+        self.time
+    }
+
+    /// What to offer in one call, largest first: all, or the largest and some of the smallest. Until they are given back
+    /// or taken away nobody else is offered these.
+    pub fn offer(&mut self, round: u64) -> Vec<Offer> {
+        let count = self.waiting.len();
+        let (large, small) = if count <= OFFERS_MAX { (count, 0) } else { (OFFERS_MAX - SMALL_OFFERS, SMALL_OFFERS) };
+        let large = (0..large).map_while(|_| self.waiting.pop_last()).map(|(_, offer)| offer);
+        let mut offers: Vec<Offer> = large.collect();
+        let small: Vec<Offer> = (0..small).map_while(|_| self.waiting.pop_first()).map(|(_, offer)| offer).collect();
+        offers.extend(small.into_iter().rev());
+        self.offered.extend(offers.iter().map(|offer| (offer.zone, round)));
+        offers
+    }
+
+    /// An offer that nobody took waits again, unless it was taken away meanwhile.
+    pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
+        // It may have been taken away, come back and been offered again in another round.
+        if self.offered.get(&offer.zone) == Some(&round) {
+            self.offered.remove(&offer.zone);
+            self.waiting.insert(Self::rank(rule, &offer), offer);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_zones_are_offered_by_their_ends_and_to_nobody_twice() {
+        let mut open = OpenZones::default();
+        let rule = AuctionRule::default();
+        for i in 0..100 {
+            let time_estimated = Duration::from_secs(u64::from(i));
+            open.insert(rule, Offer { zone: ZoneId(i), complexity: 1.0, time_estimated });
+        }
+        let time = open.time_estimated();
+        let offered = open.offer(1);
+        assert_eq!(offered.len(), OFFERS_MAX);
+        assert_eq!((offered[0].zone, offered[OFFERS_MAX - 1].zone), (ZoneId(99), ZoneId(0)));
+        assert_eq!(open.offer(2)[0].zone, ZoneId(75));
+        assert_eq!((open.len(), open.time_estimated()), (100, time));
+        open.remove(rule, &offered[0]);
+        offered.into_iter().for_each(|offer| open.give_back(rule, 1, offer));
+        assert_eq!(open.len(), 99);
+        assert_eq!(open.offer(2)[0].zone, ZoneId(98));
+    }
+}
