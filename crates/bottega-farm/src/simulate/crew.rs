@@ -241,7 +241,8 @@ impl Crew {
             .strip_prefix("agent-")
             .and_then(|number| number.parse().ok())
             .ok_or_else(|| wrong("before the `@` must stand an agent, such as agent-3"))?;
-        let (what, time) = what.split_once('=').ok_or_else(|| wrong("behind the `@` must stand what and when, such as fail=12s"))?;
+        let (what, time) =
+            what.split_once('=').ok_or_else(|| wrong("behind the `@` must stand what and when, such as fail=12s"))?;
         let (time, factor) = time.split_once(':').unwrap_or((time, "4"));
         let at = seconds(time).ok_or_else(|| wrong("the time must be a number of seconds, such as 12s"))?;
         let count = self.agents.len();
@@ -279,7 +280,8 @@ mod tests {
 
     #[test]
     fn a_specification_says_who_and_what_befalls_them() {
-        let crew: Crew = "2x1.0, 1x0.25:4 # the old one\nagent-2@join=5s,agent-0@fail=1500ms agent-1@slow=10s:4".parse().unwrap();
+        let crew: Crew =
+            "2x1.0, 1x0.25:4 # the old one\nagent-2@join=5s,agent-0@fail=1500ms agent-1@slow=10s:4".parse().unwrap();
         assert_eq!(crew.agents.len(), 3);
         assert_eq!(crew.machines[2], MachineSpec { processors: 4, speed: 0.25 });
         assert_eq!(crew.agents[2].joins, Duration::from_secs(5));

@@ -22,6 +22,7 @@ use bottega_agents::{
     driver::{Faults, Simulator},
 };
 
+use self::studio::{Seat, Studio};
 pub use self::{
     crew::{AgentSpec, CREW_MAX, Crew, CrewError, Incident, IncidentKind, MachineSpec},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedZone},
@@ -29,7 +30,6 @@ pub use self::{
     studio::{SPANS_MAX, Span, SpanKind},
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
-use self::studio::{Seat, Studio};
 use crate::{
     AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, Master, MasterConfig, RelativePower,
     RenderAgent, RenderAgentConfig, Timing, contents::message, protocol, work_key, zone_key,
@@ -282,7 +282,8 @@ impl<'a> Play<'a> {
         }
         let joins = agents.iter().enumerate().map(|(index, agent)| (agent.joins, Happening::Joins(index)));
         let befall = incidents.iter().map(|incident| (incident.at, Happening::Befalls(incident.agent, incident.kind)));
-        let mut timeline: Vec<_> = std::iter::once((piece.survey, Happening::Analyzed)).chain(joins).chain(befall).collect();
+        let mut timeline: Vec<_> =
+            std::iter::once((piece.survey, Happening::Analyzed)).chain(joins).chain(befall).collect();
         timeline.sort_by_key(|(at, _)| *at);
         timeline.reverse();
         let mut simulator = Simulator::new(plan.seed, plan.faults.clone(), studio);

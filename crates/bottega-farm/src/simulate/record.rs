@@ -154,7 +154,10 @@ pub enum RecordError {
         problem: String,
     },
     /// It was written by another version.
-    #[error("it is a record of version {found}; this program reads version {}: record it again", super::record_json::VERSION)]
+    #[error(
+        "it is a record of version {found}; this program reads version {}: record it again",
+        super::record_json::VERSION
+    )]
     Version {
         /// Its version.
         found: u64,
@@ -198,7 +201,10 @@ impl Record {
                 return wrong(&format!("zones[{index}]"), "must have a complexity and a neighbor difference from 0 on");
             }
             if chosen == 0 || chosen > samples || band > 1 << 16 {
-                return wrong(&format!("zones[{index}]"), "must have samples within those of the work, and a band that can be");
+                return wrong(
+                    &format!("zones[{index}]"),
+                    "must have samples within those of the work, and a band that can be",
+                );
             }
         }
         let rects: Vec<Rect> = self.zones.iter().map(|zone| zone.rect).collect();

@@ -117,7 +117,8 @@ impl Record {
 
 fn record(json: RecordJson) -> Result<Record, RecordError> {
     let value = |field: &str, problem: String| RecordError::Value { field: field.to_owned(), problem };
-    let optimization: Optimization = json.optimize.parse().map_err(|error| value("optimize", format!("is unknown: {error}")))?;
+    let optimization: Optimization =
+        json.optimize.parse().map_err(|error| value("optimize", format!("is unknown: {error}")))?;
     let level = Level::ALL.get(usize::from(json.level)).copied();
     let level = level.ok_or_else(|| value("level", "must be from 0 to 3".to_owned()))?;
     let frame = rect(json.frame).ok_or_else(|| value("frame", "must have x0 < x1 and y0 < y1".to_owned()))?;
@@ -188,7 +189,8 @@ fn rect([x0, y0, x1, y1]: [u32; 4]) -> Option<Rect> {
 }
 
 fn time(field: &str, seconds: f64) -> Result<Duration, RecordError> {
-    let wrong = || RecordError::Value { field: field.to_owned(), problem: "must be a time from 0 to 10⁹ seconds".to_owned() };
+    let wrong =
+        || RecordError::Value { field: field.to_owned(), problem: "must be a time from 0 to 10⁹ seconds".to_owned() };
     Some(seconds).filter(|seconds| (0.0..=1e9).contains(seconds)).map(Duration::from_secs_f64).ok_or_else(wrong)
 }
 
@@ -200,8 +202,7 @@ pub(super) mod tests {
     pub(crate) fn example() -> Record {
         let frame = Rect::of_size(64, 32);
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
-        let work =
-            WorkSettings { picture: frame, frame, samples: 40, tunables, optimization: Optimization::Off };
+        let work = WorkSettings { picture: frame, frame, samples: 40, tunables, optimization: Optimization::Off };
         let zone = |rect: Rect, seconds: f64| RecordedZone {
             rect,
             complexity: rect.area() as f64 * seconds,
