@@ -170,6 +170,8 @@ struct ZonePainter<'a> {
     waiting: VecDeque<Rect>,
     under_way: Vec<Option<BlockUnderWay>>,
     busy: Duration,
+    /// By block, of those that are done.
+    parts: Vec<(Rect, Duration)>,
     complete: bool,
     cancel: CancelSwitch,
 }
@@ -177,6 +179,8 @@ struct ZonePainter<'a> {
 #[derive(Clone, Copy)]
 struct BlockUnderWay {
     rect: Rect,
+    /// Processor time so far.
+    busy: Duration,
     /// The first sample that no unit has been asked for.
     next_sample: u32,
     /// Samples in the unit at work.
@@ -199,6 +203,7 @@ impl<'a> ZonePainter<'a> {
             waiting: task.rect.blocks(BLOCK_SIDE).collect(),
             under_way: Vec::new(),
             busy: Duration::ZERO,
+            parts: Vec::new(),
             complete: true,
             cancel: task.cancel,
         }
@@ -218,7 +223,7 @@ impl<'a> ZonePainter<'a> {
         while let Some(completed) = self.client.take() {
             self.finish_unit(completed)?;
         }
-        Ok(Painted { tile: self.tile, busy: self.busy, complete: self.complete })
+        Ok(Painted { tile: self.tile, busy: self.busy, parts: self.parts, complete: self.complete })
     }
 
     /// Hands out the first samples of the next waiting block that lacks any.
@@ -236,7 +241,7 @@ impl<'a> ZonePainter<'a> {
                 self.complete = false;
                 continue;
             }
-            return self.submit(ticket, BlockUnderWay { rect, next_sample, in_unit: 0 }, block);
+            return self.submit(ticket, BlockUnderWay { rect, busy: Duration::ZERO, next_sample, in_unit: 0 }, block);
         }
         Ok(())
     }
@@ -272,7 +277,8 @@ impl<'a> ZonePainter<'a> {
             Ok(_) => unreachable!("a block was asked for"),
             Err(error) => return Err(self.failure(&error)),
         };
-        let Some(block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
+        let Some(mut block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
+        block.busy += completed.busy;
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
         self.learn(completed.busy, samples);
@@ -286,6 +292,7 @@ impl<'a> ZonePainter<'a> {
             self.complete = false;
         }
         self.tile.copy_from(&tile);
+        self.parts.push((block.rect, block.busy));
         self.start_block(ticket)
     }
 

@@ -75,6 +75,8 @@ pub struct Painted {
     pub tile: Tile,
     /// Processor time spent on it, summed over processors.
     pub busy: Duration,
+    /// Where that time went: disjoint parts of the rectangle. Empty where the engine does not know.
+    pub parts: Vec<(Rect, Duration)>,
     /// False when it was cancelled before the end.
     pub complete: bool,
 }

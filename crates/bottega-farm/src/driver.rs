@@ -53,6 +53,8 @@ pub struct JobSettings {
     pub layout: Layout,
     /// How far the partition goes.
     pub level: Level,
+    /// About how many zones it makes. `None`: as many as suit the agents.
+    pub zones: Option<u32>,
     /// How far the rules may go.
     pub optimization: Optimization,
     /// How many Render Agents.
@@ -83,6 +85,7 @@ impl JobSettings {
             tunables,
             layout,
             level: Level::default(),
+            zones: None,
             optimization: Optimization::Off,
             agents: 1,
             experts: vec![Expert::path_tracing()],
@@ -350,7 +353,8 @@ fn populate(
             add(&master, Master::recover(config, work, rows).into())?
         }
         None => {
-            let partition = PartitionSettings::for_agents(settings.level, settings.agents, work.frame);
+            let mut partition = PartitionSettings::for_agents(settings.level, settings.agents, work.frame);
+            partition.zone_count = settings.zones.unwrap_or(partition.zone_count).max(1);
             let config = AnalystConfig {
                 id: analyst.clone(),
                 master: master.clone(),

@@ -30,6 +30,7 @@ mod partition;
 mod prediction;
 mod render_agent;
 mod settings;
+pub mod simulate;
 mod vocabulary;
 mod wire;
 

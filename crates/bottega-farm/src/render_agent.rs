@@ -87,6 +87,11 @@ impl RenderAgent {
         self.adaptation.as_ref().map_or(RelativePower::REFERENCE, Adaptation::power)
     }
 
+    /// The zones in hand and the tokens of their orders.
+    pub fn hands(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
+        self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence))
+    }
+
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         match (message.performative, &message.content) {
             (Performative::Agree, FarmContent::Subscribed) => self.subscribed = true,

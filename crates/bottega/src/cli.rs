@@ -7,6 +7,8 @@ use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
+use crate::{bench::MagarroArgs, simulate::args::SimulateArgs};
+
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
 #[command(
@@ -29,6 +31,8 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
+    /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
+    Simulate(Box<SimulateArgs>),
     /// Measure this machine and this program.
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.
@@ -227,6 +231,12 @@ pub(crate) struct RenderArgs {
     /// Write every message between the agents to this file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,
+    /// Write down what each zone took, for `bottega simulate`.
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["resume", "error", "time"], help_heading = "Output")]
+    pub(crate) record: Option<PathBuf>,
+    /// Cut the picture into about so many zones; default: by the number of agents.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20), help_heading = "Work")]
+    pub(crate) zones: Option<u32>,
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
     pub(crate) quiet: bool,
@@ -308,6 +318,8 @@ pub(crate) enum BenchCommand {
     },
     /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
     Peers(PeersArgs),
+    /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
+    Magarro(MagarroArgs),
 }
 
 #[derive(Debug, Args)]

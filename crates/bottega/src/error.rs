@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use bottega_engines::EngineError;
-use bottega_farm::{ExpertError, JobError, JournalError};
+use bottega_farm::{
+    ExpertError, JobError, JournalError,
+    simulate::{RecordError, SimulationError},
+};
 use bottega_gpu::GpuError;
 use bottega_image::ImageError;
 use bottega_render::RenderError;
@@ -33,6 +36,10 @@ pub(crate) enum CliError {
     Rules { path: PathBuf, source: ExpertError },
     #[error("cannot go on with `{}`", .path.display())]
     Journal { path: PathBuf, source: JournalError },
+    #[error("cannot use the record `{}`", .path.display())]
+    Record { path: PathBuf, source: RecordError },
+    #[error("the simulation came to nothing")]
+    Simulation(#[source] SimulationError),
     #[error("cannot write `{}`", .path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("cannot read `{}`", .path.display())]

@@ -14,6 +14,7 @@ mod preview;
 mod render;
 mod reporter;
 mod scene;
+mod simulate;
 
 use std::{io, process::ExitCode};
 
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Analyze(args) => analyze::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Completions { shell } => {

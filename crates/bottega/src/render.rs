@@ -10,7 +10,8 @@ use std::{
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, survey_size,
+    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, simulate::Recorder,
+    survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -26,6 +27,7 @@ use crate::{
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
     scene::{Subject, agents, shown, threads},
+    simulate::{recorded, write_record},
 };
 
 /// Samples of a pixel where nobody says.
@@ -71,10 +73,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     settings.goal = goal(args, begun)?;
+    let recorder = Arc::new(Recorder::new(Arc::clone(&engine) as _, Arc::clone(&reporter) as _));
     let report = bottega_farm::run(
         &settings,
-        Arc::clone(&engine) as _,
-        Arc::clone(&reporter) as _,
+        Arc::clone(&recorder) as _,
+        Arc::clone(&recorder) as _,
         &stop,
         Some(keeping.store),
         keeping.kept,
@@ -83,6 +86,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     reporter.finish();
     if engine.dropped_count() > 0 {
         reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
+    }
+    if let Some(path) = args.record.as_deref().filter(|_| !report.stopped && report.failed.is_empty()) {
+        let record = recorder.record(&shown(&args.scene.file.scene), &settings, &report);
+        let record = record.map_err(|source| CliError::Record { path: path.to_owned(), source })?;
+        write_record(path, &record)?;
+        reporter.say(&recorded(path));
     }
     let metadata = metadata(args, &subject, &settings, &report);
     write(args, format, &report.film, &metadata)?;
@@ -166,6 +175,7 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
         experts,
         processors: threads,
         importance: args.scene.importance_function(),
+        zones: args.zones,
         ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
 }

@@ -157,6 +157,8 @@ pub(super) struct Network<M: StateMachine> {
     pub(super) presence_watchers: BTreeSet<AgentId>,
     pub(super) seen_present: BTreeSet<AgentId>,
     pub(super) trace: Option<Vec<String>>,
+    /// Messages sent, by receiver.
+    pub(super) message_count: u64,
 }
 
 impl<M: StateMachine> Network<M> {
@@ -176,6 +178,7 @@ impl<M: StateMachine> Network<M> {
             presence_watchers: BTreeSet::new(),
             seen_present: BTreeSet::new(),
             trace: None,
+            message_count: 0,
             faults,
         };
         if let Some(mean) = network.faults.crash_every {
@@ -195,6 +198,11 @@ impl<M: StateMachine> Network<M> {
         let Reverse(next) = self.plan.pop()?;
         self.now = next.at;
         Some(next.what)
+    }
+
+    /// When the next thing happens.
+    pub(super) fn next_time(&self) -> Option<Time> {
+        self.plan.peek().map(|Reverse(next)| next.at)
     }
 
     /// An agent is dead: what was meant for it is lost.
@@ -283,6 +291,20 @@ impl<M: StateMachine> Network<M> {
         }
     }
 
+    /// Writes an entry as somebody outside; those who watch it are told.
+    pub(super) fn put(&mut self, key: Key, value: M::Value)
+    where
+        M::Value: Clone,
+    {
+        let outside = AgentId::new("outside");
+        let mut replies = Vec::new();
+        self.store.handle(outside, Ticket(0), StoreRequest::Put { key, value }, &mut replies);
+        for Addressed { to, ticket, reply } in replies {
+            // The answer goes nowhere: there is no such agent.
+            self.reply_from_store(&to, ticket, reply);
+        }
+    }
+
     pub(super) fn serve_store(&mut self, from: &Life, ticket: Ticket, request: StoreRequest<M::Value>)
     where
         M::Value: Clone,
@@ -309,6 +331,7 @@ where
     type Value = M::Value;
 
     fn publish(&mut self, message: AclMessage<M::Content>) {
+        self.message_count += message.receivers.len() as u64;
         for to in message.receivers.clone() {
             if self.plan.len() >= PLANNED_MAX {
                 self.note(|| {

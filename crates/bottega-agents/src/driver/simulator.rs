@@ -28,6 +28,18 @@ pub trait World<M: StateMachine> {
         random: &mut Random,
         reports: &mut Vec<(Duration, M::Completion)>,
     );
+
+    /// When something will happen in the world by itself: something of which could not be said how long it takes when it
+    /// was begun. `None`: nothing will.
+    fn next_change(&self) -> Option<Time> {
+        None
+    }
+
+    /// What was to happen does; appends what is reported of it, and to whom.
+    fn change(&mut self, _now: Time, _reports: &mut Vec<(AgentId, M::Completion)>) {}
+
+    /// An agent is dead: what it had begun is of no use to anybody.
+    fn gone(&mut self, _now: Time, _agent: &AgentId) {}
 }
 
 impl<M, F> World<M> for F
@@ -63,6 +75,8 @@ pub struct Simulator<M: StateMachine, W> {
     /// How often each agent has lived.
     births: u64,
     actions: Vec<crate::ActionOf<M>>,
+    /// Kept for its memory; empty between two changes of the world.
+    reports: Vec<(AgentId, M::Completion)>,
 }
 
 impl<M: StateMachine, W: World<M>> Simulator<M, W>
@@ -73,7 +87,7 @@ where
     /// An empty platform in a world that answers effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
-        Self { nodes: BTreeMap::new(), network, world, births: 0, actions: Vec::new() }
+        Self { nodes: BTreeMap::new(), network, world, births: 0, actions: Vec::new(), reports: Vec::new() }
     }
 
     /// Adds an agent, made anew at each of its lives. `may_crash`: whether the faults may kill it.
@@ -114,6 +128,21 @@ where
         &self.world
     }
 
+    /// The world, to change something in it. It must not bring forward what it has named as its next change.
+    pub fn world_mut(&mut self) -> &mut W {
+        &mut self.world
+    }
+
+    /// Messages that agents have sent, counted by receiver; those too that were lost.
+    pub fn message_count(&self) -> u64 {
+        self.network.message_count
+    }
+
+    /// Writes an entry into the store at once, as somebody outside of the platform.
+    pub fn put(&mut self, key: crate::Key, value: M::Value) {
+        self.network.put(key, value);
+    }
+
     /// The bus, to say something from outside.
     pub fn bus(&mut self) -> &mut impl Bus<Content = M::Content, Value = M::Value> {
         &mut self.network
@@ -124,6 +153,12 @@ where
         self.end(id, "crashes");
     }
 
+    /// Kills an agent for good.
+    pub fn retire(&mut self, id: &AgentId) {
+        self.end(id, "is gone");
+        self.nodes.remove(id);
+    }
+
     fn end(&mut self, id: &AgentId, how: &str) {
         let Some(node) = self.nodes.get_mut(id) else { return };
         if node.machine.take().is_none() {
@@ -131,6 +166,7 @@ where
         }
         node.timer = None;
         self.network.bury(id, how);
+        self.world.gone(self.network.now, id);
     }
 
     /// Gives a dead agent a new life, without memory.
@@ -170,10 +206,27 @@ where
     /// whether `going_on` said to stop.
     pub fn run_while(&mut self, end: Time, mut going_on: impl FnMut(&Self) -> bool) -> bool {
         while going_on(self) {
+            let change = self.world.next_change().filter(|&at| at <= end);
+            if let Some(at) = change.filter(|&at| self.network.next_time().is_none_or(|next| at < next)) {
+                self.change(at);
+                continue;
+            }
             let Some(what) = self.network.next(end) else { return false };
             self.happen(what);
         }
         true
+    }
+
+    /// Something happens in the world by itself.
+    fn change(&mut self, at: Time) {
+        self.network.now = self.network.now.max(at);
+        let mut reports = std::mem::take(&mut self.reports);
+        self.world.change(at, &mut reports);
+        for (agent, completion) in reports.drain(..) {
+            self.feed(&agent, Event::Completed(completion));
+        }
+        self.reports = reports;
+        assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
     }
 
     /// Runs until `end`.

@@ -199,7 +199,7 @@ impl Sitting {
                 let reason = error.to_string();
                 self.done(Err(reason));
             }
-            Ok(Painted { tile, busy, complete: false }) => {
+            Ok(Painted { tile, busy, complete: false, .. }) => {
                 self.busy += busy;
                 if self.shared.stop.is_requested() {
                     self.interrupted(Some(tile));
@@ -209,7 +209,7 @@ impl Sitting {
                     self.done(Err("the engine was cancelled".to_owned()));
                 }
             }
-            Ok(Painted { tile, busy, complete: true }) => {
+            Ok(Painted { tile, busy, complete: true, .. }) => {
                 self.busy += busy;
                 if tile.rect() != self.order.rect {
                     return self.done(Err("the engine painted another rectangle".to_owned()));

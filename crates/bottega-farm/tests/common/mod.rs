@@ -91,7 +91,7 @@ fn paint(shared: &Shared, task: ZoneTask, generation: u64) -> Painted {
     }
     shared.samples.fetch_add(count, Ordering::Relaxed);
     let busy = Duration::from_nanos(count * u64::from(10 + shared.weight));
-    Painted { tile, busy, complete }
+    Painted { tile, busy, parts: Vec::new(), complete }
 }
 
 fn work(shared: &Shared) {
@@ -192,7 +192,7 @@ impl RenderEngine for FakeEngine {
         let waiting = std::mem::take(&mut self.shared.queue.lock().unwrap().0);
         for (task, done) in waiting {
             let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout()));
-            done(Ok(Painted { tile, busy: Duration::ZERO, complete: false }));
+            done(Ok(Painted { tile, busy: Duration::ZERO, parts: Vec::new(), complete: false }));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `bottega bench`: figures of this program on this machine.
 
+mod magarro;
 mod peers;
 mod scene;
 
@@ -15,6 +16,7 @@ use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::LoadOptions;
+pub(crate) use magarro::MagarroArgs;
 use scene::NeutralScene;
 use serde_json::{Value, json};
 
@@ -38,6 +40,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     match &args.what {
         BenchCommand::Rays { scenes, repeat, json } => rays(scenes, *repeat, *json),
         BenchCommand::Peers(args) => peers::run(args),
+        BenchCommand::Magarro(args) => magarro::run(args),
     }
 }
 

@@ -1,0 +1,338 @@
+//! Who paints in a simulation: agents, their machines, and what befalls them.
+
+use std::{str::FromStr, time::Duration};
+
+use bottega_agents::driver::Random;
+
+/// Agents of a simulation at most: as many as a Master takes.
+pub const CREW_MAX: usize = 1 << 14;
+
+/// Speeds and times of a specification lie within these.
+const SPEED_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
+const SECONDS_MAX: f64 = 1e7;
+
+/// The agents of a simulation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Crew {
+    /// The machines.
+    pub machines: Vec<MachineSpec>,
+    /// The agents; their names are `agent-0`, `agent-1` and so on.
+    pub agents: Vec<AgentSpec>,
+    /// What befalls them, in any order.
+    pub incidents: Vec<Incident>,
+}
+
+/// A machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MachineSpec {
+    /// Processors, which all of its agents share.
+    pub processors: u32,
+    /// Of each processor: 1 as the machine that was measured, 2 twice as fast.
+    pub speed: f64,
+}
+
+/// An agent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AgentSpec {
+    /// Index of its machine.
+    pub machine: usize,
+    /// When it comes.
+    pub joins: Duration,
+}
+
+/// Something that befalls an agent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Incident {
+    /// When, from the start of the platform.
+    pub at: Duration,
+    /// Index of the agent.
+    pub agent: usize,
+    /// What.
+    pub kind: IncidentKind,
+}
+
+/// What befalls an agent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum IncidentKind {
+    /// It dies without a word and does not come back.
+    Fail,
+    /// It says that it goes, and goes.
+    Leave,
+    /// Its machine becomes so many times slower.
+    Slow(f64),
+}
+
+/// Why a crew cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CrewError {
+    /// A word of the specification makes no sense.
+    #[error("`{item}` says nothing of agents: {problem}")]
+    Item {
+        /// The word.
+        item: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// There is nobody.
+    #[error("nobody paints: give a number of agents, such as 8 or 4x1.0,4x0.25")]
+    Empty,
+    /// There are too many.
+    #[error("{found} agents are too many: a Master takes {CREW_MAX}")]
+    TooMany {
+        /// How many were asked for.
+        found: usize,
+    },
+    /// Something befalls an agent that there is not.
+    #[error("there is no agent-{agent}: there are {count} agents, from agent-0 on")]
+    NoSuchAgent {
+        /// Its number.
+        agent: usize,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+impl Crew {
+    /// So many agents of speed 1, each with a processor of its own.
+    pub fn equal(count: usize) -> Self {
+        let mut crew = Self::default();
+        crew.add(count, MachineSpec { processors: 1, speed: 1.0 });
+        crew
+    }
+
+    /// So many agents that share one machine of speed 1, as those of one process do.
+    pub fn sharing(count: usize, processors: u32) -> Self {
+        let machines = vec![MachineSpec { processors, speed: 1.0 }];
+        let agents = vec![AgentSpec { machine: 0, joins: Duration::ZERO }; count];
+        Self { machines, agents, incidents: Vec::new() }
+    }
+
+    /// Adds agents, each with a machine of its own.
+    pub fn add(&mut self, count: usize, machine: MachineSpec) {
+        for _ in 0..count {
+            self.agents.push(AgentSpec { machine: self.machines.len(), joins: Duration::ZERO });
+            self.machines.push(machine);
+        }
+    }
+
+    /// Lets a share of the agents fail, each at some moment before `until`; which and when decides the seed.
+    pub fn fail_some(&mut self, share: f64, until: Duration, seed: u64) {
+        let mut random = Random::new(seed ^ 0xfa11);
+        let mut left: Vec<usize> = (0..self.agents.len()).collect();
+        let count = (share.clamp(0.0, 1.0) * left.len() as f64).round() as usize;
+        for _ in 0..count {
+            let agent = left.swap_remove(random.below(left.len()));
+            let at = until.mul_f64(random.unit());
+            self.incidents.push(Incident { at, agent, kind: IncidentKind::Fail });
+        }
+    }
+
+    /// All speeds together, of processors, before anything befalls anybody.
+    pub fn speed(&self) -> f64 {
+        self.machines.iter().map(|machine| f64::from(machine.processors) * machine.speed).sum()
+    }
+
+    /// The least time in which so much can be painted from `start` on if nothing is lost and nobody ever waits.
+    ///
+    /// - `work`: processor time at speed 1, in seconds.
+    ///
+    /// Returns `None` where those who stay never finish it.
+    pub fn least_time(&self, start: Duration, work: f64) -> Option<Duration> {
+        // The speed of all together changes at some moments only, and adds up to work in between.
+        let mut changes: Vec<(f64, f64)> = Vec::new();
+        for (index, machine) in self.machines.iter().enumerate() {
+            changes.extend(self.speed_changes(index, machine));
+        }
+        changes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut now, mut speed, mut left) = (start.as_secs_f64(), 0.0, work);
+        for (at, change) in changes {
+            if at > now {
+                if speed > 0.0 && left <= speed * (at - now) {
+                    break;
+                }
+                left -= speed * (at - now);
+                now = at;
+            }
+            speed += change;
+        }
+        (speed > 1e-12).then(|| Duration::try_from_secs_f64(now + left / speed).ok()).flatten()
+    }
+
+    /// When a machine's speed changes by how much: it counts while one of its agents is there.
+    fn speed_changes(&self, index: usize, machine: &MachineSpec) -> Vec<(f64, f64)> {
+        let mut marks: Vec<(f64, i32, f64)> = Vec::new();
+        for (number, agent) in self.agents.iter().enumerate().filter(|(_, agent)| agent.machine == index) {
+            marks.push((agent.joins.as_secs_f64(), 1, 1.0));
+            let own = self.incidents.iter().filter(|incident| incident.agent == number);
+            let gone = own.clone().filter(|incident| !matches!(incident.kind, IncidentKind::Slow(_)));
+            marks.extend(gone.map(|incident| incident.at).min().map(|at| (at.as_secs_f64(), -1, 1.0)));
+            marks.extend(own.filter_map(|incident| match incident.kind {
+                IncidentKind::Slow(factor) => Some((incident.at.as_secs_f64(), 0, factor.recip())),
+                _ => None,
+            }));
+        }
+        marks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);
+        let mut changes = Vec::new();
+        for (at, come, factor) in marks {
+            present += come;
+            speed *= factor;
+            let counts = if present > 0 { speed } else { 0.0 };
+            changes.push((at, counts - counted));
+            counted = counts;
+        }
+        changes
+    }
+}
+
+impl FromStr for Crew {
+    type Err = CrewError;
+
+    /// Reads words that are parted by commas, white space or line ends; `#` begins a remark that goes to the end of the line.
+    ///
+    /// - `8`: eight agents of speed 1, each with a processor of its own; `4x0.25`: four of speed 0.25; `2x1:8`: two with
+    ///   eight processors each.
+    /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (from then on four times slower).
+    fn from_str(text: &str) -> Result<Self, CrewError> {
+        let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+        let words: Vec<&str> = lines
+            .flat_map(|line| line.split([',', ' ', '\t']))
+            .map(str::trim)
+            .filter(|word| !word.is_empty())
+            .collect();
+        let mut crew = Self::default();
+        let (incidents, groups): (Vec<&str>, Vec<&str>) = words.into_iter().partition(|word| word.contains('@'));
+        for word in groups {
+            let (count, machine) = group(word).map_err(|problem| CrewError::Item { item: word.to_owned(), problem })?;
+            let found = crew.agents.len().saturating_add(count);
+            if found > CREW_MAX {
+                return Err(CrewError::TooMany { found });
+            }
+            crew.add(count, machine);
+        }
+        if crew.agents.is_empty() {
+            return Err(CrewError::Empty);
+        }
+        for word in incidents {
+            crew.befall(word)?;
+        }
+        Ok(crew)
+    }
+}
+
+/// Reads `COUNT[xSPEED][:PROCESSORS]`.
+fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
+    let (word, processors) = word.split_once(':').unwrap_or((word, "1"));
+    let (count, speed) = word.split_once('x').unwrap_or((word, "1"));
+    let count = count.parse().ok().filter(|&count| count > 0).ok_or("it must begin with a number of agents")?;
+    let speed = speed.parse().ok().filter(|speed| SPEED_RANGE.contains(speed));
+    let speed = speed.ok_or("behind the `x` must stand a speed from 0.001 to 1000")?;
+    let processors = processors.parse().ok().filter(|count| (1..=4096).contains(count));
+    let processors = processors.ok_or("behind the `:` must stand a number of processors from 1 to 4096")?;
+    Ok((count, MachineSpec { processors, speed }))
+}
+
+impl Crew {
+    /// Reads `agent-N@WHAT=TIME[:FACTOR]`.
+    fn befall(&mut self, word: &str) -> Result<(), CrewError> {
+        let wrong = |problem| CrewError::Item { item: word.to_owned(), problem };
+        let (agent, what) = word.split_once('@').unwrap_or((word, ""));
+        let agent: usize = agent
+            .strip_prefix("agent-")
+            .and_then(|number| number.parse().ok())
+            .ok_or_else(|| wrong("before the `@` must stand an agent, such as agent-3"))?;
+        let (what, time) =
+            what.split_once('=').ok_or_else(|| wrong("behind the `@` must stand what and when, such as fail=12s"))?;
+        let (time, factor) = time.split_once(':').unwrap_or((time, "4"));
+        let at = seconds(time).ok_or_else(|| wrong("the time must be a number of seconds, such as 12s"))?;
+        let count = self.agents.len();
+        let member = self.agents.get_mut(agent).ok_or(CrewError::NoSuchAgent { agent, count })?;
+        let kind = match what {
+            "join" => {
+                member.joins = at;
+                return Ok(());
+            }
+            "fail" => IncidentKind::Fail,
+            "leave" => IncidentKind::Leave,
+            "slow" => {
+                let factor = factor.parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
+                IncidentKind::Slow(factor.ok_or_else(|| wrong("behind the `:` must stand how many times slower"))?)
+            }
+            _ => return Err(wrong("an agent can join, leave, fail or become slow")),
+        };
+        self.incidents.push(Incident { at, agent, kind });
+        Ok(())
+    }
+}
+
+fn seconds(text: &str) -> Option<Duration> {
+    let (number, unit) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    let seconds = number.parse::<f64>().ok()? * unit;
+    (0.0..=SECONDS_MAX).contains(&seconds).then(|| Duration::from_secs_f64(seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_specification_says_who_and_what_befalls_them() {
+        let crew: Crew =
+            "2x1.0, 1x0.25:4 # the old one\nagent-2@join=5s,agent-0@fail=1500ms agent-1@slow=10s:4".parse().unwrap();
+        assert_eq!(crew.agents.len(), 3);
+        assert_eq!(crew.machines[2], MachineSpec { processors: 4, speed: 0.25 });
+        assert_eq!(crew.agents[2].joins, Duration::from_secs(5));
+        assert_eq!(crew.incidents[0], Incident { at: Duration::from_millis(1500), agent: 0, kind: IncidentKind::Fail });
+        assert_eq!(crew.incidents[1].kind, IncidentKind::Slow(4.0));
+        assert_eq!("8".parse(), Ok(Crew::equal(8)));
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_name() {
+        for (text, names) in [
+            ("", "nobody"),
+            ("0", "`0`"),
+            ("3xfast", "`3xfast`"),
+            ("3x-1", "`3x-1`"),
+            ("3xnan", "`3xnan`"),
+            ("2:0", "`2:0`"),
+            ("99999999999", "too many"),
+            ("2,agent-2@fail=1s", "no agent-2"),
+            ("2,agent-1@explode=1s", "explode"),
+            ("2,agent-1@fail=soon", "seconds"),
+            ("2,bob@fail=1s", "agent-3"),
+            ("2,agent-1@slow=1s:0", "slower"),
+        ] {
+            let error = text.parse::<Crew>().unwrap_err().to_string();
+            assert!(error.contains(names), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_least_time_counts_who_is_there() {
+        let crew = Crew::equal(2);
+        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(6)));
+        let crew: Crew = "2,agent-1@join=5s".parse().unwrap();
+        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(8)));
+        let crew: Crew = "2,agent-1@fail=3s,agent-0@slow=5s:2".parse().unwrap();
+        // 4 until 3 s, 2 until 5 s, and half a second's worth a second from there.
+        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(13)));
+        let crew: Crew = "1,agent-0@fail=3s".parse().unwrap();
+        assert_eq!(crew.least_time(Duration::ZERO, 10.0), None);
+        assert_eq!(Crew::sharing(3, 2).least_time(Duration::ZERO, 10.0), Some(Duration::from_secs(5)));
+    }
+
+    #[test]
+    fn some_fail_by_share_and_seed() {
+        let mut crew = Crew::equal(100);
+        crew.fail_some(0.05, Duration::from_secs(10), 7);
+        assert_eq!(crew.incidents.len(), 5);
+        let mut agents: Vec<usize> = crew.incidents.iter().map(|incident| incident.agent).collect();
+        agents.dedup();
+        assert_eq!(agents.len(), 5);
+        assert!(crew.incidents.iter().all(|incident| incident.at < Duration::from_secs(10)));
+    }
+}

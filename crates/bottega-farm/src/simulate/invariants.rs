@@ -1,0 +1,85 @@
+//! What must hold after every simulated run, whatever went wrong in it.
+
+use bottega_agents::driver::Simulator;
+use bottega_image::Rect;
+
+use super::studio::Studio;
+use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, work_prefix};
+
+/// Checks a run that has ended. Returns what does not hold; nothing, when all is well.
+///
+/// - Each zone was composed exactly once into the film of the last Master, of samples that were painted under its latest
+///   order, or was given up; the work ended once. (What the world saw on the way.)
+/// - On the Blackboard every zone is done or given up, and all together cover the frame exactly once.
+/// - What is done was done under the latest order, by the agent that the row names; the pieces of a zone cover it with its band
+///   exactly once.
+/// - Credits are numbers.
+/// - No agent that lives has anything in hand but orders that were taken from it.
+pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) -> Vec<String> {
+    let studio = simulator.world();
+    let film = &studio.film;
+    let mut broken = film.broken.clone();
+    let mut must = |holds: bool, what: &dyn Fn() -> String| {
+        if !holds && broken.len() < 2 * super::studio::BROKEN_MAX {
+            broken.push(what());
+        }
+    };
+    let Some((_, failed)) = &film.finished else { return broken };
+    let mut zones: Vec<&ZoneRow> = Vec::with_capacity(work.zone_count as usize);
+    let mut given_up: Vec<ZoneId> = Vec::new();
+    let prefix = work_prefix(work.work);
+    for entry in simulator.store().with_prefix(&prefix) {
+        match &entry.value {
+            FarmValue::Zone(row) => {
+                zones.push(row);
+                match (row.state, row.result) {
+                    (ZoneState::Done, Some(ResultRef { fence, .. })) => {
+                        must(film.composed.contains(&row.zone), &|| format!("{} is done and not composed", row.zone));
+                        must(film.is_valid(row.zone, fence), &|| format!("{} is done under {fence:?}", row.zone));
+                        let whose = film.orders.get(&(row.zone, fence)).map(|agent| &studio.names[*agent]);
+                        must(whose == row.agent.as_ref(), &|| format!("{} was painted by {whose:?}", row.zone));
+                    }
+                    (ZoneState::Failed, _) => given_up.push(row.zone),
+                    (state, _) => must(false, &|| format!("{} is {state:?} at the end", row.zone)),
+                }
+            }
+            FarmValue::Agent(row) => {
+                must(row.credit.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit));
+            }
+            FarmValue::Work(_) => {}
+        }
+    }
+    given_up.sort_unstable();
+    must(given_up == *failed, &|| format!("{given_up:?} were given up, and {failed:?} are told"));
+    let done = zones.len() - given_up.len();
+    must(done == film.composed.len(), &|| format!("{done} zones are done, and {} composed", film.composed.len()));
+    let rects: Vec<Rect> = zones.iter().filter(|row| row.root.is_none()).map(|row| row.rect).collect();
+    must(Partition::covers(work.settings.frame, &rects), &|| "the zones do not cover the frame once".to_owned());
+    for root in torn(&mut zones, &work.settings.frame) {
+        must(false, &|| format!("the pieces of {root} do not cover it once"));
+    }
+    for name in &studio.names {
+        let Some(FarmAgent::Render(agent)) = simulator.machine(name) else { continue };
+        for (zone, fence) in agent.hands() {
+            let valid = film.is_valid(zone, fence) && !film.is_taken_over(zone) && film.composed.contains(&zone);
+            must(!valid, &|| format!("{name} still has {zone} in hand under a valid order"));
+        }
+    }
+    broken
+}
+
+/// The zones whose pieces do not cover them, band and all, exactly once.
+fn torn(rows: &mut [&ZoneRow], frame: &Rect) -> Vec<ZoneId> {
+    rows.sort_unstable_by_key(|row| (row.root(), row.zone));
+    let mut torn = Vec::new();
+    for pieces in rows.chunk_by(|a, b| a.root() == b.root()).filter(|pieces| pieces.len() > 1) {
+        let root = pieces[0].root();
+        let Some(choice) = pieces[0].choice else { continue };
+        let whole = pieces[0].rect.grown_by(choice.bands, frame);
+        let painted: Vec<Rect> = pieces.iter().map(|row| row.painted(&choice, frame)).collect();
+        if !Partition::covers(whole, &painted) {
+            torn.push(root);
+        }
+    }
+    torn
+}

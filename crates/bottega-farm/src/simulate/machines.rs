@@ -1,0 +1,191 @@
+//! Machines in virtual time. A machine shares its processors evenly among all that it paints, as the built-in engine does.
+
+use std::{collections::BTreeSet, time::Duration};
+
+use bottega_agents::{Revision, Time};
+
+use crate::ZoneId;
+
+/// What is less than this of a job counts as nothing, in seconds: rounding.
+const REST: f64 = 1e-9;
+/// The shortest time that anything takes.
+const SHORTEST: Duration = Duration::from_micros(1);
+
+/// Something to paint.
+#[derive(Clone, Debug)]
+pub(super) struct Job {
+    /// For which agent, by index.
+    pub(super) agent: usize,
+    pub(super) zone: ZoneId,
+    pub(super) fence: Revision,
+    /// Samples a pixel that there will be at its end.
+    pub(super) samples: u32,
+    /// Whether it begins with the first sample.
+    pub(super) first: bool,
+    pub(super) begun: Time,
+    /// Processor time that is left of it, at speed 1, in seconds.
+    pub(super) left: f64,
+    /// Processors that it can keep busy.
+    pub(super) width: f64,
+    /// Processor time spent so far, in seconds of this machine.
+    pub(super) busy: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Machine {
+    processors: f64,
+    /// 1: as the machine that was measured; 2: twice as fast.
+    speed: f64,
+    jobs: Vec<Job>,
+    /// Until when the jobs are accounted for.
+    settled: Time,
+    next: Option<Time>,
+}
+
+/// All machines of a simulation.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Machines {
+    machines: Vec<Machine>,
+    /// When which machine has a job done.
+    next: BTreeSet<(Time, usize)>,
+}
+
+impl Machines {
+    pub(super) fn add(&mut self, processors: f64, speed: f64) {
+        self.machines.push(Machine { processors, speed, jobs: Vec::new(), settled: Time::ZERO, next: None });
+    }
+
+    /// When the next job is done.
+    pub(super) fn next(&self) -> Option<Time> {
+        self.next.first().map(|(time, _)| *time)
+    }
+
+    pub(super) fn begin(&mut self, now: Time, machine: usize, job: Job) {
+        self.alter(now, machine, |machine| machine.jobs.push(job));
+    }
+
+    pub(super) fn set_speed(&mut self, now: Time, machine: usize, factor: f64) {
+        self.alter(now, machine, |machine| machine.speed *= factor);
+    }
+
+    /// Takes away the jobs of a machine that nobody wants any more.
+    pub(super) fn drop_jobs(&mut self, now: Time, machine: usize, unwanted: impl Fn(&Job) -> bool) -> Vec<Job> {
+        let mut dropped = Vec::new();
+        self.alter(now, machine, |machine| {
+            dropped.extend(machine.jobs.extract_if(.., |job| unwanted(job)));
+        });
+        dropped
+    }
+
+    /// The jobs that are done at `now`.
+    pub(super) fn take_done(&mut self, now: Time, done: &mut Vec<Job>) {
+        while let Some(&(at, machine)) = self.next.first().filter(|(at, _)| *at <= now) {
+            let before = done.len();
+            self.alter(at.max(now), machine, |machine| {
+                done.extend(machine.jobs.extract_if(.., |job| job.left <= REST));
+            });
+            // What rounding left over is done in a moment.
+            debug_assert!(done.len() > before || self.machines[machine].next > Some(at));
+        }
+    }
+
+    fn alter(&mut self, now: Time, index: usize, change: impl FnOnce(&mut Machine)) {
+        let machine = &mut self.machines[index];
+        machine.settle(now);
+        change(machine);
+        let next = machine.end_of_first().map(|after| now + after);
+        if next != machine.next {
+            if let Some(before) = std::mem::replace(&mut machine.next, next) {
+                self.next.remove(&(before, index));
+            }
+            self.next.extend(next.map(|next| (next, index)));
+        }
+    }
+}
+
+impl Machine {
+    /// Calls `each` with every job and the processors that it has now: an even share, and what others cannot use.
+    fn share_out(&mut self, mut each: impl FnMut(&mut Job, f64)) {
+        self.jobs.sort_by(|a, b| a.width.total_cmp(&b.width).then(a.begun.cmp(&b.begun)).then(a.zone.cmp(&b.zone)));
+        let (mut processors, mut jobs) = (self.processors, self.jobs.len());
+        for job in &mut self.jobs {
+            let share = (processors / jobs as f64).min(job.width);
+            processors -= share;
+            jobs -= 1;
+            each(job, share);
+        }
+    }
+
+    fn settle(&mut self, now: Time) {
+        let (elapsed, speed) = (now.since(self.settled).as_secs_f64(), self.speed);
+        self.settled = now;
+        if elapsed > 0.0 {
+            self.share_out(|job, share| {
+                job.busy += share * elapsed;
+                job.left -= share * elapsed * speed;
+            });
+        }
+    }
+
+    fn end_of_first(&mut self) -> Option<Duration> {
+        let (mut soonest, speed) = (f64::INFINITY, self.speed);
+        self.share_out(|job, share| soonest = soonest.min(job.left.max(0.0) / (share * speed)));
+        (!self.jobs.is_empty()).then(|| Duration::try_from_secs_f64(soonest).unwrap_or(Duration::MAX).max(SHORTEST))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(zone: u32, work: f64, width: f64) -> Job {
+        let (zone, fence) = (ZoneId(zone), Revision(1));
+        Job { agent: 0, zone, fence, samples: 1, first: true, begun: Time::ZERO, left: work, width, busy: 0.0 }
+    }
+
+    fn at(seconds: f64) -> Time {
+        Time::since_start(Duration::from_secs_f64(seconds))
+    }
+
+    /// When each job of one machine ends: zone and time, in order.
+    fn ends(machines: &mut Machines) -> Vec<(u32, f64)> {
+        let mut ends = Vec::new();
+        while let Some(now) = machines.next() {
+            let mut done = Vec::new();
+            machines.take_done(now, &mut done);
+            ends.extend(done.iter().map(|job| (job.zone.0, (now.elapsed().as_secs_f64() * 1e3).round() / 1e3)));
+        }
+        ends
+    }
+
+    #[test]
+    fn two_jobs_share_the_processors_of_a_machine() {
+        let mut machines = Machines::default();
+        machines.add(2.0, 1.0);
+        machines.begin(Time::ZERO, 0, job(1, 4.0, f64::INFINITY));
+        machines.begin(at(1.0), 0, job(2, 1.0, f64::INFINITY));
+        // The first has 2 left when the second comes; each has one processor until the second is done.
+        assert_eq!(ends(&mut machines), [(2, 2.0), (1, 2.5)]);
+    }
+
+    #[test]
+    fn what_a_narrow_job_cannot_use_the_other_gets() {
+        let mut machines = Machines::default();
+        machines.add(4.0, 1.0);
+        machines.begin(Time::ZERO, 0, job(1, 3.0, 1.0));
+        machines.begin(Time::ZERO, 0, job(2, 6.0, f64::INFINITY));
+        assert_eq!(ends(&mut machines), [(2, 2.0), (1, 3.0)]);
+    }
+
+    #[test]
+    fn a_machine_that_becomes_slower_needs_longer_for_what_is_left() {
+        let mut machines = Machines::default();
+        machines.add(1.0, 2.0);
+        machines.begin(Time::ZERO, 0, job(1, 4.0, 1.0));
+        machines.set_speed(at(1.0), 0, 0.25);
+        assert_eq!(ends(&mut machines), [(1, 5.0)]);
+        machines.begin(at(6.0), 0, job(2, 1.0, 1.0));
+        assert_eq!(machines.drop_jobs(at(7.0), 0, |job| job.agent == 0).len(), 1);
+        assert_eq!(machines.next(), None);
+    }
+}

@@ -1,0 +1,358 @@
+//! The farm in virtual time: what N agents would have made of a work, with the very machines of state that paint it.
+//!
+//! A [`Workpiece`] says what zones cost: as a real run measured them (a [`Record`], made by a [`Recorder`]), or by a
+//! distribution. A [`Crew`] says who paints, how fast, and what befalls them. [`simulate`] runs Master and Render Agents
+//! over them and tells how long it took, beside the least that it can take, and checks afterwards that nothing was lost,
+//! painted twice or taken from one who had no right to it any more.
+
+mod crew;
+mod invariants;
+mod machines;
+mod record;
+mod record_json;
+mod recorder;
+mod studio;
+mod workpiece;
+
+use std::{sync::Arc, time::Duration};
+
+use bottega_agents::{
+    AgentId, Performative, Time,
+    bus::Bus,
+    driver::{Faults, Simulator},
+};
+
+use self::studio::{Seat, Studio};
+pub use self::{
+    crew::{AgentSpec, CREW_MAX, Crew, CrewError, Incident, IncidentKind, MachineSpec},
+    record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedZone},
+    recorder::Recorder,
+    studio::{SPANS_MAX, Span, SpanKind},
+    workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
+};
+use crate::{
+    AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
+    RelativePower, RenderAgent, RenderAgentConfig, Timing, contents::message, protocol, work_key, zone_key,
+};
+
+/// How long the platform is watched after the end, until everybody has gone home.
+const AFTERWARDS: Duration = Duration::from_secs(20);
+
+/// Who paints, over which network, by which rules.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Who paints.
+    pub crew: Crew,
+    /// What goes wrong on the network. Agents that it kills come back; those of [`Crew::incidents`] do not.
+    pub faults: Faults,
+    /// Whether it may kill the Master.
+    pub master_may_crash: bool,
+    /// Share of orders that fail, 0..1.
+    pub failures: f64,
+    /// By how much of itself an agent's benchmark may be wrong.
+    pub benchmark_error: f64,
+    /// How long an agent takes to get the scene.
+    pub fetch: Duration,
+    /// How winners are found.
+    pub auction: AuctionRule,
+    /// How agents learn their speed.
+    pub adaptation: AdaptationRule,
+    /// Zones that an agent has in hand at most.
+    pub prefetch: u32,
+    /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
+    /// [`MasterConfig::shares_tail`].
+    pub shares_tail: bool,
+    /// How long is waited for what.
+    pub timing: Timing,
+    /// What agents know of rendering.
+    pub expert: Expert,
+    /// Decides all chance.
+    pub seed: u64,
+    /// Whether to write down what happens.
+    pub trace: bool,
+}
+
+impl Plan {
+    /// A crew on a fast and faithful network. The end of the work is shared where agents have machines of their own.
+    pub fn calm(crew: Crew, seed: u64) -> Self {
+        Self {
+            shares_tail: crew.machines.len() >= crew.agents.len(),
+            crew,
+            faults: Faults::NONE,
+            master_may_crash: false,
+            failures: 0.0,
+            benchmark_error: 0.0,
+            fetch: Duration::ZERO,
+            auction: AuctionRule::default(),
+            adaptation: AdaptationRule::default(),
+            prefetch: 2,
+            timing: Timing::default(),
+            expert: Expert::path_tracing(),
+            seed,
+            trace: false,
+        }
+    }
+}
+
+/// What came of a simulation.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// When the picture was whole, from the start of the platform.
+    pub makespan: Duration,
+    /// The least time in which so much can be painted by those who are there, survey first; `None`: they cannot.
+    pub least: Option<Duration>,
+    /// What the dearest zone takes the fastest machine, in one piece, survey first.
+    pub longest_zone: Duration,
+    /// Processor time of all zones at speed 1, painted once.
+    pub work: Duration,
+    /// Zones of the work.
+    pub zones: usize,
+    /// Zones that were given up.
+    pub failed: usize,
+    /// Messages until the picture was whole.
+    pub messages: u64,
+    /// Films that were begun: one for each Master that lived.
+    pub films: u32,
+    /// The agents in the order of the crew.
+    pub agents: Vec<AgentOutcome>,
+    /// Who painted what when, in the order of their ends.
+    pub spans: Vec<Span>,
+    /// Spans that are not among them.
+    pub spans_left_out: u64,
+    /// What happened, a line each, if it was to be written down.
+    pub trace: String,
+}
+
+/// What became of an agent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AgentOutcome {
+    /// Its name.
+    pub name: String,
+    /// Speed of its processors.
+    pub speed: f64,
+    /// Its share of the processors of its machine.
+    pub lanes: f64,
+    /// Processor time that it spent, in time of its machine.
+    pub busy: Duration,
+    /// Orders that it carried out.
+    pub orders: u32,
+}
+
+impl Outcome {
+    /// The least time over the time taken, 0..=1.
+    pub fn efficiency(&self) -> f64 {
+        self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
+    }
+
+    /// Messages for each zone.
+    pub fn messages_per_zone(&self) -> f64 {
+        self.messages as f64 / self.zones.max(1) as f64
+    }
+}
+
+/// Why a simulation came to nothing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SimulationError {
+    /// There is nobody.
+    #[error("nobody paints")]
+    NoAgents,
+    /// It does not end: nobody is left to paint, say.
+    #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: is anybody left to paint?", .after.as_secs())]
+    Unfinished {
+        /// When it was given up.
+        after: Duration,
+        /// Zones in the picture by then.
+        painted: usize,
+        /// Zones of the work.
+        zones: usize,
+    },
+    /// The Master gave the work up.
+    #[error("the work was given up: {reason}")]
+    Abandoned {
+        /// Why.
+        reason: String,
+    },
+    /// Something that must hold does not: a fault of this program.
+    #[error("what must hold after every run does not: {}", .broken.join("; "))]
+    Broken {
+        /// What.
+        broken: Vec<String>,
+    },
+}
+
+/// Runs a work in virtual time, and checks afterwards what must hold after every run.
+///
+/// The same arguments give the same run, event for event.
+///
+/// # Errors
+/// When it does not end, or ends in a state that must not be.
+pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, SimulationError> {
+    let mut play = Play::new(piece, plan)?;
+    let work: f64 = piece.zone_seconds().sum();
+    let least = plan.crew.least_time(piece.survey, work);
+    let limit = least.unwrap_or(piece.survey).saturating_mul(100).saturating_add(Duration::from_secs(3600));
+    play.run(Time::since_start(limit));
+    let messages = play.simulator.message_count();
+    let film = &play.simulator.world().film;
+    if let Some(reason) = &film.abandoned {
+        return Err(SimulationError::Abandoned { reason: reason.clone() });
+    }
+    let Some((end, failed)) = film.finished.clone() else {
+        let painted = film.composed.len();
+        return Err(SimulationError::Unfinished { after: limit, painted, zones: piece.zone_count() });
+    };
+    play.simulator.run_until(end + AFTERWARDS);
+    let broken = invariants::check(&play.simulator, &piece.work);
+    if !broken.is_empty() {
+        return Err(SimulationError::Broken { broken });
+    }
+    let fastest = plan.crew.machines.iter().map(|machine| machine.speed).fold(f64::MIN_POSITIVE, f64::max);
+    let longest = piece.zone_seconds().fold(0.0, f64::max) / fastest;
+    let trace = play.simulator.trace();
+    let studio = play.simulator.world_mut();
+    Ok(Outcome {
+        makespan: end.elapsed(),
+        least,
+        longest_zone: piece.survey + Duration::from_secs_f64(longest),
+        work: Duration::from_secs_f64(work),
+        zones: piece.zone_count(),
+        failed: failed.len(),
+        messages,
+        films: studio.film.films,
+        spans: std::mem::take(&mut studio.spans),
+        spans_left_out: studio.spans_left_out,
+        agents: agents(plan, studio),
+        trace,
+    })
+}
+
+fn agents(plan: &Plan, studio: &Studio) -> Vec<AgentOutcome> {
+    let outcome = |(name, seat): (&AgentId, &Seat)| AgentOutcome {
+        name: name.to_string(),
+        speed: plan.crew.machines[seat.machine].speed,
+        lanes: seat.lanes,
+        busy: Duration::from_secs_f64(seat.busy),
+        orders: seat.orders,
+    };
+    studio.names.iter().zip(&studio.seats).map(outcome).collect()
+}
+
+/// What happens at a given time, by no choice of the agents.
+#[derive(Clone, Copy, Debug)]
+enum Happening {
+    /// The Analyst has finished: its rows are on the Blackboard.
+    Analyzed,
+    Joins(usize),
+    Befalls(usize, IncidentKind),
+}
+
+struct Play<'a> {
+    piece: &'a Workpiece,
+    plan: &'a Plan,
+    master: AgentId,
+    simulator: Simulator<FarmAgent, Studio>,
+    /// What happens when, latest first.
+    timeline: Vec<(Duration, Happening)>,
+}
+
+impl<'a> Play<'a> {
+    fn new(piece: &'a Arc<Workpiece>, plan: &'a Plan) -> Result<Self, SimulationError> {
+        let Crew { machines, agents, incidents } = &plan.crew;
+        if agents.is_empty() {
+            return Err(SimulationError::NoAgents);
+        }
+        let mut studio = Studio::new(Arc::clone(piece), plan.fetch, plan.failures, plan.seed);
+        for machine in machines {
+            studio.add_machine(f64::from(machine.processors), machine.speed);
+        }
+        let mut neighbors = vec![0_u32; machines.len()];
+        agents.iter().for_each(|agent| neighbors[agent.machine] += 1);
+        let mut random = bottega_agents::driver::Random::new(plan.seed ^ 0xbe7c);
+        for (index, agent) in agents.iter().enumerate() {
+            let MachineSpec { processors, speed } = machines[agent.machine];
+            let error = 1.0 + plan.benchmark_error * (2.0 * random.unit() - 1.0);
+            let seat = Seat {
+                machine: agent.machine,
+                power: RelativePower::new(piece.relative_power / speed * error),
+                lanes: f64::from(processors) / f64::from(neighbors[agent.machine]),
+                busy: 0.0,
+                orders: 0,
+            };
+            studio.add_agent(AgentId::new(format!("agent-{index}")), seat);
+        }
+        let joins = agents.iter().enumerate().map(|(index, agent)| (agent.joins, Happening::Joins(index)));
+        let befall = incidents.iter().map(|incident| (incident.at, Happening::Befalls(incident.agent, incident.kind)));
+        let mut timeline: Vec<_> =
+            std::iter::once((piece.survey, Happening::Analyzed)).chain(joins).chain(befall).collect();
+        timeline.sort_by_key(|(at, _)| *at);
+        timeline.reverse();
+        let mut simulator = Simulator::new(plan.seed, plan.faults.clone(), studio);
+        if plan.trace {
+            simulator.record_trace();
+        }
+        let master = AgentId::new("master");
+        let Plan { auction, prefetch, shares_tail, timing, .. } = *plan;
+        let config = MasterConfig {
+            id: master.clone(),
+            work: piece.work.work,
+            auction,
+            prefetch,
+            shares_tail,
+            goals: GoalRules::default(),
+            timing,
+        };
+        simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
+        Ok(Self { piece, plan, master, simulator, timeline })
+    }
+
+    /// Runs until the work is over, or until `limit`.
+    fn run(&mut self, limit: Time) {
+        let over = |simulator: &Simulator<FarmAgent, Studio>| simulator.world().film.is_over();
+        while let Some((at, what)) = self.timeline.pop() {
+            let at = Time::since_start(at);
+            if at > limit || self.simulator.run_while(at, |simulator| !over(simulator)) {
+                break;
+            }
+            self.simulator.run_until(at);
+            self.happen(what);
+        }
+        self.simulator.run_while(limit, |simulator| !over(simulator));
+    }
+
+    fn happen(&mut self, what: Happening) {
+        let name = |index: usize| AgentId::new(format!("agent-{index}"));
+        match what {
+            Happening::Analyzed => {
+                for row in &self.piece.rows {
+                    self.simulator.put(zone_key(row.work, row.zone), FarmValue::Zone(row.clone()));
+                }
+                let work = self.piece.work.clone();
+                self.simulator.put(work_key(work.work), FarmValue::Work(work));
+            }
+            Happening::Joins(index) => {
+                let plan = self.plan;
+                let config = RenderAgentConfig {
+                    id: name(index),
+                    master: self.master.clone(),
+                    adaptation: plan.adaptation,
+                    prefetch: plan.prefetch,
+                    heartbeat: plan.timing.heartbeat,
+                    expert: plan.expert.clone(),
+                };
+                self.simulator.add(&name(index), true, move || RenderAgent::new(config.clone()).into());
+            }
+            Happening::Befalls(index, IncidentKind::Slow(factor)) => {
+                let now = self.simulator.now();
+                self.simulator.world_mut().slow_down(now, index, factor);
+            }
+            Happening::Befalls(index, IncidentKind::Fail) => self.simulator.retire(&name(index)),
+            Happening::Befalls(index, IncidentKind::Leave) => {
+                let to = vec![self.master.clone()];
+                let content = FarmContent::Unsubscription;
+                let goodbye = message(Performative::Cancel, protocol::SUBSCRIBE, &name(index), to, content);
+                self.simulator.bus().publish(goodbye);
+                self.simulator.retire(&name(index));
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Records a run: sees what the engine is given to paint and what the farm makes of it.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::Duration,
+};
+
+use bottega_agents::Time;
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use bottega_image::Rect;
+
+use super::record::{CostGrid, Record, RecordError, RecordedZone};
+use crate::{
+    Choice, FarmContent, FarmMessage, ImportanceMap, JobReport, JobSettings, Observer, Partition, Progress, ZoneRow,
+};
+
+/// An engine and an observer in one: it passes on all that it sees, and writes it down.
+pub struct Recorder {
+    engine: Arc<dyn RenderEngine>,
+    observer: Arc<dyn Observer>,
+    log: Arc<Mutex<Log>>,
+}
+
+#[derive(Debug, Default)]
+struct Log {
+    /// The zones as the Analyst has made them.
+    zones: BTreeMap<crate::ZoneId, ZoneRow>,
+    power: Option<f64>,
+    tasks: Vec<Task>,
+}
+
+/// What the engine painted.
+#[derive(Debug)]
+struct Task {
+    rect: Rect,
+    first_sample: u32,
+    samples: u32,
+    busy: Duration,
+    /// Where that went, as far as the engine says.
+    parts: Vec<(Rect, Duration)>,
+}
+
+impl Recorder {
+    /// Stands between a job and its engine and observer.
+    pub fn new(engine: Arc<dyn RenderEngine>, observer: Arc<dyn Observer>) -> Self {
+        Self { engine, observer, log: Arc::default() }
+    }
+
+    fn log(&self) -> MutexGuard<'_, Log> {
+        self.log.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The record of a job that has ended well.
+    ///
+    /// # Errors
+    /// When there is nothing to record: the job was stopped, or resumed and therefore not seen from its beginning.
+    pub fn record(&self, scene: &str, settings: &JobSettings, report: &JobReport) -> Result<Record, RecordError> {
+        if report.stopped || !report.failed.is_empty() {
+            let problem = "was stopped, or zones of it failed: only a whole one can be recorded".to_owned();
+            return Err(RecordError::Value { field: "run".to_owned(), problem });
+        }
+        let log = self.log();
+        let work = crate::WorkSettings {
+            picture: Rect::of_size(settings.width, settings.height),
+            frame: settings.crop,
+            samples: settings.samples,
+            goal: settings.goal,
+            tunables: settings.tunables,
+            optimization: settings.optimization,
+        };
+        let mut choices: BTreeMap<_, Choice> =
+            report.rows.iter().filter_map(|row| Some((row.zone, row.choice?))).collect();
+        let zones: Vec<RecordedZone> = log
+            .zones
+            .values()
+            .map(|row| {
+                let choice = choices.remove(&row.zone).unwrap_or(Choice::unchanged(&work));
+                log.zone(row, choice, &work.frame)
+            })
+            .collect();
+        let parts = log.tasks.iter().flat_map(|task| {
+            let whole = [(task.rect, task.busy)];
+            let parts = if task.parts.is_empty() { whole.to_vec() } else { task.parts.clone() };
+            parts.into_iter().map(|(rect, busy)| (rect, task.samples, busy.as_secs_f64()))
+        });
+        let record = Record {
+            scene: scene.to_owned(),
+            engine: self.engine.describe().name,
+            costs: CostGrid::of_parts(&work.frame, parts),
+            work,
+            level: settings.level,
+            agents: settings.agents,
+            processors: settings.processors,
+            relative_power: log.power.unwrap_or(1.0),
+            zones,
+            total: report.times.total,
+            survey: report.times.survey,
+            composition: report.times.composition,
+        };
+        record.check()?;
+        Ok(record)
+    }
+}
+
+impl Log {
+    /// What was painted of a zone: all tasks whose middle lies in it. A zone may be painted in several.
+    fn zone(&self, row: &ZoneRow, choice: Choice, frame: &Rect) -> RecordedZone {
+        let painted = row.rect.grown_by(choice.bands, frame);
+        let middle_within = |rect: &Rect| row.rect.contains(rect.x0.midpoint(rect.x1), rect.y0.midpoint(rect.y1));
+        let of_zone = |task: &&Task| task.rect == painted || painted.encloses(&task.rect) && middle_within(&task.rect);
+        let (mut profiling, mut painting) = (Duration::ZERO, Duration::ZERO);
+        for task in self.tasks.iter().filter(of_zone) {
+            let of_profiling = task.first_sample == 0 && task.samples <= choice.profile_samples(&crate::Goal::Samples);
+            *(if of_profiling { &mut profiling } else { &mut painting }) += task.busy;
+        }
+        let ZoneRow { rect, complexity, neighbor_difference, .. } = *row;
+        RecordedZone { rect, complexity, neighbor_difference, choice, profiling, painting }
+    }
+}
+
+impl RenderEngine for Recorder {
+    fn describe(&self) -> EngineDescription {
+        self.engine.describe()
+    }
+
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
+        self.engine.survey(width, height)
+    }
+
+    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>) {
+        let log = Arc::clone(&self.log);
+        let (rect, first_sample) = (task.rect, task.samples.start);
+        let samples = task.samples.end.saturating_sub(first_sample);
+        let see = move |painted: Result<Painted, EngineError>| {
+            if let Ok(painted) = &painted {
+                let (busy, parts) = (painted.busy, painted.parts.clone());
+                let task = Task { rect, first_sample, samples, busy, parts };
+                log.lock().unwrap_or_else(PoisonError::into_inner).tasks.push(task);
+            }
+            done(painted);
+        };
+        self.engine.start(task, Box::new(see));
+    }
+
+    fn cancel(&self) {
+        self.engine.cancel();
+    }
+}
+
+impl Observer for Recorder {
+    fn surveyed(&self, survey: &Arc<Survey>) {
+        self.observer.surveyed(survey);
+    }
+
+    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        self.observer.analyzed(map, partition);
+    }
+
+    fn zone_changed(&self, row: &ZoneRow) {
+        self.log().zones.entry(row.zone).or_insert_with(|| row.clone());
+        self.observer.zone_changed(row);
+    }
+
+    fn progress(&self, progress: &Progress) {
+        self.observer.progress(progress);
+    }
+
+    fn message(&self, now: Time, message: &FarmMessage) {
+        if let FarmContent::Subscription { power, .. } = message.content {
+            self.log().power.get_or_insert(power.get());
+        }
+        self.observer.message(now, message);
+    }
+
+    fn not_kept(&self, error: &std::io::Error) {
+        self.observer.not_kept(error);
+    }
+}

@@ -1,0 +1,298 @@
+//! What is painted in a simulation: zones, and what they cost.
+
+use std::time::Duration;
+
+use bottega_agents::driver::Random;
+use bottega_engines::Tunables;
+use bottega_image::Rect;
+
+use super::record::{CELL_SIDE, Record, RecordedZone};
+use crate::{
+    Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
+};
+
+/// Zones of a simulation at most.
+pub const ZONES_MAX: usize = 1 << 22;
+
+const WORK: WorkId = WorkId(1);
+/// Side of a synthetic zone, in pixels.
+const SIDE: u32 = 64;
+
+/// A work with the true cost of all that can be ordered of it.
+#[derive(Clone, Debug)]
+pub struct Workpiece {
+    pub(super) work: WorkRow,
+    pub(super) rows: Vec<ZoneRow>,
+    costs: Costs,
+    /// How long the work is looked at before there are zones.
+    pub(super) survey: Duration,
+    /// Time that the composition of a pixel takes, in seconds.
+    pub(super) composition_per_pixel: f64,
+    /// V_cp of the machine whose speed counts as 1.
+    pub(super) relative_power: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Costs {
+    Recorded(Box<Record>),
+    /// By zone; the zones are squares in so many columns.
+    Synthetic(Vec<SyntheticCost>, usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct SyntheticCost {
+    /// Seconds for a sample of all pixels, of the first ones and of the others.
+    profiling: f32,
+    painting: f32,
+}
+
+/// How the costs of a synthetic work are spread. All are standard deviations of the logarithm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SyntheticSpread {
+    /// Of the costs of zones. Their mean is [`Self::mean_seconds`].
+    pub zones: f64,
+    /// Of what the importance map predicts, about the cost.
+    pub prediction: f64,
+    /// Of what profiling estimates, about the cost.
+    pub profiling: f64,
+    /// Mean cost of a zone, in seconds.
+    pub mean_seconds: f64,
+}
+
+impl Default for SyntheticSpread {
+    fn default() -> Self {
+        Self { zones: 0.5, prediction: 0.3, profiling: 0.05, mean_seconds: 1.0 }
+    }
+}
+
+/// Why there is nothing to paint.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WorkpieceError {
+    /// There would be too many zones, or none.
+    #[error("{found} zones cannot be: there may be 1 to {ZONES_MAX}")]
+    ZoneCount {
+        /// How many there would be.
+        found: usize,
+    },
+}
+
+impl Workpiece {
+    /// What was recorded.
+    ///
+    /// - `scale`: each zone is cut into so many, of about equal size, whose predicted cost is by their size.
+    pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
+        let found = record.zones.len().saturating_mul(scale as usize);
+        if found == 0 || found > ZONES_MAX {
+            return Err(WorkpieceError::ZoneCount { found });
+        }
+        let mut zones = Vec::with_capacity(found);
+        for zone in &record.zones {
+            for rect in parts(zone.rect, scale) {
+                let share = rect.area() as f64 / zone.rect.area() as f64;
+                zones.push((rect, zone.complexity * share, zone.neighbor_difference));
+            }
+        }
+        zones.sort_unstable_by_key(|(rect, ..)| (rect.y0, rect.x0));
+        let pixels = record.work.frame.area() as f64;
+        Ok(Self {
+            composition_per_pixel: record.composition.as_secs_f64() / pixels,
+            survey: record.survey,
+            relative_power: record.relative_power,
+            ..Self::new(record.work, &zones, Costs::Recorded(Box::new(record.clone())))
+        })
+    }
+
+    /// A work of so many zones whose costs have a log-normal distribution.
+    pub fn synthetic(zone_count: usize, spread: &SyntheticSpread, seed: u64) -> Result<Self, WorkpieceError> {
+        const SAMPLES: u32 = 64;
+        if zone_count == 0 || zone_count > ZONES_MAX {
+            return Err(WorkpieceError::ZoneCount { found: zone_count });
+        }
+        let columns = (zone_count as f64).sqrt().ceil() as usize;
+        let frame_rows = zone_count.div_ceil(columns);
+        let frame = Rect::of_size(columns as u32 * SIDE, frame_rows as u32 * SIDE);
+        let mut random = Random::new(seed ^ 0x5717);
+        let (mut zones, mut costs) = (Vec::with_capacity(zone_count), Vec::with_capacity(zone_count));
+        for index in 0..zone_count {
+            let (column, row) = ((index % columns) as u32, (index / columns) as u32);
+            let mut rect = Rect::new(column * SIDE, row * SIDE, (column + 1) * SIDE, (row + 1) * SIDE);
+            if index + 1 == zone_count {
+                // The last one goes to the edge.
+                rect.x1 = frame.x1;
+            }
+            let mut log_normal = |spread: f64| (spread * normal(&mut random) - spread * spread / 2.0).exp();
+            let seconds = spread.mean_seconds * log_normal(spread.zones) / f64::from(SAMPLES);
+            zones.push((rect, seconds * log_normal(spread.prediction), NeighborDifference::default()));
+            let profiling = (seconds * log_normal(spread.profiling)) as f32;
+            costs.push(SyntheticCost { profiling, painting: seconds as f32 });
+        }
+        let tunables = Tunables { max_depth: 8, light_samples: 1 };
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: SAMPLES,
+            goal: Goal::Samples,
+            tunables,
+            optimization: Optimization::Off,
+        };
+        Ok(Self::new(settings, &zones, Costs::Synthetic(costs, columns)))
+    }
+
+    /// - `zones`: rectangle, complexity and Neighbor Difference, by id.
+    fn new(settings: WorkSettings, zones: &[(Rect, f64, NeighborDifference)], costs: Costs) -> Self {
+        let row = |(index, &(rect, complexity, difference)): (usize, &(Rect, f64, NeighborDifference))| {
+            ZoneRow::open(WORK, ZoneId::of_index(index), rect, complexity, difference)
+        };
+        let rows: Vec<ZoneRow> = zones.iter().enumerate().map(row).collect();
+        let work = WorkRow { work: WORK, settings, zone_count: rows.len() as u32, ranges: InputRanges::of(&rows) };
+        Self { work, rows, costs, survey: Duration::ZERO, composition_per_pixel: 0.0, relative_power: 1.0 }
+    }
+
+    /// What the user asked for.
+    pub fn settings(&self) -> &WorkSettings {
+        &self.work.settings
+    }
+
+    /// How many zones it has.
+    pub fn zone_count(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Processor time of an order at speed 1, in seconds, and the processors that it can keep busy.
+    pub(super) fn cost(&self, order: &PaintOrder) -> (f64, f64) {
+        match &self.costs {
+            Costs::Recorded(record) => {
+                // With its band a zone's middle may lie in another one.
+                let own = self.rows.get(order.zone.index()).map(|row| row.rect);
+                let own = own.filter(|own| order.rect.encloses(own)).unwrap_or(order.rect);
+                recorded_cost(record, &own, order)
+            }
+            Costs::Synthetic(costs, columns) => {
+                // Pieces of zones cost by their size.
+                let index = (order.rect.y0 / SIDE) as usize * columns + (order.rect.x0 / SIDE) as usize;
+                let index = index.min(costs.len() - 1);
+                let SyntheticCost { profiling, painting } = costs[index];
+                let share = order.rect.area() as f64 / self.rows[index].rect.area() as f64;
+                let early = self.profile_samples().min(order.samples.end).saturating_sub(order.samples.start);
+                let all = order.samples.end.saturating_sub(order.samples.start);
+                let seconds = f64::from(early) * f64::from(profiling) + f64::from(all - early) * f64::from(painting);
+                (seconds * share, f64::INFINITY)
+            }
+        }
+    }
+
+    fn profile_samples(&self) -> u32 {
+        crate::Choice::unchanged(&self.work.settings).profile_samples(&self.work.settings.goal)
+    }
+
+    /// Processor time of each zone at speed 1, in seconds, if it is painted as it was.
+    pub fn zone_seconds(&self) -> impl Iterator<Item = f64> {
+        let samples = self.work.settings.samples;
+        self.rows.iter().map(move |row| match &self.costs {
+            Costs::Recorded(record) => share_of_recorded(record, &row.rect, &row.rect)
+                .map_or(0.0, |(zone, share)| zone.total().as_secs_f64() * share),
+            Costs::Synthetic(..) => {
+                let order = PaintOrder {
+                    zone: row.zone,
+                    fence: bottega_agents::Revision::ABSENT,
+                    rect: row.rect,
+                    samples: 0..samples,
+                    tunables: self.work.settings.tunables,
+                    from: None,
+                    needs_error: false,
+                    time_estimated: None,
+                };
+                self.cost(&order).0
+            }
+        })
+    }
+}
+
+/// What an order of a recorded work costs: its share of the zone in which the middle of `own` lies, as it was measured.
+fn recorded_cost(record: &Record, own: &Rect, order: &PaintOrder) -> (f64, f64) {
+    let width = order.rect.blocks(CELL_SIDE).count() as f64;
+    let count = order.samples.end.saturating_sub(order.samples.start);
+    let seconds = match share_of_recorded(record, own, &order.rect) {
+        Some((zone, share)) => zone.seconds(order.samples.start, order.samples.end) * share,
+        None => record.costs.seconds(&order.rect) * f64::from(count),
+    };
+    (seconds, width)
+}
+
+/// The recorded zone in which the middle of `own` lies, and which share of its cost falls on `rect`. `None`: more of that
+/// is painted than was.
+fn share_of_recorded<'a>(record: &'a Record, own: &Rect, rect: &Rect) -> Option<(&'a RecordedZone, f64)> {
+    let middle = (own.x0.midpoint(own.x1), own.y0.midpoint(own.y1));
+    // Zones are ordered by row; the one with the middle begins at or above it.
+    let end = record.zones.partition_point(|zone| zone.rect.y0 <= middle.1);
+    let zone = record.zones[..end].iter().rev().find(|zone| zone.rect.contains(middle.0, middle.1))?;
+    let painted = zone.painted(&record.work.frame);
+    if *own == zone.rect && (*rect == painted || rect == own) {
+        return Some((zone, 1.0));
+    }
+    let whole = record.costs.seconds(&painted);
+    (painted.encloses(rect) && whole > 0.0).then(|| (zone, record.costs.seconds(rect) / whole))
+}
+
+/// Cuts a rectangle into so many of about equal size, or as many as it has rows and columns for.
+fn parts(rect: Rect, count: u32) -> Vec<Rect> {
+    let mut open = vec![(rect, count)];
+    let mut done = Vec::new();
+    while let Some((rect, count)) = open.pop() {
+        let longer = rect.width().max(rect.height());
+        if count <= 1 || longer < 2 {
+            done.push(rect);
+            continue;
+        }
+        let first = count / 2;
+        let at = ((u64::from(longer) * u64::from(first) / u64::from(count)) as u32).clamp(1, longer - 1);
+        let halves = if rect.width() >= rect.height() {
+            [Rect { x1: rect.x0 + at, ..rect }, Rect { x0: rect.x0 + at, ..rect }]
+        } else {
+            [Rect { y1: rect.y0 + at, ..rect }, Rect { y0: rect.y0 + at, ..rect }]
+        };
+        open.push((halves[0], first));
+        open.push((halves[1], count - first));
+    }
+    done
+}
+
+/// A number of mean 0 and standard deviation 1: twelve uniform ones make nearly a normal one, with sums alone.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::record_json::tests::example, *};
+    use crate::Partition;
+
+    #[test]
+    fn a_zone_cut_into_parts_costs_as_much_as_before() {
+        let record = example();
+        for scale in [1, 2, 3, 7] {
+            let piece = Workpiece::recorded(&record, scale).unwrap();
+            assert_eq!(piece.zone_count(), 2 * scale as usize);
+            let rects: Vec<Rect> = piece.rows.iter().map(|row| row.rect).collect();
+            assert!(Partition::covers(record.work.frame, &rects));
+            let all: f64 = piece.zone_seconds().sum();
+            assert!((all - 3.0).abs() < 1e-6, "{scale}: {all}");
+        }
+        assert!(Workpiece::recorded(&record, u32::MAX).is_err());
+    }
+
+    #[test]
+    fn synthetic_zones_cover_their_frame_and_have_the_mean_asked_for() {
+        for count in [1, 2, 7, 5000] {
+            let piece = Workpiece::synthetic(count, &SyntheticSpread::default(), 3).unwrap();
+            let rects: Vec<Rect> = piece.rows.iter().map(|row| row.rect).collect();
+            assert!(Partition::covers(piece.settings().frame, &rects), "{count}");
+            if count == 5000 {
+                let mean = piece.zone_seconds().sum::<f64>() / count as f64;
+                // The standard error is 0.53 / √5000 = 0.0075.
+                assert!((mean - 1.0).abs() < 0.04, "{mean}");
+            }
+        }
+        assert!(Workpiece::synthetic(0, &SyntheticSpread::default(), 3).is_err());
+    }
+}

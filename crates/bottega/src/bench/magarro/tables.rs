@@ -1,0 +1,143 @@
+//! The tables as text and as JSON.
+
+use bottega_farm::Optimization;
+use serde_json::{Value, json};
+
+use super::{
+    Error, Report, Row,
+    paper::{self, AGENTS},
+};
+
+/// Minutes and seconds as the paper writes them, with tenths.
+fn clock(seconds: f64) -> String {
+    format!("{}:{:04.1}", (seconds / 60.0) as u64, seconds % 60.0)
+}
+
+/// Time of one agent, measured; of more, replayed.
+pub(super) fn times(row: &Row) -> [f64; 4] {
+    let mut times = row.replayed;
+    times[0] = row.measured;
+    times
+}
+
+pub(super) fn as_text(report: &Report) -> String {
+    let Report { width, height, samples, light_samples, max_depth, .. } = report;
+    let mut text = format!(
+        "{width}x{height}, {samples} samples a pixel, {light_samples} light samples a bounce, {max_depth} bounces\n\
+         times are minutes:seconds; m: measured with one agent on one thread, r: replayed from what the zones took\n\n"
+    );
+    text += "Table 1: partition, optimization n             (the paper)\n";
+    text += "agents        level 1      level 2      level 3    level 1  level 2  level 3\n";
+    for (index, agents) in AGENTS.iter().enumerate() {
+        text += &format!("{agents:<7}");
+        for row in &report.levels {
+            text += &format!("{:>11} {}", clock(times(row)[index]), kind(index));
+        }
+        for row in paper::TABLE_1 {
+            text += &format!("{:>9}", clock(row[index]));
+        }
+        text += "\n";
+    }
+    text += &format!(
+        "8 agents over 1: {} (the paper: {})\n\n",
+        ratios(report.levels.iter().map(speedup)),
+        ratios(paper::TABLE_1.iter().map(|row| row[0] / row[3]))
+    );
+    text +=
+        "Table 2: optimization, level 3\nagents        off         vs          s          n          b         vb\n";
+    let columns: Vec<&Row> = std::iter::once(&report.off).chain(&report.optimizations).collect();
+    for (index, agents) in AGENTS.iter().enumerate() {
+        text += &format!("{agents:<7}");
+        for row in &columns {
+            text += &format!("{:>9} {}", clock(times(row)[index]), kind(index));
+        }
+        text += "\npaper  ";
+        text += &if index == 0 { format!("{:>9}  ", clock(paper::UNOPTIMIZED)) } else { format!("{:>11}", "–  ") };
+        for row in paper::TABLE_2 {
+            text += &format!("{:>9}  ", clock(row[index]));
+        }
+        text += "\n";
+    }
+    text += &format!(
+        "\noff over optimized, 1 agent: {} (the paper: {})\n",
+        ratios(report.optimizations.iter().map(|row| report.off.measured / row.measured)),
+        ratios(paper::TABLE_2.iter().map(|row| paper::UNOPTIMIZED / row[0]))
+    );
+    text += &format!(
+        "partition costs {:+.1} % (level 3 over none, 1 agent, off)\n",
+        100.0 * (report.off.measured / report.whole.measured - 1.0)
+    );
+    text += &format!(
+        "the paper's rules of importance, auction and adaptation, level 3, n: {}; 8 agents over 1: {:.2}\n\n",
+        AGENTS
+            .iter()
+            .zip(times(&report.paper))
+            .map(|(agents, time)| format!("{agents}: {}", clock(time)))
+            .collect::<Vec<_>>()
+            .join("  "),
+        speedup(&report.paper)
+    );
+    text += "against off    RMSE       difference   FLIP mean\n";
+    let noise = Some(report.noise);
+    for (name, error) in std::iter::once(("two seeds", noise))
+        .chain(report.optimizations.iter().map(|row| (name(row.optimization), row.error)))
+    {
+        let Some(Error { rmse, percent, flip }) = error else { continue };
+        text += &format!("{name:<13} {rmse:>8.5}   {percent:>7.2} %   {flip:>9.4}\n");
+    }
+    let (difference, paper_noise) = paper::DIFFERENCE;
+    text + &format!("the paper                {difference:>6} % of vb, of which noise about {paper_noise} %\n")
+}
+
+fn kind(index: usize) -> &'static str {
+    if index == 0 { "m" } else { "r" }
+}
+
+fn name(optimization: Optimization) -> &'static str {
+    match optimization {
+        Optimization::Off => "off",
+        Optimization::VerySmall => "vs",
+        Optimization::Small => "s",
+        Optimization::Normal => "n",
+        Optimization::Big => "b",
+        Optimization::VeryBig => "vb",
+    }
+}
+
+/// One agent over eight, both replayed, so that nothing but the number differs.
+pub(super) fn speedup(row: &Row) -> f64 {
+    row.replayed[0] / row.replayed[3]
+}
+
+fn ratios(values: impl Iterator<Item = f64>) -> String {
+    values.map(|value| format!("{value:.2}")).collect::<Vec<_>>().join("  ")
+}
+
+pub(super) fn as_json(report: &Report) -> Value {
+    let error = |error: Option<Error>| {
+        error.map(|Error { rmse, percent, flip }| json!({"rmse": rmse, "difference_percent": percent, "flip": flip}))
+    };
+    let row = |row: &Row| {
+        json!({
+            "level": row.level as u8, "optimize": name(row.optimization), "by_the_papers_rules": row.by_the_paper,
+            "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
+            "survey_seconds": row.survey, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
+            "error": error(row.error),
+        })
+    };
+    json!({
+        "width": report.width, "height": report.height, "samples": report.samples,
+        "light_samples": report.light_samples, "max_depth": report.max_depth,
+        "whole": row(&report.whole),
+        "off": row(&report.off),
+        "noise": error(Some(report.noise)),
+        "table_1": report.levels.iter().map(row).collect::<Vec<_>>(),
+        "table_2": report.optimizations.iter().map(row).collect::<Vec<_>>(),
+        "papers_rules": row(&report.paper),
+        "paper": {
+            "unoptimized_seconds": paper::UNOPTIMIZED, "table_1_seconds": paper::TABLE_1,
+            "table_2_seconds": paper::TABLE_2, "difference_percent": paper::DIFFERENCE.0,
+            "noise_percent": paper::DIFFERENCE.1,
+        },
+    })
+}
