@@ -40,6 +40,10 @@ pub struct ZoneRow {
     pub choice: Option<Choice>,
     /// The samples so far.
     pub result: Option<ResultRef>,
+    /// How many samples its next painting goes up to; `None`: all of its choice.
+    pub goal: Option<u32>,
+    /// Its estimated relative error with the samples so far, where somebody asked for it.
+    pub error: Option<f64>,
     /// The pixels that this row answers for, where it is a piece of a zone. `None`: all of the zone with its band.
     pub piece: Option<Rect>,
     /// The zone that it was cut from, with whose mask it is composed. `None`: it is a zone of the Analyst's.
@@ -116,6 +120,8 @@ impl ZoneRow {
             attempt: 0,
             choice: None,
             result: None,
+            goal: None,
+            error: None,
             piece: None,
             root: None,
             cut: None,
@@ -174,7 +180,7 @@ impl ZoneRow {
             Self { zone, piece: Some(piece), root, cut: None, rival: None, agent: None, attempt: 0, ..self.clone() };
         let row = Self { state: ZoneState::Profiled, time_measured: None, ..row.in_proportion(&kept, &piece) };
         // The samples of profiling are still good, those of painting are of other pixels.
-        let result = row.result.filter(|result| row.choice.is_some_and(|choice| result.samples < choice.samples));
+        let result = row.result.filter(|result| row.choice.is_some_and(|it| result.samples < row.goal_samples(&it)));
         Some(Self { result, ..row })
     }
 
@@ -204,6 +210,16 @@ impl ZoneRow {
     /// Samples a pixel that are painted.
     pub fn samples_done(&self) -> u32 {
         self.result.map_or(0, |result| result.samples)
+    }
+
+    /// Samples that its next painting goes up to, with this choice.
+    pub fn goal_samples(&self, choice: &Choice) -> u32 {
+        self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
+    }
+
+    /// Whether it has all samples that anybody has asked for, and waits for what comes next.
+    pub fn is_waiting(&self) -> bool {
+        self.state == ZoneState::Profiled && self.goal.is_some_and(|goal| goal <= self.samples_done())
     }
 
     /// Whether nothing more will happen to it.

@@ -72,8 +72,12 @@ pub struct Painting {
     pub result: ResultRef,
     /// T, in reference-machine time.
     pub time_measured: Duration,
-    /// T_est for the samples that are still missing, in reference-machine time.
+    /// How many samples it should have next; not more than it has: it is finished, or the Master decides.
+    pub goal: u32,
+    /// T_est for the samples that are still missing, in reference-machine time; where none are, of one more.
     pub time_left: Duration,
+    /// The estimated relative error, where somebody asked for it.
+    pub error: Option<f64>,
 }
 
 /// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).

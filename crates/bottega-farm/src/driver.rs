@@ -23,9 +23,9 @@ use self::easel::Easel;
 pub use self::{progress::Progress, stop::StopSwitch};
 use crate::{
     AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAction, FarmAgent, FarmCompletion, FarmContent,
-    FarmEffect, FarmEvent, FarmMessage, FarmValue, ImportanceFunction, ImportanceMap, Kept, Level, Master,
-    MasterConfig, Optimization, Partition, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Timing,
-    WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
+    FarmEffect, FarmEvent, FarmMessage, FarmValue, Goal, GoalRules, ImportanceFunction, ImportanceMap, Kept, Level,
+    Master, MasterConfig, Optimization, Partition, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig,
+    Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
 };
 
 /// Agents of one job at most.
@@ -45,6 +45,8 @@ pub struct JobSettings {
     pub crop: Rect,
     /// Samples a pixel.
     pub samples: u32,
+    /// When a zone is finished; with another goal than samples, those are the most that a pixel gets.
+    pub goal: Goal,
     /// The other settings that rules may lower.
     pub tunables: Tunables,
     /// Which values the film holds: as the engine's tiles do.
@@ -79,6 +81,7 @@ impl JobSettings {
             height,
             crop: Rect::of_size(width, height),
             samples,
+            goal: Goal::Samples,
             tunables,
             layout,
             level: Level::default(),
@@ -109,8 +112,16 @@ impl JobSettings {
                 return Err(JobError::Count { what, value });
             }
         }
-        let Self { samples, tunables, optimization, .. } = *self;
-        Ok(WorkSettings { picture, frame: self.crop, samples, tunables, optimization })
+        let is_sound = match self.goal {
+            Goal::Samples => true,
+            Goal::Error(error) => error.is_finite() && error > 0.0,
+            Goal::Time(time) => !time.is_zero(),
+        };
+        if !is_sound {
+            return Err(JobError::Goal);
+        }
+        let Self { samples, goal, tunables, optimization, .. } = *self;
+        Ok(WorkSettings { picture, frame: self.crop, samples, goal, tunables, optimization })
     }
 }
 
@@ -138,6 +149,9 @@ pub enum JobError {
     /// What was kept is of another picture.
     #[error("what was kept is of other settings than these")]
     OtherWork,
+    /// A goal that cannot be reached.
+    #[error("the error or time asked for must be greater than 0")]
+    Goal,
     /// The scene could not be analyzed, or the zones make no sense.
     #[error("the job was given up: {reason}")]
     Abandoned {
@@ -247,8 +261,15 @@ pub fn run(
     kept: Option<Kept>,
 ) -> Result<JobReport, JobError> {
     let work = settings.work()?;
-    if kept.as_ref().is_some_and(|kept| kept.work.settings != work) {
-        return Err(JobError::OtherWork);
+    let mut kept = kept;
+    if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
+        // The time begins anew with each run.
+        if let (Goal::Time(_), Goal::Time(_)) = (settings.goal, work.goal) {
+            settings.goal = work.goal;
+        }
+        if *settings != work {
+            return Err(JobError::OtherWork);
+        }
     }
     let (kept, tiles) = match kept {
         Some(Kept { work, rows, tiles }) => (Some((work, rows)), tiles),
@@ -317,7 +338,15 @@ fn populate(
     let timing = Timing::default();
     let JobSettings { auction, prefetch, .. } = *settings;
     // All agents have the same processors: an idle one leaves its own to the others.
-    let master_config = MasterConfig { id: master.clone(), work: WORK, auction, prefetch, shares_tail: false, timing };
+    let master_config = MasterConfig {
+        id: master.clone(),
+        work: WORK,
+        auction,
+        prefetch,
+        shares_tail: false,
+        goals: GoalRules::default(),
+        timing,
+    };
     let mailbox = match kept {
         Some((work, rows)) => {
             let config = MasterConfig { work: work.work, ..master_config };

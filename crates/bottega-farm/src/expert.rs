@@ -8,7 +8,7 @@ use std::sync::Arc;
 use bottega_engines::{EngineDescription, Tunables};
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
 
-use crate::{Choice, InputRanges, Interval, WorkRow, WorkSettings, ZoneRow};
+use crate::{Choice, Goal, GoalRules, InputRanges, Interval, WorkRow, WorkSettings, ZoneRow};
 
 /// Complexity/size ratio.
 const COMPLEXITY: &str = "complexity";
@@ -59,6 +59,7 @@ pub struct Expert {
     rules: Arc<FunctionBlock>,
     has_max_depth: bool,
     has_light_samples: bool,
+    goals: GoalRules,
 }
 
 impl Expert {
@@ -77,7 +78,8 @@ impl Expert {
         if outputs.iter().all(|name| rules.output_index(name).is_none()) {
             return Err(ExpertError::NoOutput);
         }
-        Ok(Self { rules: Arc::new(rules), has_max_depth: true, has_light_samples: true })
+        let goals = GoalRules::default();
+        Ok(Self { rules: Arc::new(rules), has_max_depth: true, has_light_samples: true, goals })
     }
 
     /// The rules for path tracing that come with the farm: the paper's two and 26 of our own.
@@ -126,6 +128,17 @@ impl Expert {
         Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), band))
     }
 
+    /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
+    ///
+    /// - `error`: its estimated relative error, where it is known.
+    pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, error: Option<f64>) -> u32 {
+        match settings.goal {
+            Goal::Samples => choice.samples,
+            Goal::Error(wanted) => self.goals.next_samples(samples, choice.samples, error, wanted),
+            Goal::Time(_) => samples,
+        }
+    }
+
     /// - `light`: share of all light samples of a pixel: samples times light samples a vertex. Both take an equal part.
     fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, band: u32) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
@@ -153,7 +166,8 @@ mod tests {
     fn work(optimization: Optimization, rows: &[ZoneRow]) -> WorkRow {
         let frame = Rect::of_size(64, 64);
         let tunables = Tunables { max_depth: 10, light_samples: 4 };
-        let settings = WorkSettings { picture: frame, frame, samples: 256, tunables, optimization };
+        let goal = Goal::Samples;
+        let settings = WorkSettings { picture: frame, frame, samples: 256, goal, tunables, optimization };
         WorkRow { work: WorkId(1), settings, zone_count: rows.len() as u32, ranges: InputRanges::of(rows) }
     }
 

@@ -253,12 +253,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{InputRanges, Optimization, ResultRef, WorkId, WorkSettings};
+    use crate::{Goal, InputRanges, Optimization, ResultRef, WorkId, WorkSettings};
 
     fn written() -> (Vec<u8>, Vec<usize>) {
         let frame = Rect::of_size(8, 4);
         let tunables = Tunables { max_depth: 3, light_samples: 1 };
-        let settings = WorkSettings { picture: frame, frame, samples: 4, tunables, optimization: Optimization::Off };
+        let (goal, optimization) = (Goal::Samples, Optimization::Off);
+        let settings = WorkSettings { picture: frame, frame, samples: 4, goal, tunables, optimization };
         let rects = [Rect::new(0, 0, 4, 4), Rect::new(4, 0, 8, 4)];
         let rows: Vec<ZoneRow> =
             (0..2).map(|i| ZoneRow::open(WorkId(1), ZoneId(i), rects[i as usize], 16.0, 0.0)).collect();

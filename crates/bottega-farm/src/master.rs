@@ -10,6 +10,7 @@
 mod allot;
 mod composition;
 mod ledger;
+mod plan;
 mod results;
 mod roster;
 mod tail;
@@ -24,8 +25,8 @@ use bottega_agents::{AgentId, Entry, Performative, Revision, StateMachine, Store
 use self::{composition::Composition, ledger::Ledger, roster::Roster};
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
-    FarmEvent, FarmMessage, FarmValue, LifeCycle, Offer, Order, Painting, Partition, Proposal, Report, Rival, Standing,
-    WorkId, WorkRow, ZoneId, ZoneRow, ZoneState, agent_key,
+    FarmEvent, FarmMessage, FarmValue, GoalRules, LifeCycle, Offer, Order, Painting, Partition, Proposal, Report,
+    Rival, Standing, WorkId, WorkRow, ZoneId, ZoneRow, ZoneState, agent_key,
     auction::BIDDERS_MAX,
     award,
     contents::{answer, asking, message},
@@ -68,6 +69,8 @@ pub struct MasterConfig {
     /// Whether, near the end, zones are cut into pieces and slow agents' zones given to idle ones as well. Of use where
     /// agents have machines of their own; those who share one have its processors anyway.
     pub shares_tail: bool,
+    /// How a goal is neared.
+    pub goals: GoalRules,
     /// How long it waits for what.
     pub timing: Timing,
 }
@@ -127,6 +130,10 @@ pub struct Master {
     tickets: BTreeMap<Ticket, ZoneId>,
     /// When the present order of a zone was sent.
     sent: BTreeMap<ZoneId, Time>,
+    /// When the present pass over the picture began, where there is a time to keep.
+    pass_begun: Time,
+    /// Reference-machine time painted since then.
+    pass_painted: Duration,
     last_number: u64,
     next_look: Option<Time>,
 }
@@ -153,6 +160,8 @@ impl Master {
             writes: BTreeMap::new(),
             tickets: BTreeMap::new(),
             sent: BTreeMap::new(),
+            pass_begun: Time::ZERO,
+            pass_painted: Duration::ZERO,
             last_number: 0,
             next_look: None,
         }

@@ -229,7 +229,10 @@ impl RenderAgent {
         let outcome = outcome.map(|painted| {
             let power = self.power();
             let profiling = hand.order.row.state == ZoneState::Profiling;
-            let left = f64::from(hand.choice.samples.saturating_sub(painted.result.samples));
+            let samples = painted.result.samples;
+            let goal = self.config.expert.next_samples(&hand.order.work.settings, samples, &hand.choice, painted.error);
+            // Of one more sample where there is nothing left: whoever decides for more can scale it.
+            let left = f64::from(goal.saturating_sub(samples).max(1));
             let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
             if !profiling
                 && let (Some(adaptation), Some(estimated)) = (&mut self.adaptation, hand.order.row.time_estimated)
@@ -240,6 +243,8 @@ impl RenderAgent {
                 choice: hand.choice,
                 result: painted.result,
                 time_measured: power.to_reference(painted.busy),
+                goal,
+                error: painted.error,
                 time_left: power.to_reference(scaled(painted.busy, left / taken)),
             }
         });
@@ -305,8 +310,8 @@ impl Hand {
         let row = &self.order.row;
         let done = row.samples_done();
         let samples = match row.state {
-            ZoneState::Profiling => 0..self.choice.profile_samples(),
-            _ => done..self.choice.samples,
+            ZoneState::Profiling => 0..self.choice.profile_samples(&self.order.work.settings.goal),
+            _ => done..row.goal_samples(&self.choice),
         };
         let from = row.result.filter(|_| samples.start > 0);
         actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
@@ -315,6 +320,7 @@ impl Hand {
             rect: row.painted(&self.choice, &self.order.work.settings.frame),
             samples,
             tunables: self.choice.tunables,
+            needs_error: self.order.work.settings.goal.needs_error(),
             from,
             time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
         })));
@@ -331,7 +337,7 @@ impl Order {
         let has_pixels = is_part(&row.rect) && row.piece.as_ref().is_none_or(is_part);
         let has_samples = match (row.state, row.choice) {
             (ZoneState::Profiling, _) => row.result.is_none(),
-            (ZoneState::Awarded, Some(choice)) => row.samples_done() < choice.samples,
+            (ZoneState::Awarded, Some(choice)) => row.samples_done() < row.goal_samples(&choice),
             _ => false,
         };
         in_work && has_pixels && has_samples && settings.samples > 0

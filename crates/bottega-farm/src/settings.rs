@@ -1,6 +1,6 @@
 //! What the user wants of a picture, and what is decided for a zone.
 
-use std::{fmt, str::FromStr};
+use std::{fmt, str::FromStr, time::Duration};
 
 use bottega_engines::Tunables;
 use bottega_image::Rect;
@@ -73,15 +73,40 @@ impl FromStr for Optimization {
     }
 }
 
+/// When a zone has had enough samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Goal {
+    /// When it has as many as were asked for.
+    #[default]
+    Samples,
+    /// When its estimated relative error is at most this: the root of the mean over its pixels of squared error over
+    /// squared value. Decided by the pixels alone, so the picture is the same whoever paints it.
+    Error(f64),
+    /// When so much time has passed since the work began. How good the picture is then depends on the machines.
+    Time(Duration),
+}
+
+impl Goal {
+    /// Samples of a zone's first look where nobody knows yet how many it will need.
+    const FIRST_SAMPLES: u32 = 8;
+
+    /// Whether a zone's error must be estimated.
+    pub fn needs_error(&self) -> bool {
+        *self != Self::Samples
+    }
+}
+
 /// What the user asked for: the same for all zones of a work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkSettings {
     /// The whole picture, from (0, 0).
     pub picture: Rect,
     /// The pixels that are painted: the picture or its crop window.
     pub frame: Rect,
-    /// Samples a pixel, at least 1.
+    /// Samples a pixel, at least 1; with a goal the most that a pixel gets.
     pub samples: u32,
+    /// When a zone is finished.
+    pub goal: Goal,
     /// Everything else that the rules may lower.
     pub tunables: Tunables,
     /// How far they may.
@@ -107,8 +132,12 @@ impl Choice {
     }
 
     /// How many of the samples profiling takes.
-    pub fn profile_samples(&self) -> u32 {
-        ((f64::from(self.samples) * PROFILE_SHARE).round() as u32).clamp(1, self.samples.max(1))
+    pub fn profile_samples(&self, goal: &Goal) -> u32 {
+        let wanted = match goal {
+            Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,
+            Goal::Error(_) | Goal::Time(_) => Goal::FIRST_SAMPLES,
+        };
+        wanted.clamp(1, self.samples.max(1))
     }
 }
 
@@ -127,8 +156,10 @@ mod tests {
     #[test]
     fn profiling_takes_a_twentieth_and_at_least_one_sample() {
         let choice = |samples| Choice { tunables: Tunables { max_depth: 8, light_samples: 1 }, samples, band: 0 };
-        assert_eq!(choice(1).profile_samples(), 1);
-        assert_eq!(choice(16).profile_samples(), 1);
-        assert_eq!(choice(1000).profile_samples(), 50);
+        assert_eq!(choice(1).profile_samples(&Goal::Samples), 1);
+        assert_eq!(choice(16).profile_samples(&Goal::Samples), 1);
+        assert_eq!(choice(1000).profile_samples(&Goal::Samples), 50);
+        assert_eq!(choice(1000).profile_samples(&Goal::Error(0.1)), 8);
+        assert_eq!(choice(4).profile_samples(&Goal::Time(Duration::from_secs(1))), 4);
     }
 }

@@ -25,6 +25,8 @@ pub struct PaintOrder {
     pub tunables: Tunables,
     /// The samples before: `samples` goes on from them. `None`: it starts at 0.
     pub from: Option<ResultRef>,
+    /// Whether the error that is left is to be estimated.
+    pub needs_error: bool,
     /// Own time that it will take, as far as known: for those who show progress or cut long work into passes.
     pub time_estimated: Option<Duration>,
 }
@@ -127,6 +129,8 @@ pub struct PaintResult {
     pub result: ResultRef,
     /// Processor time that they took.
     pub busy: Duration,
+    /// The zone's estimated relative error, where it was asked for and can be known.
+    pub error: Option<f64>,
 }
 
 /// An event of the farm.

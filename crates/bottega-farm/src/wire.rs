@@ -7,8 +7,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 
 use crate::{
-    Choice, Cut, InputRanges, Interval, Optimization, ResultRef, Rival, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
-    ZoneState,
+    Choice, Cut, Goal, InputRanges, Interval, Optimization, ResultRef, Rival, WorkId, WorkRow, WorkSettings, ZoneId,
+    ZoneRow, ZoneState,
 };
 
 /// The longest name that is written or read.
@@ -86,6 +86,8 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
         put_u32(result.samples, bytes);
         bytes.extend(result.digest.0);
     });
+    put_option(row.goal, bytes, put_u32);
+    put_option(row.error, bytes, put_f64);
     put_option(row.piece, bytes, |piece, bytes| put_rect(&piece, bytes));
     put_option(row.root, bytes, |root, bytes| put_u32(root.0, bytes));
     put_option(row.cut, bytes, |cut, bytes| {
@@ -118,6 +120,8 @@ pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
         attempt: reader.u32()?,
         choice: reader.option(Reader::choice)?,
         result: reader.option(Reader::result)?,
+        goal: reader.option(Reader::u32)?,
+        error: reader.option(Reader::finite)?,
         piece: reader.option(Reader::rect)?,
         root: reader.option(|reader| reader.u32().map(ZoneId))?,
         cut: reader.option(|reader| Ok(Cut { zone: ZoneId(reader.u32()?), piece: reader.rect()? }))?,
@@ -126,12 +130,23 @@ pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
 }
 
 pub(crate) fn put_work(row: &WorkRow, bytes: &mut Vec<u8>) {
-    let WorkSettings { picture, frame, samples, tunables, optimization } = row.settings;
+    let WorkSettings { picture, frame, samples, goal, tunables, optimization } = row.settings;
     put_u64(row.work.0, bytes);
     put_rect(&picture, bytes);
     put_rect(&frame, bytes);
     [samples, tunables.max_depth, tunables.light_samples].into_iter().for_each(|value| put_u32(value, bytes));
     bytes.push(optimization as u8);
+    match goal {
+        Goal::Samples => bytes.push(0),
+        Goal::Error(error) => {
+            bytes.push(1);
+            put_f64(error, bytes);
+        }
+        Goal::Time(time) => {
+            bytes.push(2);
+            put_duration(time, bytes);
+        }
+    }
     put_u32(row.zone_count, bytes);
     let InputRanges { complexity, neighbor_difference, size } = row.ranges;
     for Interval { min, max } in [complexity, neighbor_difference, size] {
@@ -147,10 +162,11 @@ pub(crate) fn get_work(reader: &mut Reader<'_>) -> Result<WorkRow, WireError> {
     let tunables = Tunables { max_depth: reader.u32()?, light_samples: reader.u32()? };
     let level = usize::from(reader.u8()?);
     let optimization = *Optimization::ALL.get(level).ok_or_else(|| reader.error("optimization level"))?;
+    let goal = reader.goal()?;
     let zone_count = reader.u32()?;
     let mut interval = || Ok(Interval { min: reader.finite()?, max: reader.finite()? });
     let ranges = InputRanges { complexity: interval()?, neighbor_difference: interval()?, size: interval()? };
-    let settings = WorkSettings { picture, frame, samples, tunables, optimization };
+    let settings = WorkSettings { picture, frame, samples, goal, tunables, optimization };
     Ok(WorkRow { work, settings, zone_count, ranges })
 }
 
@@ -244,6 +260,15 @@ impl<'a> Reader<'a> {
         states.get(index).copied().ok_or_else(|| self.error("the state of a zone"))
     }
 
+    fn goal(&mut self) -> Result<Goal, WireError> {
+        Ok(match self.u8()? {
+            0 => Goal::Samples,
+            1 => Goal::Error(self.finite()?),
+            2 => Goal::Time(self.duration()?),
+            _ => return Err(self.error("a goal")),
+        })
+    }
+
     fn choice(&mut self) -> Result<Choice, WireError> {
         let tunables = Tunables { max_depth: self.u32()?, light_samples: self.u32()? };
         Ok(Choice { tunables, samples: self.u32()?, band: self.u32()? })
@@ -299,6 +324,8 @@ pub(crate) mod tests {
                         samples,
                         digest: BlobId(digest),
                     }),
+                    goal: (x % 2 == 0).then_some(y),
+                    error: (x % 3 == 0).then_some(f64::from(y)),
                     piece: (zone % 3 == 0).then_some(rect),
                     root: (zone % 3 == 0).then_some(ZoneId(x)),
                     cut: (zone % 2 == 0).then_some(Cut { zone: ZoneId(y), piece: rect }),

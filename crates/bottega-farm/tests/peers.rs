@@ -11,9 +11,9 @@ use bottega_agents::{
 use bottega_engines::Tunables;
 use bottega_farm::{
     AdaptationRule, AuctionRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, FarmValue, ImportanceFunction, Level, LifeCycle, Master, MasterConfig, ONTOLOGY, Optimization, Order,
-    Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report, ResultRef, Timing, WorkId,
-    WorkSettings, ZoneId, ZoneState, analyze,
+    FarmMessage, FarmValue, Goal, GoalRules, ImportanceFunction, Level, LifeCycle, Master, MasterConfig, ONTOLOGY,
+    Optimization, Order, Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report, ResultRef,
+    Timing, WorkId, WorkSettings, ZoneId, ZoneState, analyze,
 };
 use bottega_image::Rect;
 use proptest::prelude::*;
@@ -30,7 +30,8 @@ struct Stage {
 
 fn settings() -> WorkSettings {
     let frame = Rect::of_size(64, 64);
-    WorkSettings { picture: frame, frame, samples: 40, tunables: tunables(), optimization: Optimization::Off }
+    let (goal, optimization) = (Goal::Samples, Optimization::Off);
+    WorkSettings { picture: frame, frame, samples: 40, goal, tunables: tunables(), optimization }
 }
 
 impl Stage {
@@ -44,6 +45,7 @@ impl Stage {
             auction: AuctionRule::FinishingTime,
             prefetch: 2,
             shares_tail: true,
+            goals: GoalRules::default(),
             timing: Timing::default(),
         };
         let master = Master::recover(config, all.work, all.rows);
@@ -123,7 +125,9 @@ fn painting(order: &Order, samples: u32) -> Painting {
         choice: Choice::unchanged(&order.work.settings),
         result: ResultRef { fence: order.fence, samples, digest: BlobId([1; 32]) },
         time_measured: Duration::from_millis(5),
+        goal: 40,
         time_left: Duration::from_millis(95),
+        error: None,
     }
 }
 

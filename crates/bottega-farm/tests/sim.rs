@@ -17,9 +17,9 @@ use bottega_agents::{
     driver::{Faults, Random, Simulator, World},
 };
 use bottega_farm::{
-    AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAgent, FarmCompletion, FarmEffect,
-    ImportanceFunction, Level, Master, MasterConfig, Optimization, PaintResult, PartitionSettings, RelativePower,
-    RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAgent, FarmCompletion, FarmEffect, Goal,
+    GoalRules, ImportanceFunction, Level, Master, MasterConfig, Optimization, PaintResult, PartitionSettings,
+    RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 use bottega_image::Rect;
 
@@ -99,7 +99,9 @@ impl World<FarmAgent> for Studio {
                     digest[..4].copy_from_slice(&zone.0.to_le_bytes());
                     digest[4..8].copy_from_slice(&order.samples.end.to_le_bytes());
                     let result = ResultRef { fence, samples: order.samples.end, digest: BlobId(digest) };
-                    Ok(PaintResult { result, busy })
+                    // Halves that do not agree by what chance explains, from a sample error of a half.
+                    let error = order.needs_error.then(|| 0.5 / f64::from(order.samples.end).sqrt());
+                    Ok(PaintResult { result, busy, error })
                 };
                 reports.push((begin + busy - now, FarmCompletion::Painted { zone, fence, outcome }));
             }
@@ -136,6 +138,7 @@ struct Scene {
     zones: u32,
     samples: u32,
     optimization: Optimization,
+    goal: Goal,
     master_may_crash: bool,
     shares_tail: bool,
     /// The last agent comes so late.
@@ -153,6 +156,7 @@ impl Scene {
             zones: 64,
             samples: 256,
             optimization: Optimization::Off,
+            goal: Goal::Samples,
             master_may_crash: false,
             shares_tail: true,
             late: Duration::ZERO,
@@ -199,6 +203,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         auction: scene.auction,
         prefetch: 2,
         shares_tail: scene.shares_tail,
+        goals: GoalRules::default(),
         timing,
     };
     simulator.add(&master, scene.master_may_crash, move || Master::new(config.clone()).into());
@@ -210,6 +215,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
             picture: frame,
             frame,
             samples: scene.samples,
+            goal: scene.goal,
             tunables: tunables(),
             optimization: scene.optimization,
         },
@@ -315,6 +321,11 @@ fn troubled(seed: u64) -> Scene {
         zones: 20,
         samples: 64,
         optimization: if seed.is_multiple_of(5) { Optimization::Normal } else { Optimization::Off },
+        goal: match seed % 11 {
+            3 => Goal::Error(0.08),
+            5 => Goal::Time(Duration::from_secs(20)),
+            _ => Goal::Samples,
+        },
         master_may_crash: true,
         shares_tail: !seed.is_multiple_of(7),
         late: Duration::from_secs(seed % 6),
@@ -400,6 +411,30 @@ fn an_agent_that_becomes_four_times_slower_is_known_after_three_zones() {
         }
     });
     assert!(known.is_some_and(|zones| zones <= 3), "known after {known:?} zones");
+}
+
+#[test]
+fn a_work_with_an_error_stops_each_zone_when_it_has_it() {
+    let scene = Scene { goal: Goal::Error(0.05), samples: 4096, ..Scene::calm(&[1.0, 2.0, 1.0]) };
+    let play = play(4, &scene, false);
+    assert_whole(&play, 4);
+    for row in play.seen.borrow().zones.values() {
+        // An error of 0.5 a sample is 0.05 with a hundred.
+        let samples = row.result.unwrap().samples;
+        assert!((100..160).contains(&samples) && row.error.unwrap() <= 0.05, "{samples}");
+    }
+}
+
+#[test]
+fn a_work_with_a_time_ends_within_a_twentieth_of_it() {
+    for (seed, seconds, slows) in [(1, 20, None), (2, 120, None), (3, 60, Some((Duration::from_secs(15), 3.0)))] {
+        let goal = Goal::Time(Duration::from_secs(seconds));
+        let scene = Scene { goal, samples: 1 << 20, slows, ..Scene::calm(&[1.0, 0.5, 2.0, 1.0]) };
+        let play = play(seed, &scene, false);
+        assert_whole(&play, seed);
+        let share = play.simulator.now().elapsed().as_secs_f64() / seconds as f64;
+        assert!((0.95..1.05).contains(&share), "{seconds} s asked for, {share} of it taken");
+    }
 }
 
 #[test]

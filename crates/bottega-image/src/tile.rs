@@ -89,6 +89,36 @@ impl Tile {
         put(Aov::Cost, &[values.cost]);
     }
 
+    /// The relative error that the means of this tile are estimated to have: the root of the mean over all pixels and
+    /// channels of variance / (mean² + 0.01), the measure of [`rel_mse`](crate::metrics::rel_mse).
+    ///
+    /// The variance is that between `before`, the same tile with fewer samples, and the samples since: with a
+    /// low-discrepancy sequence the variance within a pixel would not do, for the sum converges faster than that of
+    /// independent samples. Where both parts are dependent in the usual way (what one has missed the other has found) the
+    /// estimate errs on the safe side. `None` where nothing was added, or nothing was there before.
+    pub fn relative_error(&self, before: &Self) -> Option<f64> {
+        if self.rect != before.rect || self.layout != before.layout || self.rect.is_empty() {
+            return None;
+        }
+        let stride = self.layout.stride();
+        let mut sum = 0.0;
+        for (all, first) in self.sums.chunks_exact(stride).zip(before.sums.chunks_exact(stride)) {
+            let (count, first_count) = (f64::from(all[Layout::SAMPLE_COUNT]), f64::from(first[Layout::SAMPLE_COUNT]));
+            let second_count = count - first_count;
+            if first_count < 1.0 || second_count < 1.0 {
+                return None;
+            }
+            for (all, first) in all[..Layout::ALPHA].iter().zip(first) {
+                let (all, first) = (f64::from(*all), f64::from(*first));
+                let difference = first / first_count - (all - first) / second_count;
+                let mean = all / count;
+                let variance = difference * difference * first_count * second_count / (count * count);
+                sum += variance / (mean * mean + 1e-2);
+            }
+        }
+        Some((sum / (Layout::ALPHA as f64 * self.rect.area() as f64)).sqrt())
+    }
+
     /// Copies the sums of those pixels which both tiles hold. Panics when the layouts differ.
     pub fn copy_from(&mut self, other: &Self) {
         assert_eq!(self.layout, other.layout, "tiles of different layouts");

@@ -56,6 +56,11 @@ pub enum Event {
         /// Seconds of reference-machine time that it took.
         #[serde(skip_serializing_if = "Option::is_none")]
         seconds_measured: Option<f64>,
+        /// Samples a pixel that it has.
+        samples: u32,
+        /// Its estimated relative error, where one was asked for.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        error: Option<f64>,
     },
     /// How far the work is.
     Progress(Progress),

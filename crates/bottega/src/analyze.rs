@@ -3,7 +3,7 @@
 use std::{fs, process::ExitCode, sync::Arc};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Survey, Tunables};
-use bottega_farm::{Analysis, Optimization, PartitionSettings, WorkId, WorkSettings, analyze, survey_size};
+use bottega_farm::{Analysis, Goal, Optimization, PartitionSettings, WorkId, WorkSettings, analyze, survey_size};
 use bottega_image::{AovSet, Canvas, ColorMap, Layout, Picture, Rect, ToneMap};
 use bottega_render::PathSettings;
 use serde_json::{Value, json};
@@ -41,6 +41,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
         picture: frame,
         frame,
         samples: 64,
+        goal: Goal::Samples,
         tunables: Tunables { max_depth: 16, light_samples: 1 },
         optimization: Optimization::Off,
     };

@@ -1,6 +1,6 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
-use std::{net::SocketAddr, path::PathBuf};
+use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
@@ -145,6 +145,14 @@ pub(crate) struct RenderArgs {
     /// Light samples at each bounce.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Quality")]
     pub(crate) light_samples: u32,
+    /// Give each zone of the picture samples until its estimated relative error is at most this, such as 0.05; --spp is
+    /// then the most that a pixel gets (default: 4096).
+    #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with = "time", help_heading = "Quality")]
+    pub(crate) error: Option<f64>,
+    /// The best picture in so much time, such as 90, 90s, 10m or 1.5h, from start to written file; --spp is then the most
+    /// that a pixel gets.
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "Quality")]
+    pub(crate) time: Option<Duration>,
     /// Let the agents' expert rules trade quality for time, zone by zone.
     #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
     pub(crate) optimize: OptimizeArg,
@@ -205,7 +213,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,
     /// Write down what each zone took, for `bottega simulate`.
-    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with = "resume", help_heading = "Output")]
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["resume", "error", "time"], help_heading = "Output")]
     pub(crate) record: Option<PathBuf>,
     /// Cut the picture into about so many zones; default: by the number of agents.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20), help_heading = "Work")]
@@ -495,6 +503,23 @@ fn parse_factor(text: &str) -> Result<f32, String> {
 
 fn parse_time(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|time| time.is_finite()).ok_or_else(|| "a number of seconds is needed".to_owned())
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(error) if (1e-6..=10.0).contains(&error) => Ok(error),
+        _ => Err("a relative error such as 0.05 is needed, from 0.000001 to 10".to_owned()),
+    }
+}
+
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let units = [("h", 3600.0), ("m", 60.0), ("s", 1.0)];
+    let (number, unit) =
+        units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit))).unwrap_or((text, 1.0));
+    match number.trim().parse::<f64>() {
+        Ok(time) if (0.1..=1e7).contains(&(time * unit)) => Ok(Duration::from_secs_f64(time * unit)),
+        _ => Err("a time such as 90, 90s, 10m or 1.5h is needed, of 0.1 seconds at least".to_owned()),
+    }
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {

@@ -79,6 +79,8 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("guiding={}", !args.no_guiding),
         format!("filter={:?}", filter(args, subject)),
         format!("optimize={}", settings.optimization),
+        format!("error={:?}", args.error),
+        format!("timed={}", args.time.is_some()),
         format!("env={:?}", args.scene.env),
         format!("env-rotate={}", args.scene.env_rotate),
         format!("env-strength={}", args.scene.env_strength),

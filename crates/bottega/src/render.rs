@@ -5,12 +5,13 @@ use std::{
     path::{Path, PathBuf},
     process::ExitCode,
     sync::Arc,
+    time::Instant,
 };
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch,
-    simulate::Recorder, survey_size,
+    Expert, Goal, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Observer, Optimization,
+    StopSwitch, simulate::Recorder, survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -34,6 +35,13 @@ use crate::{
 /// Samples of a pixel where nobody says.
 const DEFAULT_SAMPLES: u32 = 64;
 
+/// The most samples of a pixel where an error is asked for, or a time, and nobody says.
+const MOST_SAMPLES: u32 = 4096;
+/// The same with a time: a picture may take all night.
+const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
+/// For so many samples the guide is learnt at most where nobody knows how many a pixel will get.
+const PLANNED_SAMPLES_MAX: u32 = 256;
+
 /// Bounces where nobody says.
 const DEFAULT_DEPTH: u32 = 16;
 
@@ -41,6 +49,7 @@ const DEFAULT_DEPTH: u32 = 16;
 const INTERRUPTED: u8 = 130;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
+    let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
@@ -51,7 +60,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     for warning in &subject.warnings {
         reporter.warn(warning.to_string());
     }
-    let settings = job_settings(args, &subject, experts)?;
+    let mut settings = job_settings(args, &subject, experts)?;
+    settings.goal = goal(args, begun)?;
     let name = name_of(args, &subject, &settings);
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine(args, &subject, &settings)?);
@@ -64,23 +74,23 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     reporter.watch(move || painter.samples_done());
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let recorder = Arc::new(Recorder::new(Arc::clone(&engine) as _, Arc::clone(&reporter) as _));
-    let report = bottega_farm::run(
-        &settings,
-        Arc::clone(&recorder) as _,
-        Arc::clone(&recorder) as _,
-        &stop,
-        Some(keeping.store),
-        keeping.kept,
-    )
-    .map_err(failed)?;
+    settings.goal = goal(args, begun)?;
+    let (painter, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
+        (Arc::clone(&engine) as _, Arc::clone(&reporter) as _);
+    let recorder = args.record.as_ref().map(|_| Arc::new(Recorder::new(Arc::clone(&painter), Arc::clone(&observer))));
+    let (painter, observer) = match &recorder {
+        Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
+        None => (painter, observer),
+    };
+    let report =
+        bottega_farm::run(&settings, painter, observer, &stop, Some(keeping.store), keeping.kept).map_err(failed)?;
     reporter.finish();
     if engine.dropped_count() > 0 {
         reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
     }
-    if let Some(path) = args.record.as_deref().filter(|_| !report.stopped && report.failed.is_empty()) {
+    if let (Some(path), Some(recorder), false) = (&args.record, recorder, report.stopped || !report.failed.is_empty()) {
         let record = recorder.record(&shown(&args.scene.file.scene), &settings, &report);
-        let record = record.map_err(|source| CliError::Record { path: path.to_owned(), source })?;
+        let record = record.map_err(|source| CliError::Record { path: path.clone(), source })?;
         write_record(path, &record)?;
         reporter.say(&recorded(path));
     }
@@ -150,7 +160,13 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
     }
     let threads = threads(&args.scene);
     let tunables = Tunables { max_depth: max_depth(args, subject), light_samples: args.light_samples };
-    let samples = args.spp.or(subject.hints.samples).map_or(DEFAULT_SAMPLES, |samples| samples.clamp(1, SAMPLES_MAX));
+    let hinted = subject.hints.samples.filter(|_| args.error.is_none() && args.time.is_none());
+    let default = match (args.error, args.time) {
+        (Some(_), _) => MOST_SAMPLES,
+        (_, Some(_)) => MOST_SAMPLES_IN_TIME,
+        _ => DEFAULT_SAMPLES,
+    };
+    let samples = args.spp.or(hinted).map_or(default, |samples| samples.clamp(1, SAMPLES_MAX));
     let layout = Layout::new(args.aov.iter().copied().collect::<AovSet>());
     Ok(JobSettings {
         crop,
@@ -165,6 +181,21 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
     })
 }
 
+/// When a zone is finished. Loading is a part of the time that was asked for.
+fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
+    match (args.error, args.time) {
+        (Some(error), _) => Ok(Goal::Error(error)),
+        (None, Some(time)) => match time.checked_sub(begun.elapsed()) {
+            Some(left) if !left.is_zero() => Ok(Goal::Time(left)),
+            _ => Err(CliError::failed(
+                format!("reading the scene took {}, no less than --time allows", duration(begun.elapsed())),
+                "give it more time",
+            )),
+        },
+        (None, None) => Ok(Goal::Samples),
+    }
+}
+
 fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
     let IntegratorArg::Path = args.integrator;
     let settings = PathSettings {
@@ -173,7 +204,10 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
         light_samples: args.light_samples,
         filter: filter(args, subject),
         guiding: !args.no_guiding,
-        planned_samples: job.samples,
+        planned_samples: match job.goal {
+            Goal::Samples => job.samples,
+            Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
+        },
         ..PathSettings::default()
     };
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };
@@ -281,6 +315,11 @@ fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report
     metadata.set("scene_digest", &*subject.scene().digest);
     metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
     metadata.set("samples_per_pixel", settings.samples.to_string());
+    match settings.goal {
+        Goal::Samples => {}
+        Goal::Error(error) => metadata.set("error_asked", error.to_string()),
+        Goal::Time(_) => metadata.set("time_asked", args.time.unwrap_or_default().as_secs_f64().to_string()),
+    }
     metadata.set("max_depth", settings.tunables.max_depth.to_string());
     metadata.set("light_samples", args.light_samples.to_string());
     metadata.set("seed", args.seed.to_string());

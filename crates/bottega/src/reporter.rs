@@ -250,6 +250,8 @@ impl Observer for Reporter {
             agent: row.agent.as_ref().map(ToString::to_string),
             seconds_estimated: row.time_estimated.map(|time| time.as_secs_f64()),
             seconds_measured: row.time_measured.map(|time| time.as_secs_f64()),
+            samples: row.samples_done(),
+            error: row.error,
         });
     }
 

@@ -59,6 +59,11 @@ impl Field {
         }
     }
 
+    /// Reference-machine seconds that all of them together paint in a second.
+    pub fn speed(&self) -> f64 {
+        self.paces.iter().map(|pace| pace.own.recip()).sum()
+    }
+
     /// When all the work will be done if it is spread without loss, in seconds from now; infinite when there is nobody.
     ///
     /// Agents that will be busy beyond that time cannot help before it, so they are left out.

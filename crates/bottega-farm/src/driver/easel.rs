@@ -129,6 +129,8 @@ struct Sitting {
     shared: Arc<Shared>,
     mailbox: FarmMailbox,
     cancel: CancelSwitch,
+    /// The samples of about the first half, where the error is to be estimated.
+    half: Option<Tile>,
 }
 
 impl Shared {
@@ -147,6 +149,7 @@ impl Shared {
         self.state().orders.insert((order.zone, order.fence), cancel.clone());
         let sitting = Sitting {
             cancel,
+            half: None,
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
             shared: Arc::clone(self),
@@ -166,12 +169,21 @@ impl Shared {
 
 impl Sitting {
     /// Starts the next pass.
-    fn go_on(self, start: u32, tile: Option<Tile>) {
+    fn go_on(mut self, start: u32, tile: Option<Tile>) {
         let shared = Arc::clone(&self.shared);
         if shared.stop.is_requested() {
             return self.interrupted(tile);
         }
-        let end = start.saturating_add(self.pass).min(self.order.samples.end);
+        let mut end = start.saturating_add(self.pass).min(self.order.samples.end);
+        if self.order.needs_error && self.half.is_none() {
+            // What comes after half of all samples, or after those before, is set against what comes first.
+            let middle = self.order.samples.end / 2;
+            if start >= middle {
+                self.half.clone_from(&tile);
+            } else {
+                end = end.min(middle);
+            }
+        }
         let PaintOrder { rect, tunables, .. } = self.order;
         let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel: self.cancel.clone() };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
@@ -208,9 +220,10 @@ impl Sitting {
                 }
                 let digest = digest(&tile);
                 let result = ResultRef { fence: self.order.fence, samples: end, digest };
+                let error = self.half.take().and_then(|half| tile.relative_error(&half));
                 self.shared.easel().tiles.insert(self.order.zone, (digest, tile));
                 let busy = self.busy;
-                self.done(Ok(PaintResult { result, busy }));
+                self.done(Ok(PaintResult { result, busy, error }));
             }
         }
     }

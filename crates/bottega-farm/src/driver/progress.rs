@@ -59,12 +59,14 @@ impl Tally {
     /// - `samples_wanted`: of the user, where the zone has no choice yet.
     /// - `samples_done`: at least those of the row; more when it is painted in passes.
     pub(super) fn see(&mut self, now: Time, row: &ZoneRow, samples_wanted: u32, samples_done: u32) {
-        let samples = row.choice.map_or(samples_wanted, |choice| choice.samples).max(1);
+        let samples = row.choice.map_or(samples_wanted, |choice| row.goal_samples(&choice)).max(1);
         let samples_done = samples_done.max(row.samples_done()).min(samples);
-        let profiled = row.choice.map(|choice| choice.profile_samples().min(samples)).filter(|&p| p < samples);
-        // T_est is for what profiling left over.
-        let scale = profiled.map(|p| f64::from(samples) / f64::from(samples - p));
+        // T_est is for what the painting before left over.
+        let left = samples - row.samples_done().min(samples - 1);
+        let scale = row.choice.map(|_| f64::from(samples) / f64::from(left));
         let time = row.time_estimated.zip(scale).map(|(time, scale)| time.as_secs_f64() * scale);
+        let before = self.shares.get(&row.zone).filter(|_| row.is_settled());
+        let time = before.map_or(time, |share| share.time);
         let share = Share {
             complexity: row.complexity,
             time,

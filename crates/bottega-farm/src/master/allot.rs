@@ -9,10 +9,11 @@ impl Master {
             return;
         }
         if !self.begun {
-            self.begin(actions);
+            self.begin(now, actions);
         }
         if self.begun && !self.stopping {
             self.write_offcuts(now, actions);
+            self.plan_pass(now, actions);
             self.give_out_profiles(now, actions);
             self.close_rounds(now, actions);
             while self.open_round(now, actions) {}
@@ -23,7 +24,7 @@ impl Master {
         }
     }
 
-    fn begin(&mut self, actions: &mut Vec<FarmAction>) {
+    fn begin(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let Some(work) = self.board.work().cloned() else { return };
         let zones = self.board.zones().filter(|row| row.root.is_none());
         let rects: Vec<_> = zones.map(|row| row.rect).collect();
@@ -36,6 +37,7 @@ impl Master {
             return;
         }
         self.begun = true;
+        self.pass_begun = now;
         actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
         self.introduce(&self.roster.names(), actions);
     }
@@ -132,7 +134,8 @@ impl Master {
     fn winners(&self, now: Time, round: &Round) -> Vec<Award> {
         let still_open = |offer: &&Offer| {
             let row = self.board.zone(offer.zone);
-            row.is_some_and(|(_, row)| row.state == ZoneState::Profiled) && !self.writes.contains_key(&offer.zone)
+            let is_open = |row: &ZoneRow| row.state == ZoneState::Profiled && !row.is_waiting();
+            row.is_some_and(|(_, row)| is_open(row)) && !self.writes.contains_key(&offer.zone)
         };
         let offers: Vec<Offer> = round.offers.iter().filter(still_open).copied().collect();
         let bidder = |(agent, proposal): (&AgentId, &Proposal)| {

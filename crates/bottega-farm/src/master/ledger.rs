@@ -23,6 +23,8 @@ pub(super) struct Ledger {
     /// Zones by agent with T_est.
     hands: BTreeMap<AgentId, BTreeMap<ZoneId, Duration>>,
     in_hand: usize,
+    /// Profiled or further, and waiting for the next pass.
+    waiting: usize,
     settled: usize,
     chosen: usize,
 }
@@ -31,6 +33,7 @@ pub(super) struct Ledger {
 #[derive(Clone, Debug)]
 struct Counted {
     state: ZoneState,
+    waiting: bool,
     complexity: f64,
     time_estimated: Duration,
     chosen: bool,
@@ -51,6 +54,7 @@ impl Ledger {
         let mut holders = row.holders().cloned();
         let counted = Counted {
             state: row.state,
+            waiting: row.is_waiting(),
             complexity: row.complexity,
             time_estimated: row.time_estimated.unwrap_or_default(),
             chosen: row.choice.is_some() || row.state == ZoneState::Failed,
@@ -58,6 +62,7 @@ impl Ledger {
         };
         match row.state {
             ZoneState::Open => _ = self.unseen.insert(counted.rank(row.zone)),
+            ZoneState::Profiled if counted.waiting => self.waiting += 1,
             ZoneState::Profiled => self.open.insert(self.rule, counted.offer(row.zone)),
             ZoneState::Done | ZoneState::Failed => self.settled += 1,
             ZoneState::Profiling | ZoneState::Awarded => {
@@ -76,6 +81,7 @@ impl Ledger {
     fn uncount(&mut self, zone: ZoneId, before: Counted, changed: &mut Vec<AgentId>) {
         match before.state {
             ZoneState::Open => _ = self.unseen.remove(&before.rank(zone)),
+            ZoneState::Profiled if before.waiting => self.waiting -= 1,
             ZoneState::Profiled => self.open.remove(self.rule, &before.offer(zone)),
             ZoneState::Done | ZoneState::Failed => self.settled -= 1,
             ZoneState::Profiling | ZoneState::Awarded => {
@@ -111,6 +117,11 @@ impl Ledger {
         self.unseen.first().map(|(_, zone)| *zone)
     }
 
+    /// Whether all zones that are not settled wait for the next pass, and there are any.
+    pub(super) fn all_wait(&self) -> bool {
+        self.waiting > 0 && self.waiting + self.settled == self.zones.len()
+    }
+
     /// Zones done or given up.
     pub(super) fn settled_count(&self) -> usize {
         self.settled
@@ -122,7 +133,7 @@ impl Ledger {
     }
 
     pub(super) fn assert_invariants(&self) {
-        let waiting = self.unseen.len() + self.open.len();
+        let waiting = self.unseen.len() + self.open.len() + self.waiting;
         assert_eq!(self.in_hand + waiting + self.settled, self.zones.len(), "each zone is in one place");
     }
 }

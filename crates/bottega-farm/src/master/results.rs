@@ -1,6 +1,7 @@
 //! What becomes of the reports of agents and of the film.
 
 use super::*;
+use crate::Goal;
 
 impl Master {
     pub(super) fn take_report(
@@ -37,6 +38,7 @@ impl Master {
         };
         match after {
             Ok(row) => {
+                self.pass_painted += row.time_measured.unwrap_or_default();
                 // Whoever painted it is responsible for it.
                 let row = ZoneRow { agent: Some(message.sender.clone()), rival: None, ..row };
                 self.write(now, row, Then::Receive(Box::new(message.clone())), actions);
@@ -71,7 +73,7 @@ impl Master {
     /// The zone's row after a valid report.
     fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
         let Some(work) = self.board.work() else { return Err("there is no work") };
-        let Painting { choice, result, time_measured, time_left } = *painting;
+        let Painting { choice, result, time_measured, goal, time_left, error } = *painting;
         let unchanged = Choice::unchanged(&work.settings);
         let within = choice.samples >= 1
             && choice.samples <= unchanged.samples
@@ -86,17 +88,29 @@ impl Master {
         if row.choice.is_some_and(|chosen| chosen != choice) {
             return Err("the settings are not what was chosen for the zone");
         }
-        let done = result.samples == choice.samples;
-        if result.samples > choice.samples || row.state == ZoneState::Awarded && !done || result.samples == 0 {
+        let complete = result.samples == row.goal_samples(&choice);
+        if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
             return Err("the number of samples is wrong");
         }
+        if error.is_some_and(|error| error.is_nan() || error < 0.0) {
+            return Err("the error is no number");
+        }
+        let wanted = match work.settings.goal {
+            Goal::Samples => choice.samples,
+            Goal::Error(_) => goal.clamp(result.samples, choice.samples),
+            // Until there is a plan.
+            Goal::Time(_) => result.samples,
+        };
+        let is_timed = matches!(work.settings.goal, Goal::Time(_)) && result.samples < choice.samples;
+        let after = ZoneRow { choice: Some(choice), result: Some(result), error, ..row.clone() };
         let profiling = row.state == ZoneState::Profiling;
-        let after = ZoneRow { choice: Some(choice), result: Some(result), ..row.clone() };
-        Ok(match (profiling, done) {
-            (true, false) => ZoneRow { state: ZoneState::Profiled, time_estimated: Some(time_left), ..after },
-            // All samples were profiling: there was nothing to estimate.
-            (true, true) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
-            (false, _) => ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after },
+        Ok(if wanted > result.samples || is_timed {
+            let goal = (work.settings.goal != Goal::Samples).then_some(wanted);
+            let time_measured = Some(time_measured).filter(|_| !profiling || is_timed);
+            let time_estimated = Some(time_left);
+            ZoneRow { state: ZoneState::Profiled, goal, time_estimated, time_measured, ..after }
+        } else {
+            ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after }
         })
     }
 

@@ -31,8 +31,8 @@ pub use self::{
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
 use crate::{
-    AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, Master, MasterConfig, RelativePower,
-    RenderAgent, RenderAgentConfig, Timing, contents::message, protocol, work_key, zone_key,
+    AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
+    RelativePower, RenderAgent, RenderAgentConfig, Timing, contents::message, protocol, work_key, zone_key,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -292,7 +292,9 @@ impl<'a> Play<'a> {
         }
         let master = AgentId::new("master");
         let Plan { auction, prefetch, shares_tail, timing, .. } = *plan;
-        let config = MasterConfig { id: master.clone(), work: piece.work.work, auction, prefetch, shares_tail, timing };
+        let goals = GoalRules::default();
+        let config =
+            MasterConfig { id: master.clone(), work: piece.work.work, auction, prefetch, shares_tail, goals, timing };
         simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
         Ok(Self { piece, plan, master, simulator, timeline })
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bottega_image::Rect;
 
-use crate::{Choice, Level, Partition, WorkSettings};
+use crate::{Choice, Goal, Level, Partition, WorkSettings};
 
 /// Side of the cells of a [`CostGrid`], in pixels: that of the built-in engine's work units, which begin at multiples of
 /// it too.
@@ -65,7 +65,7 @@ impl RecordedZone {
     /// Processor time of samples `start..end` of all its pixels, in seconds: what was measured, spread evenly over the
     /// samples of each part.
     pub fn seconds(&self, start: u32, end: u32) -> f64 {
-        let profiled = self.choice.profile_samples();
+        let profiled = self.choice.profile_samples(&Goal::Samples);
         let part = |from: u32, to: u32, time: Duration| {
             let within = end.min(to).saturating_sub(start.max(from));
             if to > from { time.as_secs_f64() * f64::from(within) / f64::from(to - from) } else { 0.0 }

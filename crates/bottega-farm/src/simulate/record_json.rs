@@ -7,7 +7,7 @@ use bottega_image::Rect;
 use serde::{Deserialize, Serialize};
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
-use crate::{Choice, Level, Optimization, WorkSettings};
+use crate::{Choice, Goal, Level, Optimization, WorkSettings};
 
 /// The version that is written and read.
 pub(super) const VERSION: u64 = 1;
@@ -64,7 +64,7 @@ struct ZoneJson {
 impl Record {
     /// The record as JSON.
     pub fn to_json(&self) -> String {
-        let WorkSettings { picture, frame, samples, tunables, optimization } = self.work;
+        let WorkSettings { picture, frame, samples, tunables, optimization, .. } = self.work;
         let json = RecordJson {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -131,6 +131,7 @@ fn record(json: RecordJson) -> Result<Record, RecordError> {
             picture: Rect::of_size(json.width, json.height),
             frame,
             samples: json.samples,
+            goal: Goal::Samples,
             tunables: Tunables { max_depth: json.max_depth, light_samples: json.light_samples },
             optimization,
         },
@@ -202,7 +203,14 @@ pub(super) mod tests {
     pub(crate) fn example() -> Record {
         let frame = Rect::of_size(64, 32);
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
-        let work = WorkSettings { picture: frame, frame, samples: 40, tunables, optimization: Optimization::Off };
+        let work = WorkSettings {
+            picture: frame,
+            frame,
+            samples: 40,
+            goal: Goal::Samples,
+            tunables,
+            optimization: Optimization::Off,
+        };
         let zone = |rect: Rect, seconds: f64| RecordedZone {
             rect,
             complexity: rect.area() as f64 * seconds,

@@ -206,7 +206,7 @@ impl Studio {
             Err("out of memory".to_owned())
         } else {
             let result = ResultRef { fence, samples: job.samples, digest: digest(zone, job.samples, fence) };
-            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy) })
+            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None })
         };
         FarmCompletion::Painted { zone, fence, outcome }
     }

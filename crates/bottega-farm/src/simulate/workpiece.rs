@@ -7,7 +7,7 @@ use bottega_engines::Tunables;
 use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
-use crate::{InputRanges, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow};
+use crate::{Goal, InputRanges, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow};
 
 /// Zones of a simulation at most.
 pub const ZONES_MAX: usize = 1 << 22;
@@ -125,8 +125,14 @@ impl Workpiece {
             costs.push(SyntheticCost { profiling, painting: seconds as f32 });
         }
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
-        let settings =
-            WorkSettings { picture: frame, frame, samples: SAMPLES, tunables, optimization: Optimization::Off };
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: SAMPLES,
+            goal: Goal::Samples,
+            tunables,
+            optimization: Optimization::Off,
+        };
         Ok(Self::new(settings, &zones, Costs::Synthetic(costs, columns)))
     }
 
@@ -174,7 +180,7 @@ impl Workpiece {
     }
 
     fn profile_samples(&self) -> u32 {
-        crate::Choice::unchanged(&self.work.settings).profile_samples()
+        crate::Choice::unchanged(&self.work.settings).profile_samples(&Goal::Samples)
     }
 
     /// Processor time of each zone at speed 1, in seconds, if it is painted as it was.
@@ -191,6 +197,7 @@ impl Workpiece {
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
                     from: None,
+                    needs_error: false,
                     time_estimated: None,
                 };
                 self.cost(&order).0

@@ -1,0 +1,95 @@
+//! When a zone has had enough: the rules by which agents and Master near the error or the time that the user asked for.
+
+use std::sync::{Arc, LazyLock};
+
+use bottega_fuzzy::{FclError, FunctionBlock};
+
+/// Estimated error over the one asked for.
+const ERROR_RATIO: &str = "error_ratio";
+/// Share of the time asked for that is left.
+const TIME_LEFT: &str = "time_left";
+/// What a zone gets next, as a share of what it has.
+const MORE_SAMPLES: &str = "more_samples";
+/// How much of the time that is left goes into the next pass.
+const TIME_SHARE: &str = "time_share";
+/// No rule may ask for more at a time: estimates from few samples are not to be trusted so far.
+const MORE_SAMPLES_MAX: f64 = 8.0;
+/// A zone that shall get less than this share more is finished.
+const MORE_SAMPLES_MIN: f64 = 0.01;
+
+/// The rules in `rules/goals.fcl`.
+#[derive(Clone, Debug)]
+pub struct GoalRules(Arc<FunctionBlock>);
+
+impl Default for GoalRules {
+    fn default() -> Self {
+        static RULES: LazyLock<GoalRules> = LazyLock::new(|| {
+            let text = include_str!("../../../rules/goals.fcl");
+            GoalRules::parse(text).expect("the rules in the repository can be read")
+        });
+        RULES.clone()
+    }
+}
+
+impl GoalRules {
+    /// The rules in an FCL text.
+    ///
+    /// # Errors
+    /// When it is no FCL. Inputs and outputs that it has not count as left at their defaults.
+    pub fn parse(text: &str) -> Result<Self, FclError> {
+        FunctionBlock::parse(text).map(|block| Self(Arc::new(block)))
+    }
+
+    fn output(&self, name: &str, error_ratio: f64, time_left: f64) -> Option<f64> {
+        let mut values = vec![(ERROR_RATIO, error_ratio), (TIME_LEFT, time_left)];
+        values.retain(|(name, _)| self.0.input_index(name).is_some());
+        let value = self.0.evaluate(&values).ok()?.get(name)?;
+        value.is_finite().then_some(value)
+    }
+
+    /// How many samples a zone should have next; not more than it has: it is finished.
+    ///
+    /// - `error`: estimated; `None`: it is not known yet.
+    pub fn next_samples(&self, samples: u32, samples_max: u32, error: Option<f64>, error_wanted: f64) -> u32 {
+        let more = match error {
+            Some(error) => self.output(MORE_SAMPLES, error / error_wanted.max(1e-12), 1.0).unwrap_or(0.0),
+            None => 1.0,
+        };
+        if more < MORE_SAMPLES_MIN {
+            return samples;
+        }
+        let more = (f64::from(samples) * more.min(MORE_SAMPLES_MAX)).ceil() as u32;
+        samples.saturating_add(more.max(1)).min(samples_max)
+    }
+
+    /// How much of the time that is left goes into the next pass, 0..=1.
+    ///
+    /// - `time_left`: share of the time asked for.
+    pub fn time_share(&self, time_left: f64) -> f64 {
+        self.output(TIME_SHARE, 1.0, time_left).unwrap_or(0.75).clamp(0.05, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_zone_is_finished_when_its_error_is_met_and_gets_more_the_further_it_is() {
+        let rules = GoalRules::default();
+        assert_eq!(rules.next_samples(64, 4096, Some(0.05), 0.05), 64);
+        assert_eq!(rules.next_samples(64, 4096, Some(0.0), 0.05), 64);
+        let steps = [0.051, 0.06, 0.07, 0.1, 0.2, 5.0].map(|error| rules.next_samples(64, 4096, Some(error), 0.05));
+        assert!(steps.is_sorted() && steps[0] > 64 && steps[5] == 256, "{steps:?}");
+        assert_eq!(rules.next_samples(64, 100, Some(5.0), 0.05), 100, "never above what is allowed");
+        assert_eq!(rules.next_samples(8, 4096, None, 0.05), 16);
+    }
+
+    #[test]
+    fn the_first_pass_keeps_half_and_the_last_takes_all() {
+        let rules = GoalRules::default();
+        let shares = [1.0, 0.5, 0.05].map(|left| rules.time_share(left));
+        assert_eq!((shares[0], shares[2]), (0.5, 1.0));
+        assert!(shares[1] > 0.5 && shares[1] < 1.0);
+    }
+}
