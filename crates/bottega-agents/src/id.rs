@@ -22,7 +22,8 @@ impl AgentId {
 
 impl PartialEq for AgentId {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+        // Mostly copies of one name meet.
+        Arc::ptr_eq(&self.name, &other.name) || self.name == other.name
     }
 }
 
@@ -42,7 +43,7 @@ impl PartialOrd for AgentId {
 
 impl Ord for AgentId {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.name.cmp(&other.name)
+        if Arc::ptr_eq(&self.name, &other.name) { std::cmp::Ordering::Equal } else { self.name.cmp(&other.name) }
     }
 }
 

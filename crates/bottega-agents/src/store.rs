@@ -3,7 +3,11 @@
 //! The revision is also the *fencing token* of whatever the entry awards: it grows with every write to the store, so
 //! what was awarded later always carries the greater one.
 
-use std::{collections::BTreeMap, fmt, sync::Arc};
+use std::{
+    collections::{BTreeSet, HashMap},
+    fmt,
+    sync::Arc,
+};
 
 /// The name of an entry, such as `work/7/zone/12`. Watches go by prefix.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -118,7 +122,9 @@ pub enum StoreReply<V> {
 /// A store in memory: what the drivers of one process hold, and what every other store must behave like.
 #[derive(Clone, Debug)]
 pub struct MemoryStore<V, W = ()> {
-    entries: BTreeMap<Key, Entry<V>>,
+    /// A hash map, for speed; what goes through several entries goes by `names`.
+    entries: HashMap<Key, Entry<V>>,
+    names: BTreeSet<Key>,
     /// Who watches which prefix, in order of asking.
     watches: Vec<(Key, Ticket, W)>,
     last: Revision,
@@ -137,7 +143,7 @@ pub struct Addressed<V, W> {
 
 impl<V, W> Default for MemoryStore<V, W> {
     fn default() -> Self {
-        Self { entries: BTreeMap::new(), watches: Vec::new(), last: Revision::ABSENT }
+        Self { entries: HashMap::new(), names: BTreeSet::new(), watches: Vec::new(), last: Revision::ABSENT }
     }
 }
 
@@ -151,18 +157,17 @@ impl<V, W: PartialEq> MemoryStore<V, W> {
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
     /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
     pub fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
-        let entry_of = |key: &Key| self.entries.get(key).cloned();
         match request {
             StoreRequest::Get { key } => {
-                let entry = entry_of(&key);
+                let entry = self.get(&key).cloned();
                 replies.push(Addressed { to: from, ticket, reply: StoreReply::Got { key, entry } });
             }
             StoreRequest::Put { key, value } => self.write(from, ticket, key, value, replies),
             StoreRequest::CompareAndSet { key, expected_revision, value } => {
-                let entry = entry_of(&key);
-                if entry.as_ref().map_or(Revision::ABSENT, |entry| entry.revision) == expected_revision {
+                if self.get(&key).map_or(Revision::ABSENT, |entry| entry.revision) == expected_revision {
                     self.write(from, ticket, key, value, replies);
                 } else {
+                    let entry = self.get(&key).cloned();
                     replies.push(Addressed { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
                 }
             }
@@ -186,7 +191,9 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
                 replies.push(Addressed { to: who.clone(), ticket: *ticket, reply: StoreReply::Changed(entry.clone()) });
             }
         }
-        self.entries.insert(key, entry);
+        if self.entries.insert(key.clone(), entry).is_none() {
+            self.names.insert(key);
+        }
     }
 
     /// Reads an entry.
@@ -196,10 +203,8 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
 
     /// All entries whose name begins so, in order of their names.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
-        self.entries
-            .range(prefix..)
-            .take_while(|(key, _)| key.as_str().starts_with(prefix.as_str()))
-            .map(|(_, entry)| entry)
+        let names = self.names.range(prefix..).take_while(|key| key.as_str().starts_with(prefix.as_str()));
+        names.filter_map(|key| self.entries.get(key))
     }
 }
 

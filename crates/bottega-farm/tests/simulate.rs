@@ -63,23 +63,25 @@ fn the_same_seed_gives_the_same_run() {
 }
 
 #[test]
-#[ignore = "says how well a thousand agents do; takes some seconds a seed"]
+#[ignore = "says how well a thousand agents do; takes some seconds a line"]
 fn a_thousand_unequal_agents_of_whom_some_fail() {
-    for seed in 0..3 {
-        let mut crew: Crew = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
-        let piece = piece(8000, 4.0, seed);
-        let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
-        crew.fail_some(0.05, until, seed);
-        let plan = Plan { benchmark_error: 0.25, ..Plan::calm(crew, seed) };
-        let begun = std::time::Instant::now();
-        let outcome = run(&piece, &plan);
-        eprintln!(
-            "seed {seed}: {:.1} s, efficiency {:.3}, {:.1} messages a zone; took {:.1?}",
-            outcome.makespan.as_secs_f64(),
-            outcome.efficiency(),
-            outcome.messages_per_zone(),
-            begun.elapsed()
-        );
+    for (zones, mean_seconds, share) in
+        [(8000, 4.0, 0.0), (8000, 4.0, 0.05), (8000, 40.0, 0.0), (8000, 40.0, 0.05), (32000, 10.0, 0.05)]
+    {
+        for seed in 0..2 {
+            let mut crew: Crew = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
+            let piece = piece(zones, mean_seconds, seed);
+            let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
+            crew.fail_some(share, until, seed);
+            let plan = Plan { benchmark_error: 0.25, ..Plan::calm(crew, seed) };
+            let outcome = run(&piece, &plan);
+            eprintln!(
+                "{zones} zones of {mean_seconds} s, {share} fail, seed {seed}: {:.1} s, efficiency {:.3}, {:.1} messages a zone",
+                outcome.makespan.as_secs_f64(),
+                outcome.efficiency(),
+                outcome.messages_per_zone(),
+            );
+        }
     }
 }
 

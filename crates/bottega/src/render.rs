@@ -10,8 +10,8 @@ use std::{
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Optimization, StopSwitch, simulate::Recorder,
-    survey_size,
+    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Observer, Optimization, StopSwitch,
+    simulate::Recorder, survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -73,23 +73,22 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     settings.goal = goal(args, begun)?;
-    let recorder = Arc::new(Recorder::new(Arc::clone(&engine) as _, Arc::clone(&reporter) as _));
-    let report = bottega_farm::run(
-        &settings,
-        Arc::clone(&recorder) as _,
-        Arc::clone(&recorder) as _,
-        &stop,
-        Some(keeping.store),
-        keeping.kept,
-    )
-    .map_err(failed)?;
+    let (painter, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
+        (Arc::clone(&engine) as _, Arc::clone(&reporter) as _);
+    let recorder = args.record.as_ref().map(|_| Arc::new(Recorder::new(Arc::clone(&painter), Arc::clone(&observer))));
+    let (painter, observer) = match &recorder {
+        Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
+        None => (painter, observer),
+    };
+    let report =
+        bottega_farm::run(&settings, painter, observer, &stop, Some(keeping.store), keeping.kept).map_err(failed)?;
     reporter.finish();
     if engine.dropped_count() > 0 {
         reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
     }
-    if let Some(path) = args.record.as_deref().filter(|_| !report.stopped && report.failed.is_empty()) {
+    if let (Some(path), Some(recorder), false) = (&args.record, recorder, report.stopped || !report.failed.is_empty()) {
         let record = recorder.record(&shown(&args.scene.file.scene), &settings, &report);
-        let record = record.map_err(|source| CliError::Record { path: path.to_owned(), source })?;
+        let record = record.map_err(|source| CliError::Record { path: path.clone(), source })?;
         write_record(path, &record)?;
         reporter.say(&recorded(path));
     }

@@ -2,7 +2,7 @@
 
 use std::{
     cmp::Reverse,
-    collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque},
+    collections::{BTreeMap, BTreeSet, BinaryHeap, HashMap, HashSet, VecDeque},
     time::Duration,
 };
 
@@ -107,32 +107,67 @@ pub(super) enum Happening<M: StateMachine> {
     Silent(AgentId),
 }
 
-pub(super) struct Scheduled<M: StateMachine> {
-    pub(super) at: Time,
-    /// Of two things at one time the one that was planned first happens first.
-    pub(super) sequence: u64,
-    pub(super) what: Happening<M>,
+/// What is planned and when it happens. What happens at one time happens in the order of planning.
+///
+/// The heap holds places only: what is planned is large, and a heap moves what it holds.
+pub(super) struct Plan<M: StateMachine> {
+    heap: BinaryHeap<Reverse<(Time, u64, usize)>>,
+    places: Vec<Option<Happening<M>>>,
+    free: Vec<usize>,
+    /// When which request counts as unanswered. They all wait equally long, so the first asked is the first to end.
+    timeouts: VecDeque<(Time, u64, Life, Ticket)>,
+    sequence: u64,
 }
 
-impl<M: StateMachine> PartialEq for Scheduled<M> {
-    fn eq(&self, other: &Self) -> bool {
-        self.sequence == other.sequence
+impl<M: StateMachine> Plan<M> {
+    fn new() -> Self {
+        let (heap, places, free) = (BinaryHeap::new(), Vec::new(), Vec::new());
+        Self { heap, places, free, timeouts: VecDeque::new(), sequence: 0 }
     }
-}
-impl<M: StateMachine> Eq for Scheduled<M> {}
-impl<M: StateMachine> PartialOrd for Scheduled<M> {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
+
+    fn len(&self) -> usize {
+        self.heap.len() + self.timeouts.len()
     }
-}
-impl<M: StateMachine> Ord for Scheduled<M> {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.at, self.sequence).cmp(&(other.at, other.sequence))
+
+    fn push(&mut self, at: Time, what: Happening<M>) {
+        self.sequence += 1;
+        let place = self.free.pop().unwrap_or_else(|| {
+            self.places.push(None);
+            self.places.len() - 1
+        });
+        self.places[place] = Some(what);
+        self.heap.push(Reverse((at, self.sequence, place)));
+    }
+
+    fn push_timeout(&mut self, now: Time, of: Life, ticket: Ticket) {
+        self.sequence += 1;
+        self.timeouts.push_back((now + STORE_TIMEOUT, self.sequence, of, ticket));
+    }
+
+    /// Whether a timeout comes next, and when the next thing comes.
+    fn next(&self) -> Option<(bool, Time)> {
+        let planned = self.heap.peek().map(|Reverse((at, sequence, _))| (*at, *sequence));
+        let timeout = self.timeouts.front().map(|(at, sequence, ..)| (*at, *sequence));
+        match (planned, timeout) {
+            (Some(planned), Some(timeout)) => Some((timeout < planned, planned.min(timeout).0)),
+            (planned, timeout) => planned.or(timeout).map(|(at, _)| (planned.is_none(), at)),
+        }
+    }
+
+    fn pop(&mut self) -> Option<(Time, Happening<M>)> {
+        let (is_timeout, at) = self.next()?;
+        if is_timeout {
+            let (_, _, to, ticket) = self.timeouts.pop_front()?;
+            return Some((at, Happening::FromStore { to, ticket, reply: StoreReply::Unavailable }));
+        }
+        let Reverse((_, _, place)) = self.heap.pop()?;
+        self.free.push(place);
+        self.places[place].take().map(|what| (at, what))
     }
 }
 
-/// An open request to the store and when its asker gives up on it.
-pub(super) type OpenRequest = (AgentId, u64, Ticket);
+/// An open request to the store: of which life, and its ticket.
+pub(super) type OpenRequest = (u64, Ticket);
 
 /// Reports of an agent's watches.
 pub(super) type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
@@ -140,20 +175,20 @@ pub(super) type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::V
 /// All but the machines: what the bus of a simulation is made of.
 pub(super) struct Network<M: StateMachine> {
     pub(super) now: Time,
-    pub(super) sequence: u64,
-    pub(super) plan: BinaryHeap<Reverse<Scheduled<M>>>,
+    pub(super) plan: Plan<M>,
     pub(super) random: Random,
     pub(super) faults: Faults,
     pub(super) store: MemoryStore<M::Value, AgentId>,
     pub(super) queues: Queues<M::Content>,
     pub(super) blobs: BTreeMap<BlobId, Blob>,
-    /// The life of each agent; `None` while it is dead.
-    pub(super) lives: BTreeMap<AgentId, Option<u64>>,
+    /// The life of each agent; `None` while it is dead. A hash map, as `reports` and `open` are: never gone through in an
+    /// order that shows.
+    pub(super) lives: HashMap<AgentId, Option<u64>>,
     /// Agents on the far side of the cut; the store is on the near one.
     pub(super) cut_off: BTreeSet<AgentId>,
     /// Reports of watches on their way to each agent: a cut holds them back, none is lost, none overtakes another.
-    pub(super) reports: BTreeMap<AgentId, Reports<M>>,
-    pub(super) open: BTreeSet<OpenRequest>,
+    pub(super) reports: HashMap<AgentId, Reports<M>>,
+    pub(super) open: HashSet<OpenRequest>,
     pub(super) presence_watchers: BTreeSet<AgentId>,
     pub(super) seen_present: BTreeSet<AgentId>,
     pub(super) trace: Option<Vec<String>>,
@@ -165,16 +200,15 @@ impl<M: StateMachine> Network<M> {
     pub(super) fn new(seed: u64, faults: Faults) -> Self {
         let mut network = Self {
             now: Time::ZERO,
-            sequence: 0,
-            plan: BinaryHeap::new(),
+            plan: Plan::new(),
             random: Random::new(seed),
             store: MemoryStore::default(),
             queues: Queues::default(),
             blobs: BTreeMap::new(),
-            lives: BTreeMap::new(),
+            lives: HashMap::new(),
             cut_off: BTreeSet::new(),
-            reports: BTreeMap::new(),
-            open: BTreeSet::new(),
+            reports: HashMap::new(),
+            open: HashSet::new(),
             presence_watchers: BTreeSet::new(),
             seen_present: BTreeSet::new(),
             trace: None,
@@ -194,25 +228,25 @@ impl<M: StateMachine> Network<M> {
 
     /// Takes the next thing that happens, if it does until `end`; it is then the present.
     pub(super) fn next(&mut self, end: Time) -> Option<Happening<M>> {
-        self.plan.peek().filter(|Reverse(next)| next.at <= end)?;
-        let Reverse(next) = self.plan.pop()?;
-        self.now = next.at;
-        Some(next.what)
+        self.next_time().filter(|at| *at <= end)?;
+        let (now, what) = self.plan.pop()?;
+        self.now = now;
+        Some(what)
     }
 
     /// When the next thing happens.
     pub(super) fn next_time(&self) -> Option<Time> {
-        self.plan.peek().map(|Reverse(next)| next.at)
+        self.plan.next().map(|(_, at)| at)
     }
 
     /// An agent is dead: what was meant for it is lost.
     pub(super) fn bury(&mut self, id: &AgentId, how: &str) {
         self.note(|| format!("{id} {how}"));
-        self.lives.insert(id.clone(), None);
+        let number = self.lives.insert(id.clone(), None).flatten();
         self.store.forget(id);
         self.queues.forget(id);
         self.presence_watchers.remove(id);
-        self.open.retain(|(agent, _, _)| agent != id);
+        self.open.retain(|(life, _)| Some(*life) != number);
         self.reports.remove(id);
         self.plan(PRESENCE_TIMEOUT, Happening::Silent(id.clone()));
     }
@@ -222,8 +256,7 @@ impl<M: StateMachine> Network<M> {
     }
 
     pub(super) fn plan_at(&mut self, at: Time, what: Happening<M>) {
-        self.sequence += 1;
-        self.plan.push(Reverse(Scheduled { at, sequence: self.sequence, what }));
+        self.plan.push(at, what);
     }
 
     pub(super) fn faulty(&self) -> bool {
@@ -367,8 +400,8 @@ where
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
         let Some(from) = self.life(from) else { return };
         if !matches!(request, StoreRequest::Watch { .. }) {
-            self.open.insert((from.agent.clone(), from.number, ticket));
-            self.plan(STORE_TIMEOUT, Happening::FromStore { to: from.clone(), ticket, reply: StoreReply::Unavailable });
+            self.open.insert((from.number, ticket));
+            self.plan.push_timeout(self.now, from.clone(), ticket);
         }
         let loss = self.faults.loss;
         if matches!(request, StoreRequest::Watch { .. }) || !self.chance(loss) {

@@ -12,7 +12,8 @@ use bottega_image::Rect;
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
 use crate::{
-    Choice, FarmContent, FarmMessage, ImportanceMap, JobReport, JobSettings, Observer, Partition, Progress, ZoneRow,
+    Choice, FarmContent, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Observer, Partition, Progress,
+    ZoneRow,
 };
 
 /// An engine and an observer in one: it passes on all that it sees, and writes it down.
@@ -58,6 +59,10 @@ impl Recorder {
     pub fn record(&self, scene: &str, settings: &JobSettings, report: &JobReport) -> Result<Record, RecordError> {
         if report.stopped || !report.failed.is_empty() {
             let problem = "was stopped, or zones of it failed: only a whole one can be recorded".to_owned();
+            return Err(RecordError::Value { field: "run".to_owned(), problem });
+        }
+        if settings.goal != Goal::Samples {
+            let problem = "had another goal than samples: how it goes on depends on what is painted".to_owned();
             return Err(RecordError::Value { field: "run".to_owned(), problem });
         }
         let log = self.log();
@@ -111,7 +116,7 @@ impl Log {
         let of_zone = |task: &&Task| task.rect == painted || painted.encloses(&task.rect) && middle_within(&task.rect);
         let (mut profiling, mut painting) = (Duration::ZERO, Duration::ZERO);
         for task in self.tasks.iter().filter(of_zone) {
-            let of_profiling = task.first_sample == 0 && task.samples <= choice.profile_samples(&crate::Goal::Samples);
+            let of_profiling = task.first_sample == 0 && task.samples <= choice.profile_samples(&Goal::Samples);
             *(if of_profiling { &mut profiling } else { &mut painting }) += task.busy;
         }
         let ZoneRow { rect, complexity, neighbor_difference, .. } = *row;
