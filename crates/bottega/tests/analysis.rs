@@ -37,10 +37,13 @@ fn rendered(folder: &Path, name: &str, more: &[&str]) -> Picture {
 }
 
 /// What `bottega diff --seams` says: z and p.
-fn seams(folder: &Path, name: &str) -> (f64, f64) {
+fn seams(folder: &Path, name: &str, reference: Option<&str>) -> (f64, f64) {
     let (picture, index) = (folder.join(name), folder.join("index.json"));
-    let told = succeed(&["diff", text(&picture), "--seams", text(&index), "--json"]);
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let reference = reference.map(|name| folder.join(name));
+    let mut arguments = vec!["diff", text(&picture)];
+    arguments.extend(reference.as_deref().map(text));
+    arguments.extend(["--seams", text(&index), "--json"]);
+    let told: Value = serde_json::from_str(&succeed(&arguments)).expect("JSON");
     (told["seams"]["z"].as_f64().expect("z"), told["seams"]["p"].as_f64().expect("p"))
 }
 
@@ -76,7 +79,7 @@ fn zones_of_equal_quality_have_no_seams_and_those_that_are_put_in_are_found() {
     let folder = tempfile::tempdir().expect("a folder");
     let zones = zones(&analyzed("goblets.glb", folder.path(), &[]), 3);
     let mut picture = rendered(folder.path(), "off.exr", &["--spp", "32"]);
-    let (z, p) = seams(folder.path(), "off.exr");
+    let (z, p) = seams(folder.path(), "off.exr", None);
     assert!(p > 0.01, "z = {z}, p = {p}");
 
     for (rect, _) in zones.iter().step_by(2) {
@@ -86,7 +89,8 @@ fn zones_of_equal_quality_have_no_seams_and_those_that_are_put_in_are_found() {
     }
     let path = folder.path().join("seams.exr");
     write_picture_exr(&path, &picture, &Default::default(), ExrOptions::default()).expect("it is written");
-    let (z, p) = seams(folder.path(), "seams.exr");
+    // A tenth is less than the noise of a pixel; beside a picture of the same samples it is plain.
+    let (z, p) = seams(folder.path(), "seams.exr", Some("off.exr"));
     assert!(p < 1e-3, "z = {z}, p = {p}");
 }
 
@@ -96,21 +100,26 @@ fn bands_between_zones_of_different_quality_are_not_seen() {
     const NEAR: u32 = 4;
     let folder = tempfile::tempdir().expect("a folder");
     let zones = zones(&analyzed("goblets.glb", folder.path(), &[]), 3);
-    let off = rendered(folder.path(), "off.exr", &["--spp", "64"]);
-    let optimized = rendered(folder.path(), "n.exr", &["--spp", "64", "--optimize", "n"]);
-    let error = flip(&off, &optimized, &FlipOptions::default()).expect("equal sizes");
-    let (mut near, mut inside) = (Vec::new(), Vec::new());
-    for (rect, _) in &zones {
-        for (x, y) in rect.pixels() {
-            let depth = (x - rect.x0).min(rect.x1 - 1 - x).min(y - rect.y0).min(rect.y1 - 1 - y);
-            let part = if depth < NEAR { &mut near } else { &mut inside };
-            part.push(f64::from(error.map[(y * off.width + x) as usize]));
+    let off = rendered(folder.path(), "off.exr", &["--spp", "32"]);
+    let other = rendered(folder.path(), "other.exr", &["--spp", "32", "--seed", "1"]);
+    let optimized = rendered(folder.path(), "n.exr", &["--spp", "32", "--optimize", "n"]);
+    // Mean FLIP of the pixels near edges.
+    let near = |picture: &Picture| {
+        let error = flip(&off, picture, &FlipOptions::default()).expect("equal sizes");
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (rect, _) in &zones {
+            let depth = |x: u32, y: u32| (x - rect.x0).min(rect.x1 - 1 - x).min(y - rect.y0).min(rect.y1 - 1 - y);
+            for (x, y) in rect.pixels().filter(|&(x, y)| depth(x, y) < NEAR) {
+                sum += f64::from(error.map[(y * off.width + x) as usize]);
+                count += 1.0;
+            }
         }
-    }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let (near, inside) = (mean(&near), mean(&inside));
-    assert!(near < 0.05, "FLIP near edges {near:.4}, inside {inside:.4}");
-    assert!(near < 1.2 * inside, "FLIP near edges {near:.4}, inside {inside:.4}");
-    let (z, p) = seams(folder.path(), "n.exr");
+        sum / count
+    };
+    // What is less than another seed makes cannot be told from noise.
+    let (of_quality, of_noise) = (near(&optimized), near(&other));
+    assert!(of_quality < 0.75 * of_noise, "FLIP near edges {of_quality:.4}, of another seed {of_noise:.4}");
+    // Beside a picture of the same samples a step of a tenth between zones would have z above 8.
+    let (z, p) = seams(folder.path(), "n.exr", Some("off.exr"));
     assert!(p > 1e-3, "z = {z}, p = {p}");
 }
