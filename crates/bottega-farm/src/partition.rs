@@ -147,6 +147,13 @@ impl Partition {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
+    /// The expected time of the longest zone over the mean of all: 1 is perfect balance. At the third level it is at most 1.1
+    /// unless the longest zone is too small to be cut, or its costs lie in too few pixels. 1 of no zones.
+    pub fn imbalance(&self, map: &ImportanceMap) -> f64 {
+        let longest = self.zones.iter().map(|zone| map.complexity(zone)).fold(0.0, f64::max);
+        if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
+    }
+
     /// How each zone differs from its neighbours.
     pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.density(zone)).collect();
@@ -354,6 +361,55 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A map of as many cells as pixels, by recursion levels.
+    fn map_of(frame: Rect, levels: impl Fn(u32, u32) -> f32) -> ImportanceMap {
+        let pixel = |(x, y)| SurveyPixel { recursion_levels: levels(x, y), ..SurveyPixel::default() };
+        let survey =
+            Survey { width: frame.width(), height: frame.height(), pixels: frame.pixels().map(pixel).collect() };
+        ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap()
+    }
+
+    #[test]
+    fn one_hot_pixel_makes_one_zone_too_long_and_no_other() {
+        let frame = Rect::of_size(256, 256);
+        // As much as an eighth of all else: of 64 zones seven would have to share one pixel.
+        let map = map_of(frame, |x, y| if (x, y) == (77, 200) { 8191.0 } else { 0.0 });
+        let partition = Partition::new(&map, frame, &settings(Level::Balanced, 8, 64));
+        let wanted = map.complexity(&frame) / 64.0;
+        let (hot, others): (Vec<&Rect>, Vec<&Rect>) = partition.zones().iter().partition(|zone| zone.contains(77, 200));
+        assert!(hot[0].width() < 16 && hot[0].height() < 16, "it is cut as small as may be: {}", hot[0]);
+        let over = map.complexity(hot[0]) / wanted;
+        assert!((7.0..7.3).contains(&over), "{over} times the time wanted, of which the pixel alone takes 7.1");
+        let longest = others.iter().map(|zone| map.complexity(zone) / wanted).fold(0.0, f64::max);
+        assert!(longest <= 1.1, "{longest}");
+        assert!((partition.imbalance(&map) - over * partition.zones().len() as f64 / 64.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_frame_one_pixel_wide_is_balanced_along_its_length() {
+        let (upright, lying) = (Rect::of_size(1, 4000), Rect::of_size(4000, 1));
+        for frame in [upright, lying] {
+            let map = map_of(frame, |x, y| ((x + y) / 500) as f32);
+            let partition = Partition::new(&map, frame, &settings(Level::Balanced, 8, 40));
+            let wanted = map.complexity(&frame) / 40.0;
+            for zone in partition.zones() {
+                let off = map.complexity(zone) / wanted - 1.0;
+                assert!(off.abs() <= 0.1, "{zone}: {off:+.3}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_the_minimum_size_binds_zones_are_as_small_as_it_allows() {
+        let frame = Rect::of_size(64, 64);
+        let map = map_of(frame, |x, _| if x < 32 { 0.0 } else { 8.0 });
+        let partition = Partition::new(&map, frame, &settings(Level::Balanced, 16, 256));
+        // At most 16 fit. None could be cut again, so the longest takes more than a tenth over the mean; of 16 equal squares
+        // the costly ones would take 1.8 times the mean.
+        assert!(partition.zones().iter().all(|zone| zone.width() < 32 && zone.height() < 32));
+        assert!((1.1..=1.8).contains(&partition.imbalance(&map)), "{}", partition.imbalance(&map));
     }
 
     #[test]

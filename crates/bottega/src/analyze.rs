@@ -38,7 +38,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
 
     fs::create_dir_all(&args.output).map_err(|source| CliError::Write { path: args.output.clone(), source })?;
     let files = draw::all(&args.output, &subject, &analyses, &chosen)?;
-    let verified = if args.verify { Some(verify::run(args, &subject, function)?) } else { None };
+    let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
     let report = report(args, &subject, &analyses, &files, verified.as_ref());
     write_json(&args.output.join("index.json"), &report)?;
     if args.scene.json {
@@ -70,7 +70,7 @@ struct Analyzed {
 
 impl Analyzed {
     fn new(args: &AnalyzeArgs, subject: Subject) -> Result<Self, CliError> {
-        let threads = if args.verify && args.scene.threads.is_none() { 1 } else { threads(&args.scene) };
+        let threads = if !args.verify.is_empty() && args.scene.threads.is_none() { 1 } else { threads(&args.scene) };
         let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
         let settings = PathSettings {
             max_depth,
@@ -119,7 +119,10 @@ fn report(
     verified: Option<&Vec<verify::Verified>>,
 ) -> Value {
     let function = args.scene.importance_function();
-    let levels = analyses.iter().zip(1..).map(|(analysis, level)| json!({"level": level, "zones": zones(analysis)}));
+    let levels = analyses.iter().zip(1..).map(|(analysis, level)| {
+        let imbalance = analysis.partition.imbalance(&analysis.map);
+        json!({"level": level, "longest_over_mean": imbalance, "zones": zones(analysis)})
+    });
     let mut report = json!({
         "version": 1,
         "scene": shown(&args.scene.file.scene),

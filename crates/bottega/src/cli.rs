@@ -125,7 +125,7 @@ pub(crate) struct SceneArgs {
     #[arg(long, value_enum, default_value_t = ImportanceArg::Predicted, help_heading = "Work")]
     pub(crate) importance: ImportanceArg,
     /// What the measure knows of a place; default: everything. What is left out counts everywhere as its mean, and tells
-    /// no places apart. For `predicted`: steps,path,shadow,material; for `visual`: recursion,depth,indirect,texture,noise,
+    /// no places apart. For `predicted`: steps,shadow,material; for `visual`: recursion,depth,indirect,texture,noise,
     /// saliency.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_channel, help_heading = "Work")]
     pub(crate) channels: Option<Vec<Channel>>,
@@ -250,10 +250,13 @@ pub(crate) struct AnalyzeArgs {
     /// index.json, which says what is what.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
-    /// Paint every zone of each level twice, and tell how well its time was predicted: by the map alone, and after
-    /// profiling. One processor does it, unless --threads says otherwise.
-    #[arg(long, help_heading = "Work")]
-    pub(crate) verify: bool,
+    /// Paint every zone of these levels, again and again, and tell how well its time was predicted: by the map alone, and
+    /// after profiling. One processor does it, unless --threads says otherwise.
+    #[arg(long, value_name = "LEVELS", num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=3), help_heading = "Work")]
+    pub(crate) verify: Vec<u8>,
+    /// How often --verify paints a zone; of its times the shortest counts, because what disturbs only adds.
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "verify", value_parser = clap::value_parser!(u8).range(2..=100), help_heading = "Work")]
+    pub(crate) repeat: u8,
     /// Samples a pixel of --verify.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
     pub(crate) spp: u32,

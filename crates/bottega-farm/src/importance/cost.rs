@@ -17,16 +17,13 @@ struct Term {
     weight: f32,
 }
 
-/// What every sample takes, wherever it goes: its random numbers, its camera ray and its place in the sums.
-const SAMPLE: f32 = 100.0;
-
-/// The terms, fitted by least squares: `docs/decisions.md` has the fit, and how well it predicts scenes that were left out.
-const TERMS: [Term; 5] = [
-    Term { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 10.0 },
-    Term { channel: Channel::Path, count: |pixel| pixel.path_length, weight: 100.0 },
-    Term { channel: Channel::Shadow, count: |pixel| pixel.shadow_rays, weight: 20.0 },
-    Term { channel: Channel::Material, count: |pixel| pixel.layered, weight: 50.0 },
-    Term { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 30.0 },
+/// The terms, fitted by least squares: `docs/decisions.md` has the fit, and how well it predicts scenes that were left out. What
+/// the fit found to be worth nothing beside these (a sample as such, a vertex beside its rays) is not here.
+const TERMS: [Term; 4] = [
+    Term { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },
+    Term { channel: Channel::Shadow, count: |pixel| pixel.shadow_rays, weight: 476.0 },
+    Term { channel: Channel::Material, count: |pixel| pixel.layered, weight: 151.0 },
+    Term { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
 ];
 
 /// The predicted time of a sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
@@ -42,6 +39,6 @@ pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
             let count = if channels.contains(term.channel) { sane((term.count)(pixel)) } else { *mean };
             term.weight * count
         };
-        SAMPLE + TERMS.iter().zip(&means).map(counted).sum::<f32>()
+        TERMS.iter().zip(&means).map(counted).sum::<f32>()
     })
 }

@@ -10,36 +10,51 @@ use serde_json::{Value, json};
 use super::{Analyzed, LEVELS, plot};
 use crate::{cli::AnalyzeArgs, clock::processor_seconds, error::CliError, scene::shown};
 
-/// How often every zone is painted: twice tells how much of the difference is the clock's.
-const TURNS: usize = 2;
-
 /// A zone, what was predicted for it, and what it took.
 pub(super) struct Zone {
     rect: Rect,
     /// By the map, in average pixels.
     pub(super) complexity: f64,
-    /// By turn: seconds of the samples that profiling takes, and of the rest.
-    seconds: [(f64, f64); TURNS],
+    /// The shortest times among the even turns, and among the odd ones.
+    seconds: [Seconds; 2],
     /// The rest of the samples over those of profiling.
     left_over_taken: f64,
 }
 
+/// Processor time of a zone, in seconds.
+#[derive(Clone, Copy)]
+struct Seconds {
+    /// Of the samples that profiling takes.
+    profile: f64,
+    /// Of the rest.
+    rest: f64,
+}
+
+impl Seconds {
+    const UNKNOWN: Self = Self { profile: f64::INFINITY, rest: f64::INFINITY };
+
+    fn shorter(self, other: Self) -> Self {
+        Self { profile: self.profile.min(other.profile), rest: self.rest.min(other.rest) }
+    }
+}
+
 impl Zone {
-    /// Mean over the turns of the time of all samples.
+    /// The shortest time of all samples.
     pub(super) fn measured(&self) -> f64 {
-        self.seconds.iter().map(|(profile, rest)| profile + rest).sum::<f64>() / TURNS as f64
+        let Seconds { profile, rest } = self.seconds[0].shorter(self.seconds[1]);
+        profile + rest
     }
 
-    /// What profiling in the first turn says of the time of all samples.
+    /// What profiling in the even turns says of the time of all samples.
     pub(super) fn profiled(&self) -> f64 {
-        self.seconds[0].0 * (1.0 + self.left_over_taken)
+        self.seconds[0].profile * (1.0 + self.left_over_taken)
     }
 }
 
 /// The zones of one level by one function, all painted.
 pub(super) struct Verified {
     function: ImportanceFunction,
-    pub(super) level: usize,
+    pub(super) level: u8,
     pub(super) zones: Vec<Zone>,
     /// What the survey saw in each, per path.
     seen: Vec<SurveyPixel>,
@@ -55,15 +70,15 @@ impl Verified {
         Prediction::of(&self.all(|zone| zone.complexity), &self.all(Zone::measured))
     }
 
-    /// By profiling in the first turn, against the rest of the samples in the second: nothing of the time that was measured
+    /// By profiling in the even turns, against the rest of the samples in the odd ones: nothing of the time that was measured
     /// is in the prediction.
     fn by_profiling(&self) -> Option<Prediction> {
-        Prediction::of(&self.all(|zone| zone.seconds[0].0), &self.all(|zone| zone.seconds[1].1))
+        Prediction::of(&self.all(|zone| zone.seconds[0].profile), &self.all(|zone| zone.seconds[1].rest))
     }
 
-    /// The rest of the samples in one turn against the same in the other: no prediction can do better.
+    /// The rest of the samples in the even turns against the same in the odd ones: no prediction can do better.
     fn repeated(&self) -> Option<Prediction> {
-        Prediction::of(&self.all(|zone| zone.seconds[0].1), &self.all(|zone| zone.seconds[1].1))
+        Prediction::of(&self.all(|zone| zone.seconds[0].rest), &self.all(|zone| zone.seconds[1].rest))
     }
 
     /// By how much the measured time of zones differs from their mean: standard deviation over mean.
@@ -81,8 +96,8 @@ impl Verified {
             json!({
                 "rect": [zone.rect.x0, zone.rect.y0, zone.rect.x1, zone.rect.y1],
                 "complexity": zone.complexity,
-                "profile_seconds": zone.seconds.map(|(profile, _)| profile),
-                "rest_seconds": zone.seconds.map(|(_, rest)| rest),
+                "profile_seconds": zone.seconds.map(|seconds| seconds.profile),
+                "rest_seconds": zone.seconds.map(|seconds| seconds.rest),
                 "left_over_taken": zone.left_over_taken,
                 "per_path": {
                     "steps": seen.steps,
@@ -106,7 +121,7 @@ impl Verified {
     }
 }
 
-/// Verifies the function asked for, and the paper's beside it, on levels 1 to 3; draws a diagram of each function.
+/// Verifies the function asked for, and the paper's beside it, on the levels asked for; draws a diagram of each function.
 pub(super) fn run(
     args: &AnalyzeArgs,
     subject: &Analyzed,
@@ -119,11 +134,11 @@ pub(super) fn run(
     let mut functions = vec![function];
     functions.extend((function != ImportanceFunction::Paper).then_some(ImportanceFunction::Paper));
     for &function in &functions {
-        for (level, number) in LEVELS.into_iter().zip(1..) {
+        for (level, number) in LEVELS.into_iter().zip(1..).filter(|(_, number)| args.verify.contains(number)) {
             if !args.scene.json {
                 eprintln!("measuring {function}, level {number}");
             }
-            verified.push(measure(subject, function, level, number)?);
+            verified.push(measure(args, subject, function, (level, number))?);
         }
     }
     for function in functions {
@@ -136,10 +151,10 @@ pub(super) fn run(
 }
 
 fn measure(
+    args: &AnalyzeArgs,
     subject: &Analyzed,
     function: ImportanceFunction,
-    level: Level,
-    number: usize,
+    (level, number): (Level, u8),
 ) -> Result<Verified, CliError> {
     let analysis = subject.analyze(function, level)?;
     let samples = subject.settings.samples;
@@ -150,15 +165,16 @@ fn measure(
         .map(|row| Zone {
             rect: row.rect,
             complexity: row.complexity,
-            seconds: [(0.0, 0.0); TURNS],
+            seconds: [Seconds::UNKNOWN; 2],
             left_over_taken: f64::from(samples - profile) / f64::from(profile),
         })
         .collect();
-    for turn in 0..TURNS {
+    for turn in 0..usize::from(args.repeat) {
         for zone in &mut zones {
-            let (tile, first) = paint(subject, zone.rect, 0..profile, None)?;
+            let (tile, profile_seconds) = paint(subject, zone.rect, 0..profile, None)?;
             let (_, rest) = paint(subject, zone.rect, profile..samples, Some(tile))?;
-            zone.seconds[turn] = (first, rest);
+            let seconds = &mut zone.seconds[turn % 2];
+            *seconds = seconds.shorter(Seconds { profile: profile_seconds, rest });
         }
     }
     let seen = zones.iter().map(|zone| seen_in(subject, zone.rect)).collect();

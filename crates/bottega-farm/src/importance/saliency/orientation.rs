@@ -38,17 +38,24 @@ impl Orientations {
     pub(super) fn strength(&self, plane: &Plane, orientation: usize) -> Plane {
         let Pair { even, odd } = &self.0[orientation];
         let (width, height) = plane.size();
-        let mut strength = Plane::zero((width, height));
-        for y in 0..i64::from(height) {
-            for x in 0..i64::from(width) {
-                let (mut a, mut b) = (0.0, 0.0);
-                for (i, (even, odd)) in even.iter().zip(odd).enumerate() {
-                    let value = plane.at(x + (i % SIDE) as i64 - REACH, y + (i / SIDE) as i64 - REACH);
-                    a += even * value;
-                    b += odd * value;
+        // With a rim as wide as a filter reaches, so that rows are slices.
+        let side = i64::from(width) + 2 * REACH;
+        let rows = (-REACH..i64::from(height) + REACH).flat_map(|y| (0..side).map(move |x| (x - REACH, y)));
+        let rimmed: Vec<f32> = rows.map(|(x, y)| plane.at(x, y)).collect();
+        let (width, side) = (width as usize, side as usize);
+        let mut strength = Plane::zero(plane.size());
+        let (mut a, mut b) = (vec![0.0; width], vec![0.0; width]);
+        for (y, answer) in strength.values.chunks_exact_mut(width).enumerate() {
+            a.fill(0.0);
+            b.fill(0.0);
+            for (i, (even, odd)) in even.iter().zip(odd).enumerate() {
+                let values = &rimmed[(y + i / SIDE) * side + i % SIDE..][..width];
+                for ((a, b), value) in a.iter_mut().zip(&mut b).zip(values) {
+                    *a += even * value;
+                    *b += odd * value;
                 }
-                strength.values[(y * i64::from(width) + x) as usize] = (a * a + b * b).sqrt();
             }
+            answer.iter_mut().zip(&a).zip(&b).for_each(|((answer, a), b)| *answer = (a * a + b * b).sqrt());
         }
         strength
     }
