@@ -27,21 +27,6 @@ pub struct FclError {
     pub kind: FclErrorKind,
 }
 
-/// Something that is allowed and most likely not meant.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Warning {
-    /// Where.
-    pub at: Position,
-    /// What.
-    pub message: String,
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.at, self.message)
-    }
-}
-
 /// Kinds of mistakes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FclErrorKind {
@@ -143,18 +128,8 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
 
 /// The word nearest to `found`, if it is near enough to be meant.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    /// Longer words are not compared: nobody mistypes them, and the cost is quadratic.
-    const LENGTH_MAX: usize = 64;
-    if found.len() > LENGTH_MAX {
-        return None;
-    }
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
-    words
-        .into_iter()
-        .filter(|word| word.len() <= LENGTH_MAX)
-        .filter(near)
-        .min_by_key(|word| distance(found, word))
-        .map(str::to_owned)
+    words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)
 }
 
 /// How many letters must be put in, left out, exchanged or swapped with a neighbor, without case.
