@@ -28,6 +28,7 @@ mod master;
 mod partition;
 mod render_agent;
 mod settings;
+mod technique;
 mod vocabulary;
 mod wire;
 
@@ -50,5 +51,6 @@ pub use master::{Master, MasterConfig, Timing};
 pub use partition::{Level, Partition, PartitionSettings, UnknownLevel};
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Optimization, UnknownOptimization, WorkSettings};
+pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
 pub use wire::{WireError, digest};

@@ -6,6 +6,8 @@ use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
+use crate::rules::RulesArgs;
+
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
 #[command(
@@ -28,6 +30,8 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
+    /// Check, evaluate and draw expert rules.
+    Rules(RulesArgs),
     /// Measure this machine and this program.
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.
@@ -144,7 +148,8 @@ pub(crate) struct RenderArgs {
     /// Let the agents' expert rules trade quality for time, zone by zone.
     #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
     pub(crate) optimize: OptimizeArg,
-    /// The expert rules, as FCL text; default: the built-in ones. Give it several times and agents carry them in turn.
+    /// The expert rules, as FCL text; default: path-tracing, which comes with the program. Give it several times and
+    /// agents carry them in turn.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     pub(crate) rules: Vec<PathBuf>,
     /// How light is followed.

@@ -12,6 +12,7 @@ mod keeping;
 mod preview;
 mod render;
 mod reporter;
+mod rules;
 mod scene;
 
 use std::{io, process::ExitCode};
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Command::Analyze(args) => analyze::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Rules(args) => rules::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Completions { shell } => {

@@ -11,6 +11,24 @@ pub struct Position {
     pub column: usize,
 }
 
+impl Position {
+    /// Where the word, number or mark at this place stands in its text, in bytes. A place behind the text has none.
+    pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
+        let line_start = match self.line.checked_sub(2) {
+            Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
+            None => 0,
+        };
+        let line = &text[line_start..];
+        let column = line.char_indices().nth(self.column.saturating_sub(1)).map_or(line.len(), |(at, _)| at);
+        let rest = &line[column..];
+        let of_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.');
+        let length = rest.find(|c| !of_word(c)).unwrap_or(rest.len());
+        let length = if length == 0 { rest.chars().next().map_or(0, char::len_utf8) } else { length };
+        let start = line_start + column;
+        start..start + length
+    }
+}
+
 impl fmt::Display for Position {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "line {}, column {}", self.line, self.column)
@@ -154,6 +172,14 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_place_is_found_again_in_its_text() {
+        let text = "é x\n  TERM a.5 := €;\n";
+        let found = |line, column| &text[Position { line, column }.range_in(text)];
+        assert_eq!([found(1, 1), found(1, 3), found(2, 3), found(2, 8)], ["é", "x", "TERM", "a.5"]);
+        assert_eq!([found(2, 12), found(2, 15), found(2, 99), found(3, 1), found(9, 9)], [":", "€", "", "", ""]);
+    }
 
     #[test]
     fn a_mistyped_word_finds_its_neighbor_and_a_foreign_one_does_not() {

@@ -20,6 +20,14 @@ pub struct Document {
     pub(crate) places: Vec<Places>,
 }
 
+impl Document {
+    /// Where an input of a block is declared, by the number of the block and the input's name without case.
+    pub fn input_position(&self, block: usize, name: &str) -> Option<Position> {
+        let index = self.blocks.get(block)?.input_index(name)?;
+        Some(self.places[block].inputs[index].at)
+    }
+}
+
 /// Reads a text with any number of function blocks.
 ///
 /// # Errors
