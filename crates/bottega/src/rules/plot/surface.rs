@@ -111,7 +111,7 @@ impl Surface {
     fn draw_scale<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
         let (low, high) = if self.range.0 <= self.range.1 { padded(self.range) } else { return Ok(()) };
         let mut chart = ChartBuilder::on(area)
-            .margin_top(50)
+            .margin_top(38)
             .margin_bottom(64)
             .margin_right(10)
             .right_y_label_area_size(70)

@@ -110,13 +110,21 @@ impl Panel {
             .draw()?;
         for (i, (name, corners)) in self.terms.iter().enumerate() {
             let color = TERM_COLORS[i % TERM_COLORS.len()];
-            chart.draw_series(LineSeries::new(corners.iter().copied(), color.stroke_width(2)))?;
+            chart.draw_series(LineSeries::new(raised(corners).iter().copied(), color.stroke_width(2)))?;
             let style = (FONT_NAME, TEXT).into_font().color(&color).pos(Pos::new(HPos::Center, VPos::Bottom));
             let (x, y) = top(corners);
             chart.draw_series([Text::new(name.clone(), (x, y + 0.03), style)])?;
         }
         Ok(())
     }
+}
+
+/// The part of a line that is not flat on the axis: others lie there, too.
+fn raised(corners: &[(f64, f64)]) -> &[(f64, f64)] {
+    let is_up = |corner: &(f64, f64)| corner.1 > 0.0;
+    let first = corners.iter().position(is_up).unwrap_or(corners.len()).saturating_sub(1);
+    let last = corners.iter().rposition(is_up).map_or(first, |last| (last + 2).min(corners.len()));
+    &corners[first..last]
 }
 
 /// The middle of where a line is highest.
@@ -137,5 +145,11 @@ mod tests {
         assert_eq!(corners(&term, (0.0, 4.0)), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (3.0, 0.5), (4.0, 0.5)]);
         assert_eq!(corners(&term, (1.0, 2.0)), [(1.0, 0.0), (1.0, 1.0), (2.0, 0.75)]);
         assert_eq!(corners(&Membership::Singleton(2.0), (0.0, 4.0)), [(2.0, 0.0), (2.0, 1.0)]);
+        assert_eq!(raised(&corners(&term, (0.0, 4.0))), &corners(&term, (0.0, 4.0))[1..]);
+        assert_eq!(
+            raised(&[(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 0.0), (4.0, 0.0)]),
+            [(1.0, 0.0), (2.0, 1.0), (3.0, 0.0)]
+        );
+        assert_eq!(raised(&[(0.0, 0.0), (1.0, 0.0)]), []);
     }
 }
