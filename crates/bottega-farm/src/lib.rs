@@ -31,6 +31,7 @@ mod prediction;
 mod render_agent;
 mod settings;
 pub mod simulate;
+mod technique;
 mod vocabulary;
 mod wire;
 
@@ -55,5 +56,6 @@ pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, Unk
 pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
+pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
 pub use wire::{WireError, digest};

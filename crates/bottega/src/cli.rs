@@ -7,7 +7,7 @@ use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
-use crate::{bench::MagarroArgs, simulate::args::SimulateArgs};
+use crate::{bench::MagarroArgs, rules::RulesArgs, simulate::args::SimulateArgs};
 
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
@@ -33,6 +33,8 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
     Simulate(Box<SimulateArgs>),
+    /// Check, evaluate and draw expert rules.
+    Rules(RulesArgs),
     /// Measure this machine and this program.
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.
@@ -175,7 +177,8 @@ pub(crate) struct RenderArgs {
     /// Let the agents' expert rules trade quality for time, zone by zone.
     #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
     pub(crate) optimize: OptimizeArg,
-    /// The expert rules, as FCL text; default: the built-in ones. Give it several times and agents carry them in turn.
+    /// The expert rules, as FCL text; default: path-tracing, which comes with the program. Give it several times and
+    /// agents carry them in turn.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     pub(crate) rules: Vec<PathBuf>,
     /// How light is followed.

@@ -1,12 +1,6 @@
 //! `bottega render`: a scene in, a picture out.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::ExitCode,
-    sync::Arc,
-    time::Instant,
-};
+use std::{fs, path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
@@ -26,6 +20,7 @@ use crate::{
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
+    rules::experts,
     scene::{Subject, agents, shown, threads},
     simulate::{recorded, write_record},
 };
@@ -51,12 +46,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
-    let experts = experts(&args.rules)?;
+    let (experts, notes) = experts(&args.rules)?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Arc::new(reporter(args, dashboard.clone())?);
     let subject = Subject::load(&args.scene)?;
-    for warning in &subject.warnings {
-        reporter.warn(warning.to_string());
+    for warning in notes.into_iter().chain(subject.warnings.iter().map(ToString::to_string)) {
+        reporter.warn(warning);
     }
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
@@ -131,20 +126,6 @@ fn show(
     reporter.show(&show, subject.loaded);
     engine.watch(move |tile| show.painted(tile));
     Ok(())
-}
-
-/// The rules of the agents.
-pub(crate) fn experts(paths: &[PathBuf]) -> Result<Vec<Expert>, CliError> {
-    if paths.is_empty() {
-        return Ok(vec![Expert::path_tracing()]);
-    }
-    paths
-        .iter()
-        .map(|path| {
-            let text = fs::read_to_string(path).map_err(|source| CliError::Read { path: path.clone(), source })?;
-            Expert::parse(&text).map_err(|source| CliError::Rules { path: path.clone(), source })
-        })
-        .collect()
 }
 
 fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, CliError> {
