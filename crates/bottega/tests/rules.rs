@@ -33,8 +33,8 @@ fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
 /// The program must end with `code` and tell all of `words`.
 fn fails(arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(arguments);
-    // Long lines are broken by the width of the terminal, with a border.
-    let told = told(&output).replace(['│', '\n'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
+    // Long lines are broken, with a border.
+    let told = told(&output).replace(['│', '|', '\n'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
     for word in words {
         assert!(told.contains(word), "{arguments:?} does not tell {word:?}: {told}");
@@ -58,7 +58,7 @@ fn mistakes_are_shown_in_the_text_and_warnings_fail_only_where_asked() {
     let wrong = file(folder.path(), "wrong.fcl", FAN.replace("speed IS fast", "speed IS fsat"));
     let doubtful = file(folder.path(), "doubtful.fcl", FAN.replace("IS fast;", "IS fast WITH 0;"));
     let misspelt = file(folder.path(), "misspelt.fcl", FAN.replace("DEFUZZIFY speed", "DEFUZZIFI speed"));
-    let (line, column) = ("line 9, column 57", "did you mean `fast`?");
+    let (line, column) = ("line 9, column 60", "did you mean `fast`?");
     fails(&["rules", "check", &wrong], 1, &["wrong.fcl", line, column, "RULE 2 : IF heat IS hot"]);
     fails(&["rules", "check", &misspelt], 1, &["line 6, column 1", "did you mean `DEFUZZIFY`?"]);
     assert!(succeed(&["rules", "check", &good]).contains("2 rules"));
@@ -71,7 +71,7 @@ fn mistakes_are_shown_in_the_text_and_warnings_fail_only_where_asked() {
     let said = String::from_utf8(output.stdout).expect("text");
     let lines: Vec<Value> = said.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     assert_eq!(lines[0]["errors"][0]["line"], 9);
-    assert_eq!(lines[0]["errors"][0]["column"], 57);
+    assert_eq!(lines[0]["errors"][0]["column"], 60);
     assert_eq!(lines[1]["warnings"][0]["code"], "dead-rule");
     assert_eq!(lines[1]["blocks"][0]["rules"], 2);
     assert!(lines[2]["errors"][0]["message"].as_str().expect("text").contains("missing.fcl"));
@@ -92,7 +92,7 @@ fn what_is_no_text_of_rules_is_told_by_name() {
     let empty = file(folder.path(), "empty.fcl", "// nothing\n");
     let stranger = file(folder.path(), "stranger.fcl", FAN);
     let outputs = FAN.replace("heat", "complexity").replace("noise", "size");
-    let no_output = file(folder.path(), "no-output.fcl", outputs);
+    let no_output = file(folder.path(), "nothing.fcl", outputs);
     let name = folder_itself.rsplit('/').next().expect("a name");
     let render = |rules: &str, words: &[&str]| {
         let arguments =
@@ -102,7 +102,7 @@ fn what_is_no_text_of_rules_is_told_by_name() {
     for (rules, words) in [
         ("missing.fcl", &["missing.fcl", "No such file"][..]),
         (folder_itself, &[name, "it is a folder"]),
-        (&binary, &["binary.fcl", "UTF-8"]),
+        (&binary, &["binary.fcl", "it is no text"]),
         (&long, &["long.fcl", "longer than 1048576 bytes"]),
         (&wrong, &["wrong.fcl", "line 3, column 14", "expected `:`, found `REAL`", "complexity REAL;"]),
     ] {
@@ -112,7 +112,7 @@ fn what_is_no_text_of_rules_is_told_by_name() {
     }
     render(&empty, &["empty.fcl", "expected one function block, found 0"]);
     render(&stranger, &["stranger.fcl", "line 2, column 11", "an input `heat`", "complexity, neighbor_difference"]);
-    render(&no_output, &["no-output.fcl", "but speed", "recursion_level"]);
+    render(&no_output, &["nothing.fcl", "but speed", "recursion_level"]);
     assert!(!picture.exists());
 }
 
@@ -120,7 +120,7 @@ fn what_is_no_text_of_rules_is_told_by_name() {
 fn rules_that_are_doubtful_or_say_too_much_are_used_with_a_note() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.png");
-    let rules = bottega_farm_rules("path-tracing.fcl");
+    let rules = own_rules("path-tracing.fcl");
     let dead =
         file(folder.path(), "dead.fcl", rules.replacen("recursion_level IS VB;", "recursion_level IS VB WITH 0;", 1));
     let arguments = |rules| {
@@ -147,7 +147,7 @@ fn rules_that_are_doubtful_or_say_too_much_are_used_with_a_note() {
     assert!(told(&output).contains("rule 1 says nothing: its weight is 0"), "{}", told(&output));
 }
 
-fn bottega_farm_rules(name: &str) -> String {
+fn own_rules(name: &str) -> String {
     fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rules").join(name)).expect("rules")
 }
 
