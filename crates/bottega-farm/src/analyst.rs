@@ -112,7 +112,7 @@ impl Analyst {
             Ok(Analysis { map, partition, work, rows }) => {
                 actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition }));
                 self.work = Some(work);
-                let rows = rows.into_iter().map(FarmValue::Zone);
+                let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row)));
                 self.unwritten = rows.enumerate().map(|(i, row)| (Ticket(i as u64 + 1), row)).collect();
                 self.write(actions);
             }
@@ -139,7 +139,7 @@ impl Analyst {
             return;
         }
         if let Some(work) = self.work.take() {
-            self.unwritten.insert(Ticket(0), FarmValue::Work(work));
+            self.unwritten.insert(Ticket(0), FarmValue::Work(Arc::new(work)));
             return self.write(actions);
         }
         // Workflow, step 3: the Master is notified. It watches the blackboard too, so this may be lost.

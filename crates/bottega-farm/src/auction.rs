@@ -23,6 +23,9 @@ const PIECE_TIME_MIN: f64 = 0.1;
 /// good with the rest (the factoring of Hummel, Schonberg and Flynn 1992).
 const SHARE_OF_REST: f64 = 0.5;
 
+/// Zones too large for all bidders that are set against all other agents in one round, at most.
+const LEFT_MAX: usize = 4;
+
 /// How a zone's winner is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AuctionRule {
@@ -221,7 +224,7 @@ impl<'a> ByTime<'a> {
         if let Some(place) = self.open.iter().position(in_time) {
             return Some(Gets::All(place));
         }
-        (0..self.open.len()).find(|&place| self.nobody_sooner(index, place)).map(Gets::All)
+        (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(Gets::All)
     }
 
     /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
@@ -275,7 +278,7 @@ mod tests {
             waiting.insert(rule, offer);
         }
         let open = waiting.time_estimated().as_secs_f64();
-        let offers = waiting.offer(1);
+        let offers = waiting.offer(1, 16);
         let mut field = Field::default();
         let bidder = |(i, &(own, load, credit)): (usize, &(f64, f64, f64))| {
             let agent = AgentId::new(format!("a{i}"));

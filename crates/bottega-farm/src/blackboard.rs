@@ -3,7 +3,7 @@
 //! Source: MAGarRO, section 3.4, "Blackboard service": IdWork, IdZone, Size, Complexity, T_est, T_real, Agent. Beside
 //! them stands what recovery needs. All times are in reference-machine time.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use bottega_agents::{AgentId, Entry, Key, Revision, StoreRequest, bus::BlobId};
 use bottega_image::Rect;
@@ -339,10 +339,10 @@ pub struct AgentRow {
 /// Any row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmValue {
-    /// Of a zone.
-    Zone(ZoneRow),
+    /// Of a zone. Shared, for a million of them may be on the blackboard, and each is seen by several.
+    Zone(Arc<ZoneRow>),
     /// Of a work.
-    Work(WorkRow),
+    Work(Arc<WorkRow>),
     /// Of an agent.
     Agent(AgentRow),
 }
@@ -370,8 +370,8 @@ pub fn agent_key(work: WorkId, agent: &AgentId) -> Key {
 /// What one reader has seen of the rows of a work.
 #[derive(Clone, Debug, Default)]
 pub struct Blackboard {
-    work: Option<WorkRow>,
-    zones: BTreeMap<ZoneId, (Revision, ZoneRow)>,
+    work: Option<Arc<WorkRow>>,
+    zones: BTreeMap<ZoneId, (Revision, Arc<ZoneRow>)>,
     /// How many of them are the Analyst's.
     root_count: usize,
     agents: BTreeMap<AgentId, AgentRow>,
@@ -380,7 +380,7 @@ pub struct Blackboard {
 impl Blackboard {
     /// Takes in a row as it is, unless a later one is known. Returns the row before where a zone's row is new or has
     /// changed: `Some(None)` for a new one.
-    pub fn see(&mut self, entry: Entry<FarmValue>) -> Option<Option<ZoneRow>> {
+    pub fn see(&mut self, entry: Entry<FarmValue>) -> Option<Option<Arc<ZoneRow>>> {
         match entry.value {
             FarmValue::Zone(row) => {
                 if self.zones.get(&row.zone).is_some_and(|(seen, _)| *seen >= entry.revision) {
@@ -403,7 +403,7 @@ impl Blackboard {
     }
 
     /// The row of the work, once the Analyst has finished.
-    pub fn work(&self) -> Option<&WorkRow> {
+    pub fn work(&self) -> Option<&Arc<WorkRow>> {
         self.work.as_ref()
     }
 
@@ -414,6 +414,11 @@ impl Blackboard {
 
     /// A zone with the revision of its row.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
+        self.zones.get(&zone).map(|(revision, row)| (*revision, &**row))
+    }
+
+    /// A zone as it is shared, with the revision of its row.
+    pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(&zone).map(|(revision, row)| (*revision, row))
     }
 
@@ -424,7 +429,7 @@ impl Blackboard {
 
     /// All zones in the order of their ids.
     pub fn zones(&self) -> impl Iterator<Item = &ZoneRow> {
-        self.zones.values().map(|(_, row)| row)
+        self.zones.values().map(|(_, row)| &**row)
     }
 
     /// All agents in the order of their names.
@@ -433,7 +438,7 @@ impl Blackboard {
     }
 
     /// The request to write a zone's row only if it is still what was seen.
-    pub fn compare_and_set(&self, row: ZoneRow) -> StoreRequest<FarmValue> {
+    pub fn compare_and_set(&self, row: Arc<ZoneRow>) -> StoreRequest<FarmValue> {
         let expected_revision = self.zones.get(&row.zone).map_or(Revision::ABSENT, |(revision, _)| *revision);
         let key = zone_key(row.work, row.zone);
         StoreRequest::CompareAndSet { key, expected_revision, value: FarmValue::Zone(row) }
@@ -450,7 +455,7 @@ mod tests {
 
     fn entry(revision: u64, row: ZoneRow) -> Entry<FarmValue> {
         let key = zone_key(row.work, row.zone);
-        Entry { key, revision: Revision(revision), value: FarmValue::Zone(row) }
+        Entry { key, revision: Revision(revision), value: FarmValue::Zone(Arc::new(row)) }
     }
 
     #[test]
@@ -459,7 +464,9 @@ mod tests {
         assert_eq!(board.see(entry(5, ZoneRow { attempt: 1, ..row() })), Some(None));
         assert_eq!(board.see(entry(4, row())), None);
         assert_eq!(board.zone(ZoneId(2)).unwrap().1.attempt, 1);
-        let StoreRequest::CompareAndSet { expected_revision, .. } = board.compare_and_set(row()) else { panic!() };
+        let StoreRequest::CompareAndSet { expected_revision, .. } = board.compare_and_set(Arc::new(row())) else {
+            panic!()
+        };
         assert_eq!(expected_revision, Revision(5));
     }
 

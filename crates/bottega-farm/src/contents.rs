@@ -1,6 +1,6 @@
 //! What the agents of the farm say to each other: the ontology `bottega-farm`.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time};
 
@@ -45,9 +45,9 @@ pub struct Bid {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Order {
     /// What the zone is part of.
-    pub work: WorkRow,
+    pub work: Arc<WorkRow>,
     /// The zone as the blackboard has it.
-    pub row: ZoneRow,
+    pub row: Arc<ZoneRow>,
     /// The revision of that row: the fencing token that the result must carry.
     pub fence: Revision,
 }
@@ -106,13 +106,13 @@ pub enum FarmContent {
     /// *cancel*: the agent leaves the Master.
     Unsubscription,
     /// *inform*: there is a scene to paint.
-    Scene(WorkRow),
+    Scene(Arc<WorkRow>),
     /// *inform*: the Analyst has put the zones on the blackboard.
     Analyzed(WorkId),
     /// *request*: render the first samples of a zone.
     Profile(Order),
     /// *cfp*: these zones are to be had.
-    Offers(Vec<Offer>),
+    Offers(Arc<[Offer]>),
     /// *propose*: the agent has room for so many zones, and would finish each at such a time.
     Bids {
         /// Zones that it has room for.

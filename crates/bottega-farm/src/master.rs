@@ -17,6 +17,7 @@ mod tail;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
+    sync::Arc,
     time::Duration,
 };
 
@@ -80,7 +81,7 @@ pub struct MasterConfig {
 struct Write {
     ticket: Ticket,
     /// What the row shall be, and the revision that it must have before.
-    row: ZoneRow,
+    row: Arc<ZoneRow>,
     expected_revision: Revision,
     then: Then,
 }
@@ -122,6 +123,8 @@ pub struct Master {
     composition: Composition,
     /// Rounds under way, by conversation. Each has its own zones and its own bidders.
     rounds: BTreeMap<u64, Round>,
+    /// Whether a zone has come to wait for a winner since the agent that would have it soonest was looked for.
+    recalls: bool,
     /// Those of them in which all have answered.
     answered: Vec<u64>,
     /// Pieces that were cut off and have no row yet, with the zones that say so.
@@ -155,6 +158,7 @@ impl Master {
             roster,
             composition: Composition::default(),
             rounds: BTreeMap::new(),
+            recalls: false,
             answered: Vec::new(),
             owed: BTreeMap::new(),
             writes: BTreeMap::new(),
@@ -172,8 +176,8 @@ impl Master {
     /// Zones that were in hand are open again; what is done is done.
     pub fn recover(config: MasterConfig, work: WorkRow, rows: impl IntoIterator<Item = ZoneRow>) -> Self {
         let mut master = Self::new(config);
-        let rows = rows.into_iter().map(|row| FarmValue::Zone(row.resumed()));
-        for value in std::iter::once(FarmValue::Work(work)).chain(rows) {
+        let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row.resumed())));
+        for value in std::iter::once(FarmValue::Work(Arc::new(work))).chain(rows) {
             let ticket = Ticket(master.number());
             master.kept.insert(ticket, value);
         }
@@ -257,7 +261,7 @@ impl Master {
             }
         }
         let zone = match &entry.value {
-            FarmValue::Zone(row) => Some(row.clone()),
+            FarmValue::Zone(row) => Some(Arc::clone(row)),
             _ => None,
         };
         let rivals = zone.as_ref().and_then(|row| self.rivals(row));
@@ -272,9 +276,7 @@ impl Master {
         self.sent.remove(&row.zone);
         self.composition.see(&row);
         self.note_cut(&row);
-        if matches!(row.state, ZoneState::Open | ZoneState::Profiled) {
-            self.roster.ask_again();
-        }
+        self.recalls |= row.state == ZoneState::Profiled;
         let write = self.writes.get(&row.zone).filter(|write| revision > write.expected_revision).cloned();
         match write {
             Some(write) if write.row == row => {
@@ -297,7 +299,8 @@ impl Master {
     }
 
     /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
-    fn write(&mut self, now: Time, row: ZoneRow, then: Then, actions: &mut Vec<FarmAction>) {
+    fn write(&mut self, now: Time, row: impl Into<Arc<ZoneRow>>, then: Then, actions: &mut Vec<FarmAction>) {
+        let row = row.into();
         let expected_revision = self.board.zone(row.zone).map_or(Revision::ABSENT, |(revision, _)| revision);
         debug_assert!(!self.writes.contains_key(&row.zone));
         let ticket = Ticket(self.number());
@@ -463,7 +466,7 @@ impl Master {
     ) {
         let grace = self.config.timing.heartbeat;
         for zone in self.ledger.hands(agent) {
-            let Some((revision, row)) = self.board.zone(zone) else { continue };
+            let Some((revision, row)) = self.board.shared(zone) else { continue };
             let being_written = self.writes.contains_key(&zone);
             let on_its_way = self.sent.get(&zone).is_some_and(|&sent| now < sent + grace);
             let is_known = row.fence_of(agent, revision).is_none_or(|fence| known.contains(&(zone, fence)));
@@ -472,7 +475,7 @@ impl Master {
             }
             match &row.agent {
                 Some(other) if other == agent => {
-                    let (row, conversation) = (row.clone(), self.number());
+                    let (row, conversation) = (Arc::clone(row), self.number());
                     self.send_order(now, &row, revision, conversation, actions);
                 }
                 // Another has taken it over.
@@ -489,7 +492,7 @@ impl Master {
     fn send_order(
         &mut self,
         now: Time,
-        row: &ZoneRow,
+        row: &Arc<ZoneRow>,
         fence: Revision,
         conversation: u64,
         actions: &mut Vec<FarmAction>,

@@ -64,9 +64,9 @@ pub enum FarmEffect {
         fence: Revision,
     },
     /// Begin a new, empty film for this work: what was composed before is void.
-    BeginFilm(WorkRow),
+    BeginFilm(Arc<WorkRow>),
     /// A zone's row has changed: for those who watch, and for the journal.
-    ZoneChanged(ZoneRow),
+    ZoneChanged(Arc<ZoneRow>),
     /// Put a painted zone into the film; ends with [`FarmCompletion::Composed`].
     Compose {
         /// Which zone.

@@ -161,7 +161,7 @@ fn a_report_under_an_old_or_foreign_order_is_refused() {
     stage.tell("stranger", Performative::Inform, report(&order, painting(&order, 2)));
     assert_eq!((stage.last_word(), stage.state(order.row.zone)), (Performative::Disconfirm, ZoneState::Profiling));
     let mut nowhere = order.clone();
-    nowhere.row.zone = ZoneId(4_000_000);
+    std::sync::Arc::make_mut(&mut nowhere.row).zone = ZoneId(4_000_000);
     stage.tell("a", Performative::Inform, report(&nowhere, painting(&nowhere, 2)));
     assert_eq!(stage.last_word(), Performative::Disconfirm);
 }

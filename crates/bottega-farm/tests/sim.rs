@@ -110,7 +110,7 @@ impl World<FarmAgent> for Studio {
                 seen.composed.clear();
             }
             FarmEffect::Drop { .. } => {}
-            FarmEffect::ZoneChanged(row) => _ = seen.zones.insert(row.zone, row),
+            FarmEffect::ZoneChanged(row) => _ = seen.zones.insert(row.zone, (*row).clone()),
             FarmEffect::Compose { zone, result, .. } => {
                 assert!(seen.composed.insert(zone), "{zone} is composed twice");
                 let row = &seen.zones[&zone];

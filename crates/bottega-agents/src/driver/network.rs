@@ -365,7 +365,8 @@ where
 
     fn publish(&mut self, message: AclMessage<M::Content>) {
         self.message_count += message.receivers.len() as u64;
-        for to in message.receivers.clone() {
+        let mut message = message;
+        for to in std::mem::take(&mut message.receivers) {
             if self.plan.len() >= PLANNED_MAX {
                 self.note(|| {
                     format!("{} -> {to}  {} lost: too much is on its way", message.sender, message.performative)
@@ -380,7 +381,9 @@ where
             let copies = if self.chance(duplication) { 2 } else { 1 };
             for _ in 0..copies {
                 let after = self.latency();
-                self.plan(after, Happening::Message { to: to.clone(), message: message.clone() });
+                // Each receiver gets a copy of its own, addressed to it alone, as the intended receiver of an envelope is.
+                let message = AclMessage { receivers: vec![to.clone()], ..message.clone() };
+                self.plan(after, Happening::Message { to: to.clone(), message });
             }
         }
     }

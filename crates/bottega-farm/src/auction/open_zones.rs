@@ -4,10 +4,13 @@ use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
 
 use crate::{AuctionRule, Offer, ZoneId};
 
-/// Zones offered in one call for proposals at most: the largest, and some of the smallest for agents that are too slow
-/// for those.
-pub(crate) const OFFERS_MAX: usize = 32;
-const SMALL_OFFERS: usize = 8;
+/// Zones offered in one call for proposals: so many for each bidder, within these bounds. Most are the largest; some are
+/// the smallest, for agents that are too slow for those.
+const OFFERS_EACH: usize = 4;
+const OFFERS_MIN: usize = 8;
+const OFFERS_MAX: usize = 32;
+/// One of so many is small.
+const SMALL_OFFERS: usize = 4;
 
 /// How large a zone is; of equal ones the first by id counts as the largest.
 type Rank = (u64, Reverse<ZoneId>);
@@ -72,9 +75,13 @@ impl OpenZones {
 
     /// What to offer in one call, largest first: all, or the largest and some of the smallest. Until they are given back
     /// or taken away nobody else is offered these.
-    pub fn offer(&mut self, round: u64) -> Vec<Offer> {
-        let count = self.waiting.len();
-        let (large, small) = if count <= OFFERS_MAX { (count, 0) } else { (OFFERS_MAX - SMALL_OFFERS, SMALL_OFFERS) };
+    ///
+    /// - `round`: its number.
+    /// - `bidders`: how many are called.
+    pub fn offer(&mut self, round: u64, bidders: usize) -> Vec<Offer> {
+        let (count, most) = (self.waiting.len(), (OFFERS_EACH * bidders).clamp(OFFERS_MIN, OFFERS_MAX));
+        let small = if count <= most { 0 } else { most / SMALL_OFFERS };
+        let large = count.min(most) - small;
         let large = (0..large).map_while(|_| self.waiting.pop_last()).map(|(_, offer)| offer);
         let mut offers: Vec<Offer> = large.collect();
         let small: Vec<Offer> = (0..small).map_while(|_| self.waiting.pop_first()).map(|(_, offer)| offer).collect();
@@ -106,14 +113,14 @@ mod tests {
             open.insert(rule, Offer { zone: ZoneId(i), complexity: 1.0, time_estimated });
         }
         let time = open.time_estimated();
-        let offered = open.offer(1);
+        let offered = open.offer(1, 16);
         assert_eq!(offered.len(), OFFERS_MAX);
         assert_eq!((offered[0].zone, offered[OFFERS_MAX - 1].zone), (ZoneId(99), ZoneId(0)));
-        assert_eq!(open.offer(2)[0].zone, ZoneId(75));
+        assert_eq!(open.offer(2, 16)[0].zone, ZoneId(75));
         assert_eq!((open.len(), open.time_estimated()), (100, time));
         open.remove(rule, &offered[0]);
         offered.into_iter().for_each(|offer| open.give_back(rule, 1, offer));
         assert_eq!(open.len(), 99);
-        assert_eq!(open.offer(2)[0].zone, ZoneId(98));
+        assert_eq!(open.offer(2, 16)[0].zone, ZoneId(98));
     }
 }

@@ -16,6 +16,7 @@ impl Master {
             self.plan_pass(now, actions);
             self.give_out_profiles(now, actions);
             self.close_rounds(now, actions);
+            self.recall(now);
             while self.open_round(now, actions) {}
         }
         if self.begun {
@@ -62,9 +63,9 @@ impl Master {
         }
         let bidders = self.roster.bidders(BIDDERS_MAX);
         let conversation = self.number();
-        let offers = self.ledger.open.offer(conversation);
+        let offers = self.ledger.open.offer(conversation, bidders.len());
         let deadline = now + self.config.timing.bids;
-        let content = FarmContent::Offers(offers.clone());
+        let content = FarmContent::Offers(offers.as_slice().into());
         let cfp =
             message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, bidders.clone(), content);
         actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
@@ -129,14 +130,17 @@ impl Master {
         for agent in round.proposals.keys() {
             self.roster.release(agent);
         }
-        self.recall(now);
+        self.recalls = true;
     }
 
     /// The largest zone that nobody took waits for the agent that would have finished it soonest. That one may have been
     /// passed over when things were otherwise.
     fn recall(&mut self, now: Time) {
-        if self.config.auction == AuctionRule::Paper || self.roster.has_bidders() {
+        if !std::mem::take(&mut self.recalls) || self.roster.has_bidders() || !self.roster.has_passed_over() {
             return;
+        }
+        if self.config.auction == AuctionRule::Paper {
+            return self.roster.ask_again();
         }
         let Some(time) = self.ledger.open.largest_waiting() else { return };
         let soonest = self.roster.field().soonest(now.elapsed().as_secs_f64(), time.as_secs_f64(), |_| false);

@@ -274,6 +274,11 @@ impl Roster {
         self.free.iter().take(count_max).map(|(_, agent)| agent.clone()).collect()
     }
 
+    /// Whether anybody was passed over and not asked again since.
+    pub(super) fn has_passed_over(&self) -> bool {
+        !self.passed_over.is_empty()
+    }
+
     /// Whether anybody may bid.
     pub(super) fn has_bidders(&self) -> bool {
         !self.free.is_empty()

@@ -324,10 +324,10 @@ impl<'a> Play<'a> {
         match what {
             Happening::Analyzed => {
                 for row in &self.piece.rows {
-                    self.simulator.put(zone_key(row.work, row.zone), FarmValue::Zone(row.clone()));
+                    self.simulator.put(zone_key(row.work, row.zone), FarmValue::Zone(Arc::new(row.clone())));
                 }
                 let work = self.piece.work.clone();
-                self.simulator.put(work_key(work.work), FarmValue::Work(work));
+                self.simulator.put(work_key(work.work), FarmValue::Work(Arc::new(work)));
             }
             Happening::Joins(index) => {
                 let plan = self.plan;

@@ -258,7 +258,7 @@ impl World<FarmAgent> for Studio {
                 }
             }
             (FarmEffect::ZoneChanged(row), _) => {
-                self.film.rivals.extend(row.rival.map(|rival| (row.zone, rival.fence)));
+                self.film.rivals.extend(row.rival.as_ref().map(|rival| (row.zone, rival.fence)));
             }
             (FarmEffect::Analyzed { .. }, _)
             | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. }, None) => {}
