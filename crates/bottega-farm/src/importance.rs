@@ -158,7 +158,7 @@ impl ImportanceMap {
             ImportanceFunction::Visual(_) => importance.clone(),
         };
         let size = (survey.width, survey.height);
-        let cost = normalized(Sums::new(surveyed, size, cost), &frame);
+        let cost = normalized(&Sums::new(surveyed, size, cost), &frame);
         Ok(Self { cost, importance: Sums::new(surveyed, size, importance) })
     }
 
@@ -215,10 +215,10 @@ impl ImportanceMap {
 }
 
 /// Brings the mean over the frame to 1, and every cell to [`COST_FLOOR`] at least.
-fn normalized(cost: Sums, frame: &Rect) -> Sums {
+fn normalized(cost: &Sums, frame: &Rect) -> Sums {
     let mean = |cost: &Sums| cost.integral(frame) / frame.area() as f64;
     // The floor is set before the division: a cell may lie under it, their mean not.
-    let before = mean(&cost);
+    let before = mean(cost);
     let least = if before > 0.0 { before * COST_FLOOR } else { 1.0 };
     let raised = cost.map(|value| value.max(least as f32));
     let after = mean(&raised);

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
         eprintln!("warning: {warning}");
     }
     for (name, meaning) in &files {
-        println!("{:<22} {meaning}", name);
+        println!("{name:<22} {meaning}");
     }
     let counts: Vec<String> = analyses.iter().map(|analysis| analysis.rows.len().to_string()).collect();
     println!("{}: {} zones by level, meant for agents: {}", shown(&args.output), counts.join(", "), subject.agents);

@@ -27,7 +27,7 @@ pub(super) fn all(
 ) -> Result<Vec<(String, String)>, CliError> {
     let mut drawn = Drawn { folder, files: Vec::new() };
     let (columns, rows) = (subject.survey.width, subject.survey.height);
-    let gray = |values: &[f32]| enlarged(Canvas::gray_map(columns, rows, values));
+    let gray = |values: &[f32]| enlarged(&Canvas::gray_map(columns, rows, values));
     drawn.put("cost", &gray(&chosen.map.grey()), "the importance map: dark is simple, white is complex")?;
     let importance = chosen.map.importance();
     drawn.put("importance", &gray(importance), "how much an error would be seen, from 0 (black) to 1 (white)")?;
@@ -40,7 +40,7 @@ pub(super) fn all(
     }
 
     let color = |x: u32, y: u32| subject.survey.pixels[(y * columns + x) as usize].color;
-    let seen = enlarged(Canvas::of_picture(&Picture::from_fn(columns, rows, color), 0.0, ToneMap::Agx));
+    let seen = enlarged(&Canvas::of_picture(&Picture::from_fn(columns, rows, color), 0.0, ToneMap::Agx));
     let size = (seen.width, seen.height);
     for (analysis, level) in levels.iter().zip(1..) {
         let mut zones = seen.clone();
@@ -68,7 +68,7 @@ impl Drawn<'_> {
     }
 }
 
-fn enlarged(canvas: Canvas) -> Canvas {
+fn enlarged(canvas: &Canvas) -> Canvas {
     let side = canvas.width.max(canvas.height);
     canvas.enlarged((SHOWN_SIDE / side).max(1))
 }

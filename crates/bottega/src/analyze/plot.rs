@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::verify::Verified;
+use super::verify::{Verified, Zone};
 
 /// Side of one diagram, and the space around it, in pixels.
 const SIDE: f64 = 300.0;
@@ -28,9 +28,9 @@ pub(super) fn scatter(title: &str, levels: &[&Verified]) -> String {
 }
 
 fn diagram(svg: &mut String, left: f64, top: f64, level: &Verified) {
-    let measured: Vec<f64> = level.zones.iter().map(|zone| zone.measured()).collect();
+    let measured: Vec<f64> = level.zones.iter().map(Zone::measured).collect();
     let by_map = scaled(level.zones.iter().map(|zone| zone.complexity), &measured);
-    let by_profile = scaled(level.zones.iter().map(|zone| zone.profiled()), &measured);
+    let by_profile = scaled(level.zones.iter().map(Zone::profiled), &measured);
     let all = measured.iter().chain(&by_map).chain(&by_profile);
     let most = all.copied().fold(f64::MIN_POSITIVE, f64::max);
     let x = |value: f64| left + value / most * SIDE;
