@@ -9,7 +9,13 @@ mod paper;
 mod plot;
 mod tables;
 
-use std::{fs, path::PathBuf, process::ExitCode, sync::Arc, time::Duration};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::Arc,
+    time::Duration,
+};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
 use bottega_farm::{
@@ -31,7 +37,7 @@ pub(crate) fn run(args: &MagarroArgs) -> Result<ExitCode, CliError> {
     let bench = Bench::load(args)?;
     let report = bench.report(args)?;
     if let Some(folder) = &args.output {
-        bench.write(folder, &report)?;
+        Bench::write(folder, &report)?;
     }
     if args.json {
         println!("{}", tables::as_json(&report));
@@ -230,8 +236,8 @@ impl Bench {
         Ok((record, report.film.to_picture()))
     }
 
-    fn write(&self, folder: &PathBuf, report: &Report) -> Result<(), CliError> {
-        fs::create_dir_all(folder).map_err(|source| CliError::Write { path: folder.clone(), source })?;
+    fn write(folder: &Path, report: &Report) -> Result<(), CliError> {
+        fs::create_dir_all(folder).map_err(|source| CliError::Write { path: folder.to_owned(), source })?;
         let write = |name: &str, text: String| {
             let path = folder.join(name);
             fs::write(&path, text).map_err(|source| CliError::Write { path, source })
