@@ -1,7 +1,8 @@
-//! What a developer runs: `cargo xtask ci | test | leaks`.
+//! What a developer runs: `cargo xtask ci | test | leaks | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
+mod fuzzy_reference;
 mod layers;
 mod leaks;
 mod needs;
@@ -23,6 +24,12 @@ enum Command {
         #[arg(long, default_value_t = 1e9)]
         rays: f64,
     },
+    /// Evaluates rules by an independent fuzzy library, and keeps the numbers for the tests of bottega-fuzzy.
+    FuzzyReference {
+        /// A Python 3 that has pyfuzzylite.
+        #[arg(long, default_value = "python3")]
+        python: String,
+    },
 }
 
 fn main() -> Result<()> {
@@ -30,5 +37,6 @@ fn main() -> Result<()> {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
         Command::Leaks { rays } => leaks::leaks(rays),
+        Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),
     }
 }

@@ -129,7 +129,8 @@ impl RenderEngine for BuiltinEngine {
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let view = View { camera: self.shared.options.view.camera, width, height };
-        bottega_render::survey(&self.shared.scene, view, &self.hra.client())
+        let max_depth = self.shared.options.settings.max_depth;
+        bottega_render::survey(&self.shared.scene, view, max_depth, &self.hra.client())
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 

@@ -225,19 +225,25 @@ impl<'a> ByTime<'a> {
     }
 
     /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
+    /// All are measured alike, by what the Master knows of them: so of all agents one is the soonest.
     fn nobody_sooner(&mut self, index: usize, place: usize) -> bool {
-        let offer = self.open[place];
-        let Some(finish) = self.bidders[index].finish(&offer) else { return false };
-        let rivals = self.bidders.iter().enumerate().filter(|(other, _)| *other != index);
-        if rivals.filter_map(|(_, other)| other.finish(&offer)).any(|other| other < finish) {
+        let (offer, now, field) = (self.open[place], self.standing.now, self.standing.field);
+        let time = offer.time_estimated.as_secs_f64();
+        let finish = |bidder: &Candidate| field.finish(now, time, &bidder.bidder.agent) + bidder.won;
+        let own = &self.bidders[index];
+        if !own.finish.contains_key(&offer.zone) {
             return false;
         }
-        let (standing, bidders) = (self.standing, &self.bidders);
+        let bids = self.bidders.iter().filter(|bidder| bidder.finish.contains_key(&offer.zone));
+        if bids.map(finish).any(|other| other < finish(own)) {
+            return false;
+        }
+        let bidders = &self.bidders;
         let others = self.others.entry(offer.zone).or_insert_with(|| {
             let bids = |agent: &AgentId| bidders.iter().any(|it| it.bidder.agent == *agent);
-            standing.field.soonest(standing.now, offer.time_estimated.as_secs_f64(), bids)
+            field.soonest(now, time, bids).map_or(f64::INFINITY, |(finish, _)| finish)
         });
-        finish <= *others
+        finish(&self.bidders[index]) <= *others
     }
 }
 

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, time::Duration};
 use bottega_agents::{AgentId, Entry, Key, Revision, StoreRequest, bus::BlobId};
 use bottega_image::Rect;
 
-use crate::{Choice, RelativePower, WorkId, WorkSettings, ZoneId};
+use crate::{Choice, NeighborDifference, RelativePower, WorkId, WorkSettings, ZoneId};
 
 /// A zone is given up after so many agents have failed on it.
 pub const ATTEMPTS_MAX: u32 = 5;
@@ -25,7 +25,7 @@ pub struct ZoneRow {
     /// Complexity: predicted cost of all its pixels, in average pixels of the frame.
     pub complexity: f64,
     /// Neighbor Difference, in the same unit a pixel.
-    pub neighbor_difference: f64,
+    pub neighbor_difference: NeighborDifference,
     /// T_est: what painting it will take after profiling, found by profiling.
     pub time_estimated: Option<Duration>,
     /// T_real: what it took.
@@ -106,7 +106,13 @@ pub struct ResultRef {
 
 impl ZoneRow {
     /// A zone of which only the Analyst has spoken.
-    pub fn open(work: WorkId, zone: ZoneId, rect: Rect, complexity: f64, neighbor_difference: f64) -> Self {
+    pub fn open(
+        work: WorkId,
+        zone: ZoneId,
+        rect: Rect,
+        complexity: f64,
+        neighbor_difference: NeighborDifference,
+    ) -> Self {
         Self {
             work,
             zone,
@@ -139,7 +145,7 @@ impl ZoneRow {
 
     /// What is painted for it with this choice: its pixels and those of its band.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
-        self.piece.unwrap_or_else(|| self.rect.grown(choice.band, frame))
+        self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
     }
 
     /// The zone of the Analyst's that it is, or is a piece of.
@@ -298,7 +304,7 @@ impl InputRanges {
     pub fn of(rows: &[ZoneRow]) -> Self {
         Self {
             complexity: Interval::of(rows.iter().map(|row| row.complexity / row.size().max(1) as f64)),
-            neighbor_difference: Interval::of(rows.iter().map(|row| row.neighbor_difference)),
+            neighbor_difference: Interval::of(rows.iter().map(|row| row.neighbor_difference.mean)),
             size: Interval::of(rows.iter().map(|row| row.size() as f64)),
         }
     }
@@ -439,7 +445,7 @@ mod tests {
     use super::*;
 
     fn row() -> ZoneRow {
-        ZoneRow::open(WorkId(1), ZoneId(2), Rect::of_size(4, 4), 16.0, 0.0)
+        ZoneRow::open(WorkId(1), ZoneId(2), Rect::of_size(4, 4), 16.0, NeighborDifference::default())
     }
 
     fn entry(revision: u64, row: ZoneRow) -> Entry<FarmValue> {

@@ -5,7 +5,7 @@
 //! and one of band *b* that is the paper's linear mask over *a + b* pixels (MAGarRO, section 3.5); at corners and
 //! T-junctions it goes over from one edge to the other without a step.
 
-use bottega_image::Rect;
+use bottega_image::{Rect, Sides};
 
 use crate::{Partition, partition::ZoneIndex};
 
@@ -14,14 +14,14 @@ use crate::{Partition, partition::ZoneIndex};
 pub struct BandedZone {
     /// Its own pixels.
     pub rect: Rect,
-    /// Pixels beyond them on every side, as far as the frame reaches.
+    /// With its bands, as far as the frame reaches.
     pub grown: Rect,
 }
 
 impl BandedZone {
-    /// A zone with its band, in pixels.
-    pub fn new(rect: Rect, band: u32, frame: &Rect) -> Self {
-        Self { rect, grown: rect.grown(band, frame) }
+    /// A zone with its bands, in pixels.
+    pub fn new(rect: Rect, bands: Sides<u32>, frame: &Rect) -> Self {
+        Self { rect, grown: rect.grown_by(bands, frame) }
     }
 
     /// How deep the center of the pixel lies within what is painted, in pixels; edges of the frame do not count, for
@@ -43,11 +43,11 @@ impl BandedZone {
 
 /// The masks of all zones, by id.
 ///
-/// - `bands`: the width of the band around each zone, by id.
-pub fn masks(partition: &Partition, bands: &[u32]) -> Vec<Mask> {
+/// - `bands`: the widths of the bands beyond each zone's edges, by id.
+pub fn masks(partition: &Partition, bands: &[Sides<u32>]) -> Vec<Mask> {
     let (zones, frame) = (partition.zones(), partition.frame());
     assert_eq!(zones.len(), bands.len(), "one band for each zone");
-    let band_max = bands.iter().copied().max().unwrap_or(0);
+    let band_max = bands.iter().flat_map(|bands| bands.into_array()).max().unwrap_or(0);
     if band_max == 0 {
         return zones.iter().map(|&rect| Mask::without_band(rect, frame)).collect();
     }
@@ -75,7 +75,7 @@ pub struct Mask {
 impl Mask {
     /// The mask of a zone that has no band, among others that have none.
     pub fn without_band(rect: Rect, frame: Rect) -> Self {
-        Self { frame, zone: BandedZone::new(rect, 0, &frame), overlapping: Vec::new() }
+        Self { frame, zone: BandedZone::new(rect, Sides::all(0), &frame), overlapping: Vec::new() }
     }
 
     /// The mask of `zone` among `others`: all that may overlap it, in the order of their ids; `zone` is among them.
@@ -119,7 +119,7 @@ mod tests {
     fn across_a_straight_edge_the_mask_is_linear_over_both_bands() {
         let frame = Rect::of_size(40, 10);
         let partition = Partition::of_zones(frame, vec![Rect::new(0, 0, 20, 10), Rect::new(20, 0, 40, 10)]);
-        let [left, right] = &masks(&partition, &[4, 2])[..] else { panic!("two zones") };
+        let [left, right] = &masks(&partition, &[Sides::all(4), Sides::all(2)])[..] else { panic!("two zones") };
         for x in 0..40 {
             // The left one fades from 18 (2 pixels inside) to 24 (4 pixels outside).
             let expected = ((24.0 - (x as f32 + 0.5)) / 6.0).clamp(0.0, 1.0);
@@ -135,15 +135,16 @@ mod tests {
         #[test]
         fn weights_sum_to_one_everywhere_and_are_one_outside_bands(
             (width, height, count) in (1u32..60, 1u32..60, 1u32..12),
-            (bands, crop_x) in (prop::collection::vec(0u32..9, 64), 0u32..20),
+            (bands, crop_x) in (prop::collection::vec([0u32..9, 0..9, 0..9, 0..9], 64), 0u32..20),
         ) {
             let frame = Rect::new(crop_x, 3, crop_x + width, height + 3);
             let map = ImportanceMap::uniform(frame);
             let settings =
                 PartitionSettings { side_min: 3, zone_count: count, ..PartitionSettings::for_agents(Level::Balanced, 1, frame) };
             let partition = Partition::new(&map, frame, &settings);
-            let bands = &bands[..partition.zones().len()];
-            let masks = masks(&partition, bands);
+            let sides = |[left, top, right, bottom]: [u32; 4]| Sides { left, top, right, bottom };
+            let bands: Vec<Sides<u32>> = bands.into_iter().take(partition.zones().len()).map(sides).collect();
+            let masks = masks(&partition, &bands);
             for (x, y) in frame.pixels() {
                 let sum: f32 = masks.iter().map(|mask| mask.weight(x, y)).sum();
                 prop_assert!((sum - 1.0).abs() < 1e-5, "{} at {}, {}", sum, x, y);
@@ -151,7 +152,7 @@ mod tests {
                     let reached = partition
                         .iter()
                         .filter(|&(_, other)| other != zone)
-                        .any(|(id, other)| other.grown(bands[id.index()], &frame).contains(x, y));
+                        .any(|(id, other)| other.grown_by(bands[id.index()], &frame).contains(x, y));
                     if zone.contains(x, y) && !reached {
                         prop_assert_eq!(mask.weight(x, y).to_bits(), 1.0f32.to_bits());
                     }
@@ -166,7 +167,7 @@ mod tests {
             let settings =
                 PartitionSettings { side_min: 2, zone_count: count, ..PartitionSettings::for_agents(Level::Divided, 1, frame) };
             let partition = Partition::new(&map, frame, &settings);
-            let bands = vec![0; partition.zones().len()];
+            let bands = vec![Sides::all(0); partition.zones().len()];
             for ((_, zone), mask) in partition.iter().zip(masks(&partition, &bands)) {
                 for (x, y) in frame.pixels() {
                     prop_assert_eq!(mask.weight(x, y), if zone.contains(x, y) { 1.0 } else { 0.0 });

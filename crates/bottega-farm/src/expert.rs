@@ -7,8 +7,12 @@ use std::sync::Arc;
 
 use bottega_engines::{EngineDescription, Tunables};
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
+use bottega_image::Sides;
 
-use crate::{Choice, Goal, GoalRules, InputRanges, Interval, WorkRow, WorkSettings, ZoneRow};
+use crate::{
+    Choice, Goal, GoalRules, InputRanges, Interval, Technique, WorkRow, WorkSettings, ZoneRow,
+    technique::{INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
+};
 
 /// Complexity/size ratio.
 const COMPLEXITY: &str = "complexity";
@@ -19,12 +23,6 @@ const SIZE: &str = "size";
 /// Optimization Level, 1 (VS) to 5 (VB).
 const OPTIMIZATION_LEVEL: &str = "optimization_level";
 const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_LEVEL];
-/// Share of the user's depth.
-const RECURSION_LEVEL: &str = "recursion_level";
-/// Share of the user's samples.
-const LIGHT_SAMPLES: &str = "light_samples";
-/// Width of the band in pixels.
-const INTERPOLATION_BAND_SIZE: &str = "interpolation_band_size";
 /// No rule may ask for less than this share of what the user set, so that no picture becomes black.
 const SHARE_MIN: f64 = 0.05;
 /// No rule may ask for wider bands: their cost grows with them.
@@ -42,9 +40,17 @@ pub enum ExpertError {
         /// Its name.
         name: String,
     },
-    /// It decides nothing.
-    #[error("the rules have none of the outputs {RECURSION_LEVEL}, {LIGHT_SAMPLES}, {INTERPOLATION_BAND_SIZE}")]
-    NoOutput,
+    /// It decides nothing that the technique knows.
+    #[error(
+        "the rules decide nothing that means something in {}, but {}; it knows {}",
+        .technique.name(), .found.join(", "), .technique.outputs().iter().map(|one| one.name).collect::<Vec<_>>().join(", ")
+    )]
+    NoOutput {
+        /// The technique that they were meant for.
+        technique: Technique,
+        /// What they decide.
+        found: Vec<String>,
+    },
     /// The rules cannot be laid out over the scene.
     #[error("the rules cannot be laid out over the scene")]
     Layout(#[from] LayoutError),
@@ -57,6 +63,7 @@ pub enum ExpertError {
 #[derive(Clone, Debug)]
 pub struct Expert {
     rules: Arc<FunctionBlock>,
+    ignored: Arc<[String]>,
     has_max_depth: bool,
     has_light_samples: bool,
     goals: GoalRules,
@@ -68,23 +75,33 @@ impl Expert {
         Self::new(FunctionBlock::parse(text)?)
     }
 
-    /// The knowledge in a function block that has been read.
+    /// The knowledge in a function block that has been read, for path tracing. Outputs that mean nothing there are left
+    /// aside, see [`Self::ignored_outputs`].
+    ///
+    /// # Errors
+    /// An input that the farm does not know, or no output that it does.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
             return Err(ExpertError::UnknownInput { name: unknown.name.clone() });
         }
-        let outputs = [RECURSION_LEVEL, LIGHT_SAMPLES, INTERPOLATION_BAND_SIZE];
-        if outputs.iter().all(|name| rules.output_index(name).is_none()) {
-            return Err(ExpertError::NoOutput);
+        let technique = Technique::PathTracing;
+        let (known, ignored) = technique.sort_outputs(&rules);
+        if known.is_empty() {
+            return Err(ExpertError::NoOutput { technique, found: ignored });
         }
-        let goals = GoalRules::default();
-        Ok(Self { rules: Arc::new(rules), has_max_depth: true, has_light_samples: true, goals })
+        let (rules, ignored, goals) = (Arc::new(rules), ignored.into(), GoalRules::default());
+        Ok(Self { rules, ignored, has_max_depth: true, has_light_samples: true, goals })
+    }
+
+    /// The outputs of the rules that mean nothing in path tracing, by their names.
+    pub fn ignored_outputs(&self) -> &[String] {
+        &self.ignored
     }
 
     /// The rules for path tracing that come with the farm: the paper's two and 26 of our own.
     pub fn path_tracing() -> Self {
-        Self::parse(include_str!("../../../rules/path-tracing.fcl")).expect("the rules in the repository can be read")
+        Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
     }
 
     /// The same for an engine: what it has no knob for is left as it is, and not credited.
@@ -115,17 +132,26 @@ impl Expert {
             }
         }
         let size = zone.size() as f64;
-        let mut values = vec![
-            (COMPLEXITY, zone.complexity / size.max(1.0)),
-            (NEIGHBOR_DIFFERENCE, zone.neighbor_difference),
-            (SIZE, size),
-            (OPTIMIZATION_LEVEL, level),
-        ];
-        values.retain(|(name, _)| rules.input_index(name).is_some());
-        let outputs = rules.evaluate(&values)?;
+        let evaluate = |difference: f64| {
+            let mut values = vec![
+                (COMPLEXITY, zone.complexity / size.max(1.0)),
+                (NEIGHBOR_DIFFERENCE, difference),
+                (SIZE, size),
+                (OPTIMIZATION_LEVEL, level),
+            ];
+            values.retain(|(name, _)| rules.input_index(name).is_some());
+            rules.evaluate(&values)
+        };
+        let outputs = evaluate(zone.neighbor_difference.mean)?;
         let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
-        let band = outputs.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0).clamp(0.0, BAND_MAX).round() as u32;
-        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), band))
+        // Each edge has a band of its own, by how much the zones beyond it differ.
+        let band = |difference: f64| {
+            let band = evaluate(difference)?.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0);
+            Ok::<_, EvaluateError>(band.clamp(0.0, BAND_MAX).round() as u32)
+        };
+        let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
+        let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
+        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
     }
 
     /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
@@ -140,7 +166,7 @@ impl Expert {
     }
 
     /// - `light`: share of all light samples of a pixel: samples times light samples a vertex. Both take an equal part.
-    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, band: u32) -> Choice {
+    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
         let max_depth = if self.has_max_depth { part(max_depth, depth).max(max_depth.min(1)) } else { max_depth };
@@ -148,7 +174,7 @@ impl Expert {
         let fewer = fewer.max(light_samples.min(1));
         let left = if fewer > 0 { light * f64::from(light_samples) / f64::from(fewer) } else { light };
         let samples = part(settings.samples, left.min(1.0)).max(1);
-        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, band }
+        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, bands }
     }
 }
 
@@ -157,10 +183,16 @@ mod tests {
     use bottega_image::Rect;
 
     use super::*;
-    use crate::{Optimization, WorkId, ZoneId};
+    use crate::{NeighborDifference, Optimization, WorkId, ZoneId};
 
     fn zone(index: u32, complexity: f64, difference: f64) -> ZoneRow {
-        ZoneRow::open(WorkId(1), ZoneId(index), Rect::of_size(32, 32), complexity * 1024.0, difference)
+        ZoneRow::open(
+            WorkId(1),
+            ZoneId(index),
+            Rect::of_size(32, 32),
+            complexity * 1024.0,
+            NeighborDifference::all(difference),
+        )
     }
 
     fn work(optimization: Optimization, rows: &[ZoneRow]) -> WorkRow {
@@ -199,7 +231,7 @@ mod tests {
     fn the_band_is_wide_where_neighbors_differ() {
         let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
         let work = work(Optimization::Normal, &rows);
-        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).band);
+        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).bands.left);
         assert!(rim >= 12 && even <= 2, "{even} {rim}");
     }
 
@@ -227,5 +259,21 @@ mod tests {
             RULEBLOCK r RULE 1 : IF moon IS full THEN light_samples IS few; END_RULEBLOCK END_FUNCTION_BLOCK";
         assert!(matches!(Expert::parse(text), Err(ExpertError::UnknownInput { name }) if name == "moon"));
         assert!(matches!(Expert::parse("no rules"), Err(ExpertError::Fcl(_))));
+    }
+
+    #[test]
+    fn outputs_of_another_technique_are_left_aside_and_rules_without_any_of_ours_are_refused() {
+        let photons = Technique::PhotonMapping.rules();
+        let expert = Expert::parse(photons).unwrap();
+        assert_eq!(expert.ignored_outputs().len(), 5);
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let work = work(Optimization::VeryBig, &rows);
+        let choice = expert.decide(&work, &rows[1]);
+        assert!(choice.bands.left >= 12);
+        assert_eq!((choice.samples, choice.tunables), (256, work.settings.tunables));
+        let error = Expert::parse(&photons.replace(INTERPOLATION_BAND_SIZE, "width")).unwrap_err();
+        assert!(matches!(&error, ExpertError::NoOutput { found, .. } if found.len() == 6), "{error}");
+        assert!(error.to_string().contains("but photons, gather_count"), "{error}");
+        assert_eq!(Expert::path_tracing().ignored_outputs(), Vec::<String>::new());
     }
 }

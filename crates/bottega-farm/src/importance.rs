@@ -4,32 +4,65 @@
 //! section 3.3). Costs are relative: the mean over the frame is 1 a pixel, so the complexity of a zone reads as "so
 //! many average pixels".
 
+mod channel;
+mod cost;
+mod saliency;
+mod sums;
+mod visual;
+
 use std::{fmt, str::FromStr};
 
-use bottega_engines::{Survey, SurveyPixel};
+use bottega_engines::Survey;
 use bottega_image::Rect;
 
-/// Cost of shading one path vertex (material, light choice, random numbers), in traversal steps.
-const STEPS_PER_VERTEX: f32 = 12.0;
+pub use self::channel::{Channel, ChannelSet, UnknownChannel};
+use self::sums::Sums;
+
 /// The least cost of a cell, as a share of the frame's mean: what a sample costs that leaves the scene at once.
 const COST_FLOOR: f64 = 0.02;
-/// Weight of relative noise in visual importance; the rest is contrast.
-const NOISE_WEIGHT: f32 = 0.5;
-/// Luminance below which noise is not seen relative to it, as a share of the mean luminance.
-const DARK: f32 = 0.1;
 /// Survey cells that a map accepts.
 const CELLS_MAX: u64 = 1 << 26;
 
 /// What a cell of the survey is worth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImportanceFunction {
     /// Levels of recursion in mirror and transparent surfaces, and one for the first surface. Source: MAGarRO,
     /// section 3.3. (The paper does not say what a place without such surfaces is worth; some time it needs.)
     Paper,
-    /// Traversal steps plus 12 for every path vertex, smoothed over 3 × 3 cells: proportional to the time that a
-    /// sample takes in the built-in engine.
-    #[default]
-    PredictedCost,
+    /// The time that a sample takes, predicted from these channels: see `docs/decisions.md` for how well.
+    PredictedCost(ChannelSet),
+    /// How much an error would be seen, from these channels. Zones are then of equal importance to the eye, not of equal
+    /// time.
+    Visual(ChannelSet),
+}
+
+impl ImportanceFunction {
+    /// Names of all functions, as they are read and written.
+    const NAMES: [&str; 3] = ["paper", "predicted", "visual"];
+
+    /// The same function of other channels. The paper's has but one.
+    #[must_use]
+    pub fn of_channels(self, channels: ChannelSet) -> Self {
+        match self {
+            Self::Paper => Self::Paper,
+            Self::PredictedCost(_) => Self::PredictedCost(channels),
+            Self::Visual(_) => Self::Visual(channels),
+        }
+    }
+
+    /// The channels that are asked for. What the function makes no use of is among them, too.
+    pub fn channels(self) -> ChannelSet {
+        match self {
+            Self::Paper => ChannelSet::NONE.with(Channel::Recursion),
+            Self::PredictedCost(channels) | Self::Visual(channels) => channels,
+        }
+    }
+}
+
+impl Default for ImportanceFunction {
+    fn default() -> Self {
+        Self::PredictedCost(ChannelSet::ALL)
+    }
 }
 
 impl FromStr for ImportanceFunction {
@@ -38,7 +71,8 @@ impl FromStr for ImportanceFunction {
     fn from_str(name: &str) -> Result<Self, ImportanceError> {
         match name {
             "paper" => Ok(Self::Paper),
-            "cost" => Ok(Self::PredictedCost),
+            "predicted" => Ok(Self::PredictedCost(ChannelSet::ALL)),
+            "visual" => Ok(Self::Visual(ChannelSet::ALL)),
             _ => Err(ImportanceError::UnknownFunction { name: name.to_owned() }),
         }
     }
@@ -46,10 +80,12 @@ impl FromStr for ImportanceFunction {
 
 impl fmt::Display for ImportanceFunction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Paper => "paper",
-            Self::PredictedCost => "cost",
-        })
+        let index = match self {
+            Self::Paper => 0,
+            Self::PredictedCost(_) => 1,
+            Self::Visual(_) => 2,
+        };
+        f.write_str(Self::NAMES[index])
     }
 }
 
@@ -75,7 +111,7 @@ pub enum ImportanceError {
         surveyed: Rect,
     },
     /// No such function.
-    #[error("unknown importance function `{name}`: use `paper` or `cost`")]
+    #[error("unknown importance function `{name}`: there are {}", ImportanceFunction::NAMES.join(", "))]
     UnknownFunction {
         /// What was asked for.
         name: String,
@@ -85,15 +121,10 @@ pub enum ImportanceError {
 /// The importance map of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceMap {
-    surveyed: Rect,
-    width: u32,
-    height: u32,
-    /// `[width × height]`, mean over the frame 1, each at least [`COST_FLOOR`] of it.
-    cost: Vec<f32>,
-    /// `[width × height]`, 0..=1.
-    importance: Vec<f32>,
-    /// Summed areas of `cost`, `[(width + 1) × (height + 1)]`.
-    sums: Vec<f64>,
+    /// Predicted cost a pixel; mean over the frame 1, each at least [`COST_FLOOR`] of it.
+    cost: Sums,
+    /// Visual importance, 0..=1.
+    importance: Sums,
 }
 
 impl ImportanceMap {
@@ -117,72 +148,48 @@ impl ImportanceMap {
         if frame.is_empty() || !surveyed.encloses(&frame) {
             return Err(ImportanceError::OutsideSurvey { frame, surveyed });
         }
+        let importance = match function {
+            ImportanceFunction::Visual(channels) => visual::importance(survey, channels),
+            _ => visual::importance(survey, ChannelSet::ALL),
+        };
         let cost = match function {
-            ImportanceFunction::Paper => survey.pixels.iter().map(|pixel| 1.0 + sane(pixel.recursion_levels)).collect(),
-            ImportanceFunction::PredictedCost => {
-                smoothed(survey, |pixel| sane(pixel.steps) + STEPS_PER_VERTEX * sane(pixel.path_length))
-            }
+            ImportanceFunction::Paper => Channel::Recursion.values(survey).iter().map(|levels| 1.0 + levels).collect(),
+            ImportanceFunction::PredictedCost(channels) => cost::predicted(survey, channels),
+            ImportanceFunction::Visual(_) => importance.clone(),
         };
-        let mut map = Self {
-            surveyed,
-            width: survey.width,
-            height: survey.height,
-            cost,
-            importance: visual_importance(survey),
-            sums: Vec::new(),
-        };
-        map.normalize(&frame);
-        Ok(map)
+        let size = (survey.width, survey.height);
+        let cost = normalized(Sums::new(surveyed, size, cost), &frame);
+        Ok(Self { cost, importance: Sums::new(surveyed, size, importance) })
     }
 
     /// The map of a picture of which nothing is known: every pixel costs 1.
     pub fn uniform(frame: Rect) -> Self {
-        let mut map =
-            Self { surveyed: frame, width: 1, height: 1, cost: vec![1.0], importance: vec![0.5], sums: Vec::new() };
-        map.sums = summed(1, 1, &map.cost);
-        map
-    }
-
-    fn normalize(&mut self, frame: &Rect) {
-        self.sums = summed(self.width, self.height, &self.cost);
-        let mean = self.integral(frame) / frame.area() as f64;
-        // The floor is set before the division: a cell may lie under it, their mean not.
-        let least = if mean > 0.0 { mean * COST_FLOOR } else { 1.0 };
-        let mut total = 0.0;
-        for cost in &mut self.cost {
-            *cost = cost.max(least as f32);
-            total += f64::from(*cost);
-        }
-        debug_assert!(total > 0.0);
-        self.sums = summed(self.width, self.height, &self.cost);
-        let mean = self.integral(frame) / frame.area() as f64;
-        for cost in &mut self.cost {
-            *cost = (f64::from(*cost) / mean) as f32;
-        }
-        self.sums = summed(self.width, self.height, &self.cost);
+        let even = |value: f32| Sums::new(frame, (1, 1), vec![value]);
+        Self { cost: even(1.0), importance: even(0.5) }
     }
 
     /// Columns and rows of cells.
     pub fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
+        self.cost.size()
     }
 
     /// Predicted cost a pixel by cell, row-major; the mean over the frame is 1.
     pub fn cost(&self) -> &[f32] {
-        &self.cost
+        self.cost.values()
     }
 
-    /// Visual importance by cell, row-major, 0..=1: relative noise and contrast to the surroundings.
+    /// Visual importance by cell, row-major, 0..=1: how much an error would be seen.
     pub fn importance(&self) -> &[f32] {
-        &self.importance
+        self.importance.values()
     }
 
     /// The picture that a person looks at: cost by cell from 0 (least complex, dark) to 1 (most complex, white).
     pub fn grey(&self) -> Vec<f32> {
-        let least = self.cost.iter().copied().fold(f32::INFINITY, f32::min);
-        let most = self.cost.iter().copied().fold(0.0, f32::max);
+        let cost = self.cost();
+        let least = cost.iter().copied().fold(f32::INFINITY, f32::min);
+        let most = cost.iter().copied().fold(0.0, f32::max);
         let range = if most > least { most - least } else { 1.0 };
-        self.cost.iter().map(|cost| (cost - least) / range).collect()
+        cost.iter().map(|cost| (cost - least) / range).collect()
     }
 
     /// Predicted cost of all pixels of `rect`, in average pixels of the frame. Positive unless `rect` is empty.
@@ -192,7 +199,7 @@ impl ImportanceMap {
             return 0.0;
         }
         // Differences of large sums: what is lost in rounding may not make a cost vanish.
-        self.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
+        self.cost.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
     }
 
     /// Predicted cost a pixel of `rect`: the paper's complexity/size ratio.
@@ -200,102 +207,27 @@ impl ImportanceMap {
         if rect.is_empty() { 0.0 } else { self.complexity(rect) / rect.area() as f64 }
     }
 
-    /// Integral of cost over pixels.
-    fn integral(&self, rect: &Rect) -> f64 {
-        assert!(self.surveyed.encloses(rect), "{rect} is not in the surveyed picture {}", self.surveyed);
-        let pixels_per_cell = self.surveyed.area() as f64 / (f64::from(self.width) * f64::from(self.height));
-        let cells =
-            self.sum_before(rect.x1, rect.y1) - self.sum_before(rect.x0, rect.y1) - self.sum_before(rect.x1, rect.y0)
-                + self.sum_before(rect.x0, rect.y0);
-        cells * pixels_per_cell
-    }
-
-    /// Sum of all that lies above and left of a pixel's corner, in cells. The integral of a function that is constant
-    /// in each cell is bilinear in each cell, so interpolation is exact.
-    fn sum_before(&self, x: u32, y: u32) -> f64 {
-        let (column, u) = cell_of(x - self.surveyed.x0, self.surveyed.width(), self.width);
-        let (row, v) = cell_of(y - self.surveyed.y0, self.surveyed.height(), self.height);
-        let stride = self.width as usize + 1;
-        let at = |column: usize, row: usize| self.sums[row * stride + column];
-        let (next_column, next_row) = ((column + 1).min(self.width as usize), (row + 1).min(self.height as usize));
-        let above = at(column, row) * (1.0 - u) + at(next_column, row) * u;
-        let below = at(column, next_row) * (1.0 - u) + at(next_column, next_row) * u;
-        above * (1.0 - v) + below * v
+    /// Mean visual importance of the pixels of `rect`, 0..=1; 0 of none. Constant time. Panics when `rect` reaches out of
+    /// the surveyed picture.
+    pub fn importance_of(&self, rect: &Rect) -> f64 {
+        if rect.is_empty() { 0.0 } else { (self.importance.integral(rect) / rect.area() as f64).clamp(0.0, 1.0) }
     }
 }
 
-/// The cell in which a pixel's edge lies, and how far in it, 0..1.
-fn cell_of(offset: u32, pixels: u32, cells: u32) -> (usize, f64) {
-    // Exact in integers, so that an edge of a cell is never missed by rounding.
-    let scaled = u64::from(offset) * u64::from(cells);
-    let cell = scaled / u64::from(pixels);
-    (cell as usize, (scaled % u64::from(pixels)) as f64 / f64::from(pixels))
-}
-
-fn sane(value: f32) -> f32 {
-    if value.is_finite() && value > 0.0 { value.min(1e9) } else { 0.0 }
-}
-
-fn summed(width: u32, height: u32, values: &[f32]) -> Vec<f64> {
-    let (width, height) = (width as usize, height as usize);
-    let stride = width + 1;
-    let mut sums = vec![0.0; stride * (height + 1)];
-    for y in 0..height {
-        let mut row = 0.0;
-        for x in 0..width {
-            row += f64::from(values[y * width + x]);
-            sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
-        }
-    }
-    sums
-}
-
-/// A value of each cell, averaged with its neighbours by the weights 1 2 1 in both directions: a survey of few samples
-/// a cell is noisy, and costs of neighbouring pixels are alike.
-fn smoothed(survey: &Survey, value: impl Fn(&SurveyPixel) -> f32) -> Vec<f32> {
-    let (width, height) = (survey.width as usize, survey.height as usize);
-    let values: Vec<f32> = survey.pixels.iter().map(value).collect();
-    let blurred_x: Vec<f32> = (0..values.len())
-        .map(|i| {
-            let (x, row) = (i % width, i - i % width);
-            0.25 * values[row + x.saturating_sub(1)] + 0.5 * values[i] + 0.25 * values[row + (x + 1).min(width - 1)]
-        })
-        .collect();
-    (0..values.len())
-        .map(|i| {
-            let (x, y) = (i % width, i / width);
-            let above = blurred_x[y.saturating_sub(1) * width + x];
-            let below = blurred_x[(y + 1).min(height - 1) * width + x];
-            0.25 * above + 0.5 * blurred_x[i] + 0.25 * below
-        })
-        .collect()
-}
-
-/// How much an error would be seen: half relative noise (what a sample still has to remove), half contrast of a cell
-/// to its surroundings (where the eye goes: centre against surround, in the manner of Itti, Koch and Niebur 1998).
-fn visual_importance(survey: &Survey) -> Vec<f32> {
-    let luminance = |pixel: &SurveyPixel| {
-        let [r, g, b] = pixel.color;
-        0.2126 * sane(r) + 0.7152 * sane(g) + 0.0722 * sane(b)
-    };
-    let surround = smoothed(survey, luminance);
-    let mean = surround.iter().map(|&value| f64::from(value)).sum::<f64>() / surround.len() as f64;
-    let dark = (mean as f32 * DARK).max(f32::MIN_POSITIVE);
-    let channel = |value: f32, around: f32| value / (value + around + dark);
-    survey
-        .pixels
-        .iter()
-        .zip(&surround)
-        .map(|(pixel, &around)| {
-            let noise = channel(sane(pixel.noise), around);
-            let contrast = channel((luminance(pixel) - around).abs(), around);
-            NOISE_WEIGHT * noise + (1.0 - NOISE_WEIGHT) * contrast
-        })
-        .collect()
+/// Brings the mean over the frame to 1, and every cell to [`COST_FLOOR`] at least.
+fn normalized(cost: Sums, frame: &Rect) -> Sums {
+    let mean = |cost: &Sums| cost.integral(frame) / frame.area() as f64;
+    // The floor is set before the division: a cell may lie under it, their mean not.
+    let before = mean(&cost);
+    let least = if before > 0.0 { before * COST_FLOOR } else { 1.0 };
+    let raised = cost.map(|value| value.max(least as f32));
+    let after = mean(&raised);
+    raised.map(|value| (f64::from(value) / after) as f32)
 }
 
 #[cfg(test)]
 mod tests {
+    use bottega_engines::SurveyPixel;
     use proptest::prelude::*;
 
     use super::*;
@@ -328,7 +260,7 @@ mod tests {
     fn a_pixel_smaller_than_a_cell_takes_its_part_of_it() {
         let survey = survey_of(1, 1, |_, _| 1.0);
         let surveyed = Rect::of_size(64, 64);
-        let map = ImportanceMap::new(&survey, surveyed, surveyed, ImportanceFunction::PredictedCost).unwrap();
+        let map = ImportanceMap::new(&survey, surveyed, surveyed, ImportanceFunction::default()).unwrap();
         assert!((map.complexity(&Rect::new(3, 9, 4, 10)) - 1.0).abs() < 1e-6);
     }
 
@@ -336,11 +268,49 @@ mod tests {
     fn values_that_are_no_numbers_are_not_believed() {
         let survey = survey_of(3, 3, |x, _| [f32::NAN, f32::INFINITY, -4.0][x as usize]);
         let frame = Rect::of_size(9, 9);
-        for function in [ImportanceFunction::Paper, ImportanceFunction::PredictedCost] {
+        for function in ImportanceFunction::NAMES.map(|name| name.parse().unwrap()) {
             let map = ImportanceMap::new(&survey, frame, frame, function).unwrap();
             assert!(map.cost().iter().all(|cost| cost.is_finite() && *cost > 0.0));
             assert!(map.importance().iter().all(|value| (0.0..=1.0).contains(value)));
         }
+    }
+
+    #[test]
+    fn functions_are_written_as_they_are_read() {
+        for name in ImportanceFunction::NAMES {
+            assert_eq!(name.parse::<ImportanceFunction>().unwrap().to_string(), name);
+        }
+        assert!("cost".parse::<ImportanceFunction>().is_err());
+    }
+
+    #[test]
+    fn a_channel_that_is_off_tells_no_places_apart() {
+        let survey = survey_of(4, 1, |x, _| x as f32);
+        let frame = Rect::of_size(40, 10);
+        let map =
+            |channels| ImportanceMap::new(&survey, frame, frame, ImportanceFunction::PredictedCost(channels)).unwrap();
+        assert!(map(ChannelSet::NONE).cost().iter().all(|cost| (cost - 1.0).abs() < 1e-6));
+        // Only the steps differ in this survey.
+        let without = ChannelSet::ALL.iter().filter(|&channel| channel != Channel::Steps).collect();
+        assert_eq!(map(without), map(ChannelSet::NONE));
+        assert_eq!(map(ChannelSet::NONE.with(Channel::Steps)).cost(), map(ChannelSet::ALL).cost());
+    }
+
+    #[test]
+    fn the_importance_of_a_rectangle_is_the_mean_of_its_pixels() {
+        let mut survey = survey_of(8, 8, |_, _| 1.0);
+        for (i, pixel) in survey.pixels.iter_mut().enumerate() {
+            pixel.noise = (i % 5) as f32;
+            pixel.color = [1.0; 3];
+        }
+        let frame = Rect::of_size(16, 24);
+        let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap();
+        let of_pixel = |x: u32, y: u32| f64::from(map.importance()[(y / 3 * 8 + x / 2) as usize]);
+        for rect in [frame, Rect::new(3, 5, 11, 17), Rect::new(15, 23, 16, 24), Rect::new(2, 2, 2, 9)] {
+            let sum: f64 = rect.pixels().map(|(x, y)| of_pixel(x, y)).sum();
+            assert!((map.importance_of(&rect) - sum / rect.area().max(1) as f64).abs() < 1e-6, "{rect}");
+        }
+        assert!(map.importance_of(&frame) > 0.0);
     }
 
     #[test]
@@ -366,7 +336,7 @@ mod tests {
         ) {
             let survey = survey_of(width, height, |x, y| ((x * 7 + y * 13 + seed) % 5) as f32);
             let frame = Rect::of_size(columns, rows);
-            let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::PredictedCost).unwrap();
+            let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::default()).unwrap();
             let x = (cut * f64::from(columns)) as u32;
             let left = map.complexity(&Rect::new(0, 0, x, rows));
             let right = map.complexity(&Rect::new(x, 0, columns, rows));

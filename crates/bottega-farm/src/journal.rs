@@ -1,6 +1,6 @@
 //! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
 //!
-//! Format, version 1, little endian: eight bytes `BOTTEGA` 1, then records of kind (1 byte), length (u64), the first 16
+//! Format, version 2, little endian: eight bytes `BOTTEGA` 2, then records of kind (1 byte), length (u64), the first 16
 //! bytes of the BLAKE3 hash of kind, length and payload, and the payload. Kinds: 1 a name that the owner chose (of scene
 //! and settings), 2 the row of the work, 3 the row of a zone, with its tile or without. Of several records of a zone the
 //! last one counts. A record that was torn by a crash, and all behind it, are not believed: the work goes on from what
@@ -18,7 +18,7 @@ use crate::{
     wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
 };
 
-const MAGIC: [u8; 8] = *b"BOTTEGA\x01";
+const MAGIC: [u8; 8] = *b"BOTTEGA\x02";
 const HASH_BYTES: usize = 16;
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
@@ -253,7 +253,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Goal, InputRanges, Optimization, ResultRef, WorkId, WorkSettings};
+    use crate::{Goal, InputRanges, NeighborDifference, Optimization, ResultRef, WorkId, WorkSettings};
 
     fn written() -> (Vec<u8>, Vec<usize>) {
         let frame = Rect::of_size(8, 4);
@@ -261,8 +261,9 @@ mod tests {
         let (goal, optimization) = (Goal::Samples, Optimization::Off);
         let settings = WorkSettings { picture: frame, frame, samples: 4, goal, tunables, optimization };
         let rects = [Rect::new(0, 0, 4, 4), Rect::new(4, 0, 8, 4)];
-        let rows: Vec<ZoneRow> =
-            (0..2).map(|i| ZoneRow::open(WorkId(1), ZoneId(i), rects[i as usize], 16.0, 0.0)).collect();
+        let rows: Vec<ZoneRow> = (0..2)
+            .map(|i| ZoneRow::open(WorkId(1), ZoneId(i), rects[i as usize], 16.0, NeighborDifference::default()))
+            .collect();
         let work = WorkRow { work: WorkId(1), settings, zone_count: 2, ranges: InputRanges::of(&rows) };
         let mut tile = Tile::new(rects[1], Layout::new(AovSet::NONE));
         tile.sums_mut().fill(2.5);
@@ -293,7 +294,7 @@ mod tests {
     #[test]
     fn what_is_no_journal_is_refused() {
         assert!(matches!(Journal::read(&b""[..]), Err(JournalError::Magic)));
-        assert!(matches!(Journal::read(&b"BOTTEGA\x02 and more"[..]), Err(JournalError::Magic)));
+        assert!(matches!(Journal::read(&b"BOTTEGA\x01 and more"[..]), Err(JournalError::Magic)));
         assert!(matches!(Journal::read(&MAGIC[..]), Err(JournalError::Name)));
     }
 

@@ -27,9 +27,11 @@ mod importance;
 mod journal;
 mod master;
 mod partition;
+mod prediction;
 mod render_agent;
 mod settings;
 pub mod simulate;
+mod technique;
 mod vocabulary;
 mod wire;
 
@@ -47,11 +49,13 @@ pub use driver::{AGENTS_MAX, JobError, JobReport, JobSettings, Observer, Progres
 pub use expert::{Expert, ExpertError};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
-pub use importance::{ImportanceError, ImportanceFunction, ImportanceMap};
+pub use importance::{Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, UnknownChannel};
 pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
-pub use partition::{Level, Partition, PartitionSettings, UnknownLevel};
+pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel};
+pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
+pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
 pub use wire::{WireError, digest};

@@ -8,7 +8,7 @@ mod join;
 
 use std::str::FromStr;
 
-use bottega_image::Rect;
+use bottega_image::{Rect, Sides};
 
 use crate::{ImportanceMap, ZoneId};
 
@@ -147,34 +147,63 @@ impl Partition {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
-    /// The paper's Neighbor Difference by zone: mean of the differences in cost a pixel to the zones that share an
-    /// edge, weighted by the length of the edge. 0 for a zone without neighbours.
-    pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<f64> {
+    /// The expected time of the longest zone over the mean of all: 1 is perfect balance. At the third level it is at most 1.1
+    /// unless the longest zone is too small to be cut, or its costs lie in too few pixels. 1 of no zones.
+    pub fn imbalance(&self, map: &ImportanceMap) -> f64 {
+        let longest = self.zones.iter().map(|zone| map.complexity(zone)).fold(0.0, f64::max);
+        if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
+    }
+
+    /// How each zone differs from its neighbours.
+    pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
         let difference = |(i, zone): (usize, &Rect)| {
-            let (mut sum, mut length) = (0.0, 0.0);
+            // Of each side: the sum of differences by length, and the length.
+            let mut sides = Sides::all((0.0, 0.0));
             for j in index.touching(&zone.grown(1, &self.frame)).filter(|&j| j != i) {
-                let edge = shared_edge(zone, &self.zones[j]);
-                sum += f64::from(edge) * (density[i] - density[j]).abs();
-                length += f64::from(edge);
+                if let Some(((sum, length), edge)) = shared_edge(zone, &self.zones[j], &mut sides) {
+                    *sum += f64::from(edge) * (density[i] - density[j]).abs();
+                    *length += f64::from(edge);
+                }
             }
-            if length > 0.0 { sum / length } else { 0.0 }
+            let mean = |(sum, length): (f64, f64)| if length > 0.0 { sum / length } else { 0.0 };
+            let all = sides.into_array().into_iter().fold((0.0, 0.0), |all, side| (all.0 + side.0, all.1 + side.1));
+            NeighborDifference { mean: mean(all), sides: sides.map(mean) }
         };
         self.zones.iter().enumerate().map(difference).collect()
     }
 }
 
-/// Length of the edge that two disjoint rectangles share, in pixels.
-fn shared_edge(a: &Rect, b: &Rect) -> u32 {
-    let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
-    if a.x1 == b.x0 || b.x1 == a.x0 {
-        overlap(a.y0, a.y1, b.y0, b.y1)
-    } else if a.y1 == b.y0 || b.y1 == a.y0 {
-        overlap(a.x0, a.x1, b.x0, b.x1)
-    } else {
-        0
+/// The paper's Neighbor Difference: how much the cost a pixel of a zone differs from that of the zones that share an edge
+/// with it, weighted by the length of the edge. 0 where there are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NeighborDifference {
+    /// Over all its edges.
+    pub mean: f64,
+    /// Over the edges of each side.
+    pub sides: Sides<f64>,
+}
+
+impl NeighborDifference {
+    /// The same on all sides.
+    pub fn all(difference: f64) -> Self {
+        Self { mean: difference, sides: Sides::all(difference) }
     }
+}
+
+/// On which side of `a` the rectangle `b`, disjoint from it, has an edge with it, and how long that is in pixels.
+fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'a mut T, u32)> {
+    let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
+    let (high, wide) = (overlap(a.y0, a.y1, b.y0, b.y1), overlap(a.x0, a.x1, b.x0, b.x1));
+    let side = match (high > 0, wide > 0) {
+        (true, _) if b.x1 == a.x0 => &mut sides.left,
+        (true, _) if b.x0 == a.x1 => &mut sides.right,
+        (_, true) if b.y1 == a.y0 => &mut sides.top,
+        (_, true) if b.y0 == a.y1 => &mut sides.bottom,
+        _ => return None,
+    };
+    Some((side, high.max(wide)))
 }
 
 /// First level: halves the longer side while a zone is too complex and both halves are large enough.
@@ -334,6 +363,57 @@ mod tests {
         }
     }
 
+    /// A map of as many cells as pixels, by recursion levels.
+    fn map_of(frame: Rect, levels: impl Fn(u32, u32) -> f32) -> ImportanceMap {
+        let pixel = |(x, y)| SurveyPixel { recursion_levels: levels(x, y), ..SurveyPixel::default() };
+        let survey =
+            Survey { width: frame.width(), height: frame.height(), pixels: frame.pixels().map(pixel).collect() };
+        ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap()
+    }
+
+    #[test]
+    fn one_hot_pixel_makes_one_zone_too_long_and_no_other() {
+        let frame = Rect::of_size(256, 256);
+        // As much as an eighth of all else: of 64 zones seven would have to share one pixel.
+        let map = map_of(frame, |x, y| if (x, y) == (77, 200) { 8191.0 } else { 0.0 });
+        let partition = Partition::new(&map, frame, &settings(Level::Balanced, 8, 64));
+        let wanted = map.complexity(&frame) / 64.0;
+        let (hot, others): (Vec<&Rect>, Vec<&Rect>) = partition.zones().iter().partition(|zone| zone.contains(77, 200));
+        assert!(hot[0].width() < 16 && hot[0].height() < 16, "it is cut as small as may be: {}", hot[0]);
+        let over = map.complexity(hot[0]) / wanted;
+        assert!((7.0..7.3).contains(&over), "{over} times the time wanted, of which the pixel alone takes 7.1");
+        let longest = others.iter().map(|zone| map.complexity(zone) / wanted).fold(0.0, f64::max);
+        assert!(longest <= 1.1, "{longest}");
+        assert!((partition.imbalance(&map) - over * partition.zones().len() as f64 / 64.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_frame_one_pixel_wide_is_balanced_along_its_length() {
+        let (upright, lying) = (Rect::of_size(1, 4000), Rect::of_size(4000, 1));
+        for frame in [upright, lying] {
+            let map = map_of(frame, |x, y| ((x + y) / 500) as f32);
+            let partition = Partition::new(&map, frame, &settings(Level::Balanced, 8, 40));
+            let wanted = map.complexity(&frame) / 40.0;
+            for zone in partition.zones() {
+                let off = map.complexity(zone) / wanted - 1.0;
+                assert!(off.abs() <= 0.1, "{zone}: {off:+.3}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_the_minimum_size_binds_zones_are_as_small_as_it_allows() {
+        let frame = Rect::of_size(64, 64);
+        let map = map_of(frame, |x, _| if x < 32 { 0.0 } else { 8.0 });
+        let partition = Partition::new(&map, frame, &settings(Level::Balanced, 16, 256));
+        // At most 16 fit. None of those that take more than a tenth over the mean could be cut again; of 16 equal squares the
+        // costly ones would take 1.8 times the mean.
+        let mean = map.complexity(&frame) / partition.zones().len() as f64;
+        let is_long = |zone: &&Rect| map.complexity(zone) > 1.1 * mean;
+        assert!(partition.zones().iter().filter(is_long).all(|zone| zone.width() < 32 && zone.height() < 32));
+        assert!((1.1..=1.8).contains(&partition.imbalance(&map)), "{}", partition.imbalance(&map));
+    }
+
     #[test]
     fn neighbor_difference_is_high_at_the_rim_of_a_complex_zone() {
         let frame = Rect::of_size(90, 30);
@@ -342,8 +422,10 @@ mod tests {
         let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap();
         let third = |i: u32| Rect::new(30 * i, 0, 30 * i + 30, 30);
         let differences = Partition::of_zones(frame, vec![third(0), third(1), third(2)]).neighbor_differences(&map);
-        assert_eq!(differences[0], 0.0);
-        assert!(differences[1] > 0.0 && differences[2] > differences[1]);
+        assert_eq!(differences[0].mean, 0.0);
+        assert!(differences[1].mean > 0.0 && differences[2].mean > differences[1].mean);
+        assert_eq!((differences[1].sides.left, differences[1].sides.top), (0.0, 0.0));
+        assert_eq!(differences[1].sides.right, differences[2].sides.left);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::{fmt, str::FromStr, time::Duration};
 
 use bottega_engines::Tunables;
-use bottega_image::Rect;
+use bottega_image::{Rect, Sides};
 
 /// Share of the final samples that profiling takes (MAGarRO, section 3.4: "around 5% of the final number of rays").
 const PROFILE_SHARE: f64 = 0.05;
@@ -121,14 +121,14 @@ pub struct Choice {
     pub tunables: Tunables,
     /// Samples a pixel.
     pub samples: u32,
-    /// Width of the interpolation band around the zone, in pixels; 0: none.
-    pub band: u32,
+    /// Widths of the interpolation bands beyond the zone's edges, in pixels; 0: none.
+    pub bands: Sides<u32>,
 }
 
 impl Choice {
     /// The user's settings exactly.
     pub fn unchanged(settings: &WorkSettings) -> Self {
-        Self { tunables: settings.tunables, samples: settings.samples, band: 0 }
+        Self { tunables: settings.tunables, samples: settings.samples, bands: Sides::all(0) }
     }
 
     /// How many of the samples profiling takes.
@@ -155,7 +155,8 @@ mod tests {
 
     #[test]
     fn profiling_takes_a_twentieth_and_at_least_one_sample() {
-        let choice = |samples| Choice { tunables: Tunables { max_depth: 8, light_samples: 1 }, samples, band: 0 };
+        let tunables = Tunables { max_depth: 8, light_samples: 1 };
+        let choice = |samples| Choice { tunables, samples, bands: Sides::all(0) };
         assert_eq!(choice(1).profile_samples(&Goal::Samples), 1);
         assert_eq!(choice(16).profile_samples(&Goal::Samples), 1);
         assert_eq!(choice(1000).profile_samples(&Goal::Samples), 50);

@@ -1,14 +1,14 @@
-//! Rows and tiles as bytes: what the journal holds. Version 1, little endian, no padding.
+//! Rows and tiles as bytes: what the journal holds. Version 2, little endian, no padding.
 
 use std::time::Duration;
 
 use bottega_agents::{AgentId, Revision, bus::BlobId};
 use bottega_engines::Tunables;
-use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_image::{Aov, AovSet, Layout, Rect, Sides, Tile};
 
 use crate::{
-    Choice, Cut, Goal, InputRanges, Interval, Optimization, ResultRef, Rival, WorkId, WorkRow, WorkSettings, ZoneId,
-    ZoneRow, ZoneState,
+    Choice, Cut, Goal, InputRanges, Interval, NeighborDifference, Optimization, ResultRef, Rival, WorkId, WorkRow,
+    WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 /// The longest name that is written or read.
@@ -71,15 +71,17 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
     put_u32(row.zone.0, bytes);
     put_rect(&row.rect, bytes);
     put_f64(row.complexity, bytes);
-    put_f64(row.neighbor_difference, bytes);
+    put_f64(row.neighbor_difference.mean, bytes);
+    row.neighbor_difference.sides.into_array().into_iter().for_each(|value| put_f64(value, bytes));
     put_option(row.time_estimated, bytes, put_duration);
     put_option(row.time_measured, bytes, put_duration);
     put_option(row.agent.as_ref(), bytes, put_agent);
     bytes.push(row.state as u8);
     put_u32(row.attempt, bytes);
     put_option(row.choice, bytes, |choice, bytes| {
-        let Choice { tunables: Tunables { max_depth, light_samples }, samples, band } = choice;
-        [max_depth, light_samples, samples, band].into_iter().for_each(|value| put_u32(value, bytes));
+        let Choice { tunables: Tunables { max_depth, light_samples }, samples, bands } = choice;
+        [max_depth, light_samples, samples].into_iter().for_each(|value| put_u32(value, bytes));
+        bands.into_array().into_iter().for_each(|value| put_u32(value, bytes));
     });
     put_option(row.result, bytes, |result, bytes| {
         put_u64(result.fence.0, bytes);
@@ -112,7 +114,7 @@ pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
         zone: ZoneId(reader.u32()?),
         rect: reader.rect()?,
         complexity: reader.finite()?,
-        neighbor_difference: reader.finite()?,
+        neighbor_difference: reader.neighbor_difference()?,
         time_estimated: reader.option(Reader::duration)?,
         time_measured: reader.option(Reader::duration)?,
         agent: reader.option(Reader::agent)?,
@@ -237,6 +239,11 @@ impl<'a> Reader<'a> {
         if value.is_finite() { Ok(value) } else { Err(self.error("a finite number")) }
     }
 
+    fn neighbor_difference(&mut self) -> Result<NeighborDifference, WireError> {
+        let (mean, mut side) = (self.finite()?, || self.finite());
+        Ok(NeighborDifference { mean, sides: Sides { left: side()?, top: side()?, right: side()?, bottom: side()? } })
+    }
+
     fn rect(&mut self) -> Result<Rect, WireError> {
         let (x0, y0, x1, y1) = (self.u32()?, self.u32()?, self.u32()?, self.u32()?);
         if x0 <= x1 && y0 <= y1 { Ok(Rect { x0, y0, x1, y1 }) } else { Err(self.error("a rectangle")) }
@@ -271,7 +278,9 @@ impl<'a> Reader<'a> {
 
     fn choice(&mut self) -> Result<Choice, WireError> {
         let tunables = Tunables { max_depth: self.u32()?, light_samples: self.u32()? };
-        Ok(Choice { tunables, samples: self.u32()?, band: self.u32()? })
+        let (samples, mut side) = (self.u32()?, || self.u32());
+        let bands = Sides { left: side()?, top: side()?, right: side()?, bottom: side()? };
+        Ok(Choice { tunables, samples, bands })
     }
 
     fn result(&mut self) -> Result<ResultRef, WireError> {
@@ -317,7 +326,7 @@ pub(crate) mod tests {
                     choice: choice.map(|(max_depth, light_samples, samples, band)| Choice {
                         tunables: Tunables { max_depth, light_samples },
                         samples,
-                        band,
+                        bands: Sides { left: band, top: 0, right: samples, bottom: 3 },
                     }),
                     result: result.map(|(fence, samples, digest)| ResultRef {
                         fence: Revision(fence),
@@ -330,7 +339,7 @@ pub(crate) mod tests {
                     root: (zone % 3 == 0).then_some(ZoneId(x)),
                     cut: (zone % 2 == 0).then_some(Cut { zone: ZoneId(y), piece: rect }),
                     rival: (y % 2 == 0).then(|| Rival { agent: AgentId::new("b"), fence: Revision(u64::from(x)) }),
-                    ..ZoneRow::open(WorkId(7), ZoneId(zone), rect, complexity, 0.5)
+                    ..ZoneRow::open(WorkId(7), ZoneId(zone), rect, complexity, NeighborDifference::all(0.5))
                 }
             },
         )

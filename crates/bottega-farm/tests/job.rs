@@ -69,7 +69,13 @@ fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
     // One agent has other zones than three, unless they are told how many.
     let report = run(&one, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
     assert!(engine.samples_painted() < 97 * 61 * 24 * 9 / 10, "{}", engine.samples_painted());
-    assert!(report.rows.iter().any(|row| row.choice.is_some_and(|choice| choice.band > 0)));
+    assert!(
+        report.rows.iter().any(|row| row.choice.is_some_and(|choice| choice
+            .bands
+            .into_array()
+            .iter()
+            .any(|&band| band > 0)))
+    );
     let again = paint(&JobSettings { agents: 2, ..settings });
     assert_eq!(again.rows.len(), report.rows.len());
     assert_eq!(bits(&again.film), bits(&report.film));

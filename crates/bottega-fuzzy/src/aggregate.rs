@@ -23,6 +23,57 @@ struct Piece {
     y1: f64,
 }
 
+/// What all rules together say of one output, before one number is made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Aggregate {
+    /// (x, height), x never falling: what each rule that fired puts where.
+    Singletons(Vec<(f64, f64)>),
+    /// The corners (x, y) of a piecewise linear function over the output's range, x never falling; two with one x make
+    /// a step. Empty: no rule fired.
+    Linear(Vec<(f64, f64)>),
+}
+
+/// The joined conclusions themselves; `range` and `activated` as for [`defuzzify`].
+pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>]) -> Aggregate {
+    let mut heights = singletons(activated);
+    if !heights.is_empty() {
+        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+        return Aggregate::Singletons(heights);
+    }
+    if activated.is_empty() {
+        return Aggregate::Linear(Vec::new());
+    }
+    let mut corners: Vec<(f64, f64)> = Vec::new();
+    for piece in pieces(accumulation, range, activated) {
+        for corner in [(piece.x0, piece.y0), (piece.x1, piece.y1)] {
+            if let [.., before, last] = corners[..]
+                && lies_between(last, before, corner)
+            {
+                corners.pop();
+            }
+            if corners.last() != Some(&corner) {
+                corners.push(corner);
+            }
+        }
+    }
+    Aggregate::Linear(corners)
+}
+
+/// Whether a corner is none: the line from one neighbor to the other goes through it.
+fn lies_between((x, y): (f64, f64), (x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> bool {
+    /// Far below what can be seen, far above what rounding does.
+    const TOLERANCE: f64 = 1e-12;
+    x0 < x && x < x1 && (y0 + (y1 - y0) * ((x - x0) / (x1 - x0)) - y).abs() < TOLERANCE
+}
+
+fn singletons(activated: &[Activated<'_>]) -> Vec<(f64, f64)> {
+    let height = |one: &Activated<'_>| match one.term {
+        Membership::Singleton(at) => Some((*at, one.degree)),
+        Membership::Linear(_) => None,
+    };
+    activated.iter().filter_map(height).collect()
+}
+
 /// Makes one number of what was concluded. `None`: nothing was, within the range.
 ///
 /// - `range`: over which is integrated, its ends in order.
@@ -33,13 +84,7 @@ pub(crate) fn defuzzify(
     range: (f64, f64),
     activated: &[Activated<'_>],
 ) -> Option<f64> {
-    let singletons: Vec<(f64, f64)> = activated
-        .iter()
-        .filter_map(|one| match one.term {
-            Membership::Singleton(at) => Some((*at, one.degree)),
-            Membership::Linear(_) => None,
-        })
-        .collect();
+    let singletons = singletons(activated);
     if !singletons.is_empty() {
         return of_singletons(method, accumulation, singletons);
     }
@@ -350,6 +395,19 @@ mod tests {
         assert!((by(Method::Cogs, Accumulation::Max) - (0.8 + 2.4) / 1.4).abs() < 1e-12);
         assert_eq!(by(Method::Lm, Accumulation::Max), 4.0);
         assert_eq!(by(Method::Lm, Accumulation::Bsum), 1.0);
+    }
+
+    #[test]
+    fn an_aggregate_has_the_corners_that_one_would_draw() {
+        let (low, high) = (linear(&[(0.0, 1.0), (2.0, 1.0), (4.0, 0.0)]), linear(&[(2.0, 0.0), (4.0, 1.0)]));
+        let cut =
+            [(&low, 0.5), (&high, 1.0)].map(|(term, degree)| Activated { term, activation: Activation::Min, degree });
+        let drawn = |accumulation| aggregate(accumulation, (0.0, 5.0), &cut);
+        let corners = vec![(0.0, 0.5), (3.0, 0.5), (4.0, 1.0), (5.0, 1.0)];
+        assert_eq!(drawn(Accumulation::Max), Aggregate::Linear(corners));
+        let corners = vec![(0.0, 0.5), (2.0, 0.5), (3.0, 1.0), (5.0, 1.0)];
+        assert_eq!(drawn(Accumulation::Bsum), Aggregate::Linear(corners));
+        assert_eq!(aggregate(Accumulation::Max, (0.0, 5.0), &[]), Aggregate::Linear(Vec::new()));
     }
 
     #[test]

@@ -13,6 +13,8 @@ pub struct Limits;
 impl Limits {
     /// Bytes of a text.
     pub const TEXT_BYTES_MAX: usize = 1 << 20;
+    /// Characters of a name, a label or a number.
+    pub const WORD_MAX: usize = 128;
     /// Variables of a kind in a block.
     pub const VARIABLES_MAX: usize = 64;
     /// Terms of a variable.
@@ -229,6 +231,25 @@ impl InputVariable {
     /// The interval in which the terms are declared.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
+    }
+
+    /// The interval over which its terms lie: the one found at run time, or else the declared one.
+    pub fn interval(&self) -> (f64, f64) {
+        self.found.unwrap_or_else(|| self.declared_range())
+    }
+
+    /// The degree of each of its terms at a value, 0..=1, in their order.
+    pub fn grades(&self, value: f64) -> Vec<f64> {
+        let x = self.to_declared(value);
+        self.terms.iter().map(|term| term.membership.degree(x)).collect()
+    }
+
+    /// The value that stands for a place in the declared range: where a point of a term lies once the terms are laid
+    /// out. Where the interval found has no width, all stand at its one value.
+    pub fn laid_out(&self, x: f64) -> f64 {
+        let Some((min, max)) = self.found else { return x };
+        let (low, high) = self.declared_range();
+        if low == high { min } else { min + (x - low) / (high - low) * (max - min) }
     }
 
     /// The place in the declared range that a value stands for.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::{
-    aggregate::{Activated, defuzzify},
+    aggregate::{Activated, Aggregate, aggregate, defuzzify},
     block::{Condition, FunctionBlock, RuleBlock},
     operators::Accumulation,
 };
@@ -77,6 +77,8 @@ pub struct Explanation {
     pub inputs: Vec<(String, Vec<(String, f64)>)>,
     /// The rules that fired, the strongest first; of equal ones the first in the text.
     pub rules: Vec<FiredRule>,
+    /// For each output what those rules say together.
+    pub aggregates: Vec<Aggregate>,
     /// The result.
     pub outputs: Outputs,
 }
@@ -125,7 +127,12 @@ impl FunctionBlock {
             let held = input.terms.iter().zip(grades).filter(|(_, grade)| **grade > 0.0);
             (input.name.clone(), held.map(|(term, grade)| (term.name.clone(), *grade)).collect())
         });
-        Ok(Explanation { inputs: inputs.collect(), rules, outputs: self.outputs_of(&degrees) })
+        let aggregates = (0..self.outputs.len()).map(|output| {
+            let (accumulation, activated) = self.activated(output, &degrees);
+            aggregate(accumulation, self.outputs[output].declared_range(), &activated)
+        });
+        let (aggregates, outputs) = (aggregates.collect(), self.outputs_of(&degrees));
+        Ok(Explanation { inputs: inputs.collect(), rules, aggregates, outputs })
     }
 
     fn in_order(&self, inputs: &[(&str, f64)]) -> Result<Vec<f64>, EvaluateError> {
@@ -148,15 +155,15 @@ impl FunctionBlock {
             if value.is_nan() {
                 return Err(EvaluateError::NotANumber(input.name.clone()));
             }
-            let x = input.to_declared(value);
-            grades.push(input.terms.iter().map(|term| term.membership.degree(x)).collect());
+            grades.push(input.grades(value));
         }
         Ok(grades)
     }
 
     /// The degree of each rule, weighed.
     fn degrees(&self, grades: &[Vec<f64>]) -> Vec<f64> {
-        let of = |block: &RuleBlock, condition: &Condition| degree(block, condition, grades);
+        let grade = |input: usize, term: usize| grades[input][term];
+        let of = |block: &RuleBlock, condition: &Condition| degree(block, condition, &grade);
         self.rule_blocks
             .iter()
             .flat_map(|block| block.rules.iter().map(move |rule| of(block, &rule.condition) * rule.weight))
@@ -170,22 +177,32 @@ impl FunctionBlock {
 
     fn value_of(&self, index: usize, degrees: &[f64]) -> Option<f64> {
         let output = &self.outputs[index];
-        let mut accumulation = output.accumulation;
+        let (accumulation, activated) = self.activated(index, degrees);
+        defuzzify(output.method, accumulation, output.declared_range(), &activated).or(output.default)
+    }
+
+    /// What the rules that fired conclude of an output, and how that is joined.
+    fn activated(&self, index: usize, degrees: &[f64]) -> (Accumulation, Vec<Activated<'_>>) {
+        let output = &self.outputs[index];
+        let accumulation = self.accumulation_of(index);
         let mut activated: Vec<Activated<'_>> = Vec::new();
         let rules = self.rule_blocks.iter().flat_map(|block| block.rules.iter().map(move |rule| (block, rule)));
-        for ((block, rule), &degree) in rules.zip(degrees) {
+        for ((block, rule), &degree) in rules.zip(degrees).filter(|(_, degree)| **degree > 0.0) {
             for conclusion in rule.conclusions.iter().filter(|conclusion| conclusion.output == index) {
-                // The first block that speaks of the output decides, where the output itself does not.
-                let accumulation = *accumulation.get_or_insert(block.accumulation);
-                if degree > 0.0 {
-                    let term = &output.terms[conclusion.term].membership;
-                    let one = Activated { term, activation: block.activation, degree };
-                    add(accumulation, one, &mut activated);
-                }
+                let term = &output.terms[conclusion.term].membership;
+                add(accumulation, Activated { term, activation: block.activation, degree }, &mut activated);
             }
         }
-        let accumulation = accumulation.unwrap_or_default();
-        defuzzify(output.method, accumulation, output.declared_range(), &activated).or(output.default)
+        (accumulation, activated)
+    }
+
+    /// How rules on an output are joined: as the output says, or else as the first block says that speaks of it.
+    pub(crate) fn accumulation_of(&self, index: usize) -> Accumulation {
+        let speaks = |block: &&RuleBlock| {
+            block.rules.iter().any(|rule| rule.conclusions.iter().any(|conclusion| conclusion.output == index))
+        };
+        let of_rules = || self.rule_blocks.iter().find(speaks).map(|block| block.accumulation);
+        self.outputs[index].accumulation.or_else(of_rules).unwrap_or_default()
     }
 }
 
@@ -204,11 +221,14 @@ fn add<'a>(accumulation: Accumulation, one: Activated<'a>, activated: &mut Vec<A
     }
 }
 
-fn degree(block: &RuleBlock, condition: &Condition, grades: &[Vec<f64>]) -> f64 {
-    let of = |part: &Condition| degree(block, part, grades);
+/// How much a condition holds.
+///
+/// - `grade`: the degree of a term of an input, by their indices.
+pub(crate) fn degree(block: &RuleBlock, condition: &Condition, grade: &impl Fn(usize, usize) -> f64) -> f64 {
+    let of = |part: &Condition| degree(block, part, grade);
     match condition {
-        Condition::Is { input, term } => grades[*input][*term],
-        Condition::IsNot { input, term } => 1.0 - grades[*input][*term],
+        Condition::Is { input, term } => grade(*input, *term),
+        Condition::IsNot { input, term } => 1.0 - grade(*input, *term),
         Condition::Not(part) => 1.0 - of(part),
         Condition::And(parts) => parts.iter().map(of).fold(1.0, |a, b| block.and.join(a, b)),
         Condition::Or(parts) => parts.iter().map(of).fold(0.0, |a, b| block.or.join(a, b)),
@@ -223,6 +243,15 @@ impl fmt::Display for Explanation {
         }
         for rule in &self.rules {
             writeln!(f, "rule {} fires at {:.3}: {}", rule.label, rule.degree, rule.conclusions.join(", "))?;
+        }
+        for (name, aggregate) in self.outputs.names.iter().zip(&self.aggregates) {
+            let (Aggregate::Singletons(points) | Aggregate::Linear(points)) = aggregate;
+            let points: Vec<String> = points.iter().map(|(x, y)| format!("({x:.4}, {y:.4})")).collect();
+            writeln!(
+                f,
+                "{name} is, together, {}",
+                if points.is_empty() { "nothing".into() } else { points.join(" ") }
+            )?;
         }
         for (name, value) in self.outputs.names.iter().zip(&self.outputs.values) {
             match value {

@@ -32,11 +32,14 @@ mod evaluate;
 mod fcl;
 mod membership;
 mod operators;
+mod verify;
 
+pub use aggregate::Aggregate;
 pub use block::{
     Conclusion, Condition, FunctionBlock, InputVariable, LayoutError, Limits, OutputVariable, Rule, RuleBlock, Term,
 };
 pub use evaluate::{EvaluateError, Explanation, FiredRule, Outputs};
-pub use fcl::{Document, FclError, FclErrorKind, Position, Warning, parse_document};
+pub use fcl::{Document, FclError, FclErrorKind, Position, parse_document};
 pub use membership::Membership;
 pub use operators::{Accumulation, Activation, And, Method, Or};
+pub use verify::{DeadReason, Hole, Warning, WarningKind};

@@ -1,18 +1,27 @@
-//! The rule base that comes with the program: whole, alive, and monotone where it must be.
+//! The rule bases that come with the program: whole, alive, and monotone where they must be.
 
 use std::{collections::BTreeSet, path::Path};
 
 use bottega_fuzzy::{FunctionBlock, parse_document};
 
-fn block() -> FunctionBlock {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rules/path-tracing.fcl");
+fn read(name: &str) -> FunctionBlock {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rules").join(name);
     let text = std::fs::read_to_string(path).unwrap();
     let document = parse_document(&text).unwrap();
-    assert_eq!(document.warnings, []);
+    assert_eq!(document.verify(), []);
     assert_eq!(document.blocks.len(), 1);
     document.blocks.into_iter().next().unwrap()
 }
 
+fn path_tracing() -> FunctionBlock {
+    read("path-tracing.fcl")
+}
+
+fn photon_mapping() -> FunctionBlock {
+    read("photon-mapping.fcl")
+}
+
+const BAND: &str = "interpolation_band_size";
 const INPUTS: [&str; 4] = ["complexity", "neighbor_difference", "size", "optimization_level"];
 
 /// Evenly spaced, with the ends.
@@ -27,44 +36,71 @@ fn zones() -> impl Iterator<Item = [f64; 3]> {
 
 #[test]
 fn there_are_28_rules_on_the_variables_of_the_paper() {
-    let block = block();
-    let labels: Vec<String> = block.rules().map(|rule| rule.label.clone()).collect();
-    assert_eq!(labels, (1..=28).map(|n| n.to_string()).collect::<Vec<_>>());
-    assert_eq!(block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>(), INPUTS);
-    let outputs: Vec<_> = block.outputs().iter().map(|output| output.name.as_str()).collect();
-    assert_eq!(outputs, ["recursion_level", "light_samples", "interpolation_band_size"]);
-    assert_eq!(FunctionBlock::parse(&block.to_string()).unwrap(), block);
+    let photons = [
+        "photons",
+        "gather_count",
+        "gather_radius",
+        "final_gather_rays",
+        "irradiance_cache_accuracy",
+        "interpolation_band_size",
+    ];
+    for (block, expected) in [
+        (path_tracing(), &["recursion_level", "light_samples", "interpolation_band_size"][..]),
+        (photon_mapping(), &photons[..]),
+    ] {
+        let labels: Vec<String> = block.rules().map(|rule| rule.label.clone()).collect();
+        assert_eq!(labels, (1..=28).map(|n| n.to_string()).collect::<Vec<_>>());
+        assert_eq!(block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>(), INPUTS);
+        let outputs: Vec<_> = block.outputs().iter().map(|output| output.name.as_str()).collect();
+        assert_eq!(outputs, expected);
+        assert_eq!(FunctionBlock::parse(&block.to_string()).unwrap(), block);
+    }
 }
 
 #[test]
 fn every_rule_can_fire_and_some_rule_always_does() {
-    let block = block();
-    let mut fired = BTreeSet::new();
-    for [c, n, s] in zones() {
-        for op in steps(1.0, 5.0, 9) {
-            let inputs = [(INPUTS[0], c), (INPUTS[1], n), (INPUTS[2], s), (INPUTS[3], op)];
-            let why = block.explain(&inputs).unwrap();
-            let concludes =
-                |output: &str| why.rules.iter().any(|rule| rule.conclusions.iter().any(|c| c.starts_with(output)));
-            assert!(block.outputs().iter().all(|output| concludes(&output.name)), "{inputs:?}: {why}");
-            fired.extend(why.rules.into_iter().map(|rule| rule.label));
+    for block in [path_tracing(), photon_mapping()] {
+        let mut fired = BTreeSet::new();
+        for [c, n, s] in zones() {
+            for op in steps(1.0, 5.0, 5) {
+                let inputs = [(INPUTS[0], c), (INPUTS[1], n), (INPUTS[2], s), (INPUTS[3], op)];
+                let why = block.explain(&inputs).unwrap();
+                let concludes =
+                    |output: &str| why.rules.iter().any(|rule| rule.conclusions.iter().any(|c| c.starts_with(output)));
+                assert!(block.outputs().iter().all(|output| concludes(&output.name)), "{inputs:?}: {why}");
+                fired.extend(why.rules.into_iter().map(|rule| rule.label));
+            }
         }
+        assert_eq!(fired.len(), 28);
     }
-    assert_eq!(fired.len(), 28);
+    // Without their defaults the outputs have no hole either: verified over all cells of the terms, not on a grid.
+    for name in ["path-tracing.fcl", "photon-mapping.fcl"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rules").join(name);
+        let text = std::fs::read_to_string(path).unwrap();
+        let bare: String =
+            text.lines().filter(|line| !line.contains("DEFAULT")).map(|line| format!("{line}\n")).collect();
+        assert_eq!(parse_document(&bare).unwrap().verify(), []);
+    }
 }
 
 #[test]
 fn more_optimization_never_means_more_quality() {
-    let block = block();
-    for [c, n, s] in zones() {
-        let mut before = [f64::INFINITY; 2];
-        for op in steps(1.0, 5.0, 41) {
-            let values = block.evaluate_indexed(&[c, n, s, op]).unwrap();
-            for (before, value) in before.iter_mut().zip(values.values()) {
-                let value = value.unwrap();
-                assert!(value <= *before + 1e-9, "c {c} nd {n} size {s} op {op}: {value} after {before}");
-                assert!((0.2 - 1e-9..=1.0 + 1e-9).contains(&value), "{value}");
-                *before = value;
+    for (block, grows) in [(path_tracing(), None), (photon_mapping(), Some("gather_radius"))] {
+        let quality: Vec<_> = block.outputs().iter().filter(|output| output.name != BAND).collect();
+        let signs: Vec<f64> = quality.iter().map(|o| if grows == Some(o.name.as_str()) { -1.0 } else { 1.0 }).collect();
+        for [c, n, s] in zones() {
+            let mut before = vec![f64::INFINITY; quality.len()];
+            for op in steps(1.0, 5.0, 21) {
+                let values = block.evaluate_indexed(&[c, n, s, op]).unwrap();
+                for (((before, value), sign), output) in
+                    before.iter_mut().zip(values.values()).zip(&signs).zip(&quality)
+                {
+                    let value = value.unwrap();
+                    let (low, high) = if *sign > 0.0 { (0.2, 1.0) } else { (1.0, 2.0) };
+                    assert!((low - 1e-9..=high + 1e-9).contains(&value), "{}: {value}", output.name);
+                    assert!(sign * value <= *before + 1e-9, "{}, c {c} nd {n} size {s} op {op}: {value}", output.name);
+                    *before = sign * value;
+                }
             }
         }
     }
@@ -72,21 +108,47 @@ fn more_optimization_never_means_more_quality() {
 
 #[test]
 fn the_band_grows_with_the_difference_of_neighbors() {
-    let block = block();
-    for c in steps(0.0, 1.0, 13) {
-        let mut before = f64::NEG_INFINITY;
-        for n in steps(0.0, 1.0, 41) {
-            let band = block.evaluate_indexed(&[c, n, 0.5, 3.0]).unwrap().get("interpolation_band_size").unwrap();
-            assert!(band >= before - 1e-9, "c {c} nd {n}: {band} after {before}");
-            before = band;
+    for block in [path_tracing(), photon_mapping()] {
+        for c in steps(0.0, 1.0, 13) {
+            let mut before = f64::NEG_INFINITY;
+            for n in steps(0.0, 1.0, 41) {
+                let band = block.evaluate_indexed(&[c, n, 0.5, 3.0]).unwrap().get(BAND).unwrap();
+                assert!(band >= before - 1e-9, "c {c} nd {n}: {band} after {before}");
+                before = band;
+            }
+            assert!((before - 16.0).abs() < 1e-9, "c {c}: {before}");
         }
-        assert!((before - 16.0).abs() < 1e-9, "c {c}: {before}");
+    }
+}
+
+#[test]
+fn photon_mapping_keeps_what_photons_are_for() {
+    let block = photon_mapping();
+    let outputs = |c, n, s, op| block.evaluate_indexed(&[c, n, s, op]).unwrap();
+    for [c, n, s] in zones() {
+        let as_set = outputs(c, n, s, 1.0);
+        for output in block.outputs().iter().filter(|output| output.name != BAND) {
+            assert!((as_set.get(&output.name).unwrap() - 1.0).abs() < 1e-9, "{}", output.name);
+        }
+        // Nowhere may a caustic lose more photons than a plain wall does.
+        let plain = outputs(0.0, 0.0, s, 5.0).get("photons").unwrap();
+        assert!(outputs(c, n, s, 5.0).get("photons").unwrap() >= plain - 1e-9);
+    }
+    let (beside, plain) = (outputs(0.0, 1.0, 0.5, 5.0), outputs(0.0, 0.0, 0.5, 5.0));
+    for output in ["photons", "gather_count", "irradiance_cache_accuracy"] {
+        assert!(beside.get(output) >= plain.get(output), "{output}");
+    }
+    // Fewer photons over a wider disc: about as many to an estimate.
+    for op in steps(1.0, 5.0, 17) {
+        let plain = outputs(0.0, 0.0, 0.5, op);
+        let in_reach = plain.get("photons").unwrap() * plain.get("gather_radius").unwrap().powi(2);
+        assert!((0.75..=1.5).contains(&in_reach), "op {op}: {in_reach}");
     }
 }
 
 #[test]
 fn very_small_leaves_everything_and_very_big_saves_most_in_large_complex_zones() {
-    let block = block();
+    let block = path_tracing();
     let quality = |c, n, s, op| {
         let outputs = block.evaluate_indexed(&[c, n, s, op]).unwrap();
         (outputs.get("light_samples").unwrap(), outputs.get("recursion_level").unwrap())
@@ -108,10 +170,10 @@ fn very_small_leaves_everything_and_very_big_saves_most_in_large_complex_zones()
 
 #[test]
 fn zones_that_do_not_differ_stand_in_the_middle() {
-    let mut block = block();
+    let mut block = path_tracing();
     for input in &INPUTS[..3] {
         block.layout_inputs(input, 42.0, 42.0).unwrap();
     }
     let alike = block.evaluate_indexed(&[42.0, 42.0, 42.0, 3.0]).unwrap();
-    assert_eq!(alike, self::block().evaluate_indexed(&[0.5, 0.5, 0.5, 3.0]).unwrap());
+    assert_eq!(alike, path_tracing().evaluate_indexed(&[0.5, 0.5, 0.5, 3.0]).unwrap());
 }

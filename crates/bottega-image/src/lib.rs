@@ -6,7 +6,7 @@
 //!
 //! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from any
 //! file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and,
-//! of noisy ones, [`rejected_share`]; a [`Canvas`] is what a person looks at.
+//! of noisy ones, [`rejected_share`]; whether the edges of zones show in one, [`seams`]; a [`Canvas`] is what a person looks at.
 
 mod canvas;
 mod color_map;
@@ -37,15 +37,15 @@ pub use film::Film;
 pub use layout::{Aov, AovSet, Layout};
 pub use metadata::Metadata;
 pub use metrics::{
-    FlipError, FlipOptions, FlipView, Moments, USUAL_TRIM, firefly_count, flip, mae, mean_z_score, rejected_share,
-    rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse,
+    FlipError, FlipOptions, FlipView, Moments, Seams, USUAL_TRIM, firefly_count, flip, mae, mean_z_score,
+    rejected_share, rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse, seams,
 };
 pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
 pub use preview::Preview;
 pub use read::{ImageFile, ReadLimits, read_image, read_image_bytes, read_picture};
-pub use rect::Rect;
+pub use rect::{Rect, Sides};
 pub use tile::{SampleValues, Tile};
 pub use tile_bytes::TileBytesError;
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};

@@ -3,9 +3,11 @@
 mod convolve;
 mod flip;
 mod moments;
+mod seams;
 
 pub use flip::{FlipError, FlipOptions, FlipView, flip};
 pub use moments::{Moments, mean_z_score, rejected_share, rejected_share_of_films};
+pub use seams::{Seams, seams};
 
 use crate::{ImageError, Picture};
 

@@ -14,6 +14,39 @@ pub struct Rect {
     pub y1: u32,
 }
 
+/// A value for each side of a rectangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sides<T> {
+    /// At the least x.
+    pub left: T,
+    /// At the least y.
+    pub top: T,
+    /// At the greatest x.
+    pub right: T,
+    /// At the greatest y.
+    pub bottom: T,
+}
+
+impl<T> Sides<T> {
+    /// The same value on all sides.
+    pub fn all(value: T) -> Self
+    where
+        T: Copy,
+    {
+        Self { left: value, top: value, right: value, bottom: value }
+    }
+
+    /// Each value by a function.
+    pub fn map<U>(self, mut to: impl FnMut(T) -> U) -> Sides<U> {
+        Sides { left: to(self.left), top: to(self.top), right: to(self.right), bottom: to(self.bottom) }
+    }
+
+    /// The values: left, top, right, bottom.
+    pub fn into_array(self) -> [T; 4] {
+        [self.left, self.top, self.right, self.bottom]
+    }
+}
+
 impl Rect {
     /// The rectangle between two corners. Panics when a side is negative.
     pub fn new(x0: u32, y0: u32, x1: u32, y1: u32) -> Self {
@@ -69,11 +102,16 @@ impl Rect {
 
     /// Grown by `margin` pixels on every side, but not beyond `limit`.
     pub fn grown(&self, margin: u32, limit: &Self) -> Self {
+        self.grown_by(Sides::all(margin), limit)
+    }
+
+    /// Grown by another margin on each side, but not beyond `limit`.
+    pub fn grown_by(&self, margins: Sides<u32>, limit: &Self) -> Self {
         Self {
-            x0: self.x0.saturating_sub(margin).max(limit.x0),
-            y0: self.y0.saturating_sub(margin).max(limit.y0),
-            x1: self.x1.saturating_add(margin).min(limit.x1),
-            y1: self.y1.saturating_add(margin).min(limit.y1),
+            x0: self.x0.saturating_sub(margins.left).max(limit.x0),
+            y0: self.y0.saturating_sub(margins.top).max(limit.y0),
+            x1: self.x1.saturating_add(margins.right).min(limit.x1),
+            y1: self.y1.saturating_add(margins.bottom).min(limit.y1),
         }
     }
 

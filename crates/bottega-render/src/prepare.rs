@@ -76,6 +76,8 @@ pub(crate) struct PreparedInstance {
 pub(crate) struct PreparedMaterial {
     /// Whether a lookup depends on the footprint.
     pub(crate) is_textured: bool,
+    /// Textures that are looked up for it.
+    pub(crate) texture_count: u8,
     /// Whether it depends on the directions of the texture coordinates.
     pub(crate) needs_tangents: bool,
     /// Whether rays may pass it as if it were not there.
@@ -277,7 +279,8 @@ fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
 
 fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let transmits = material.transmits();
-    let is_textured = !material.textures().is_empty();
+    let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
+    let is_textured = texture_count > 0;
     let is_null = material.surface == Surface::Null;
     let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
     let absorption = |medium: Option<MediumId>| {
@@ -292,6 +295,7 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
             [None; 2]
         },
         is_textured,
+        texture_count,
         is_null,
         needs_tangents: material.needs_tangents(),
         has_opacity: is_null || material.alpha_mode != AlphaMode::Opaque,

@@ -1,20 +1,20 @@
 //! The fast, low-resolution look at a scene from which the Analyst makes its importance map.
 //!
 //! Two passes, both by work units alone: levels of recursion, by following mirrored and refracted rays breadth first
-//! in batches; and short paths, for what pixels look like and what they cost.
+//! in batches; and a few paths a pixel, for what pixels look like and what they cost.
 
 use std::sync::Arc;
 
 use bottega_hra::{HraClient, WorkUnit};
 use bottega_image::Rect;
-use bottega_kernels::{Hit, Ray};
+use bottega_kernels::{Hit, Ray, compiled};
 use glam::Vec3;
 
 use crate::{
     Filter, PathSettings, PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View,
     bsdf::LobeFlags,
     camera::RayCone,
-    integrator::{PathIntegrator, Wanted, bsdf_at},
+    integrator::{Painting, PathIntegrator, PathRecord, Wanted, bsdf_at},
     interaction::{Interaction, is_there},
     luminance,
     sampler::{DimensionSet, PixelSampler},
@@ -28,10 +28,10 @@ const CHAINS_PER_PIXEL: u32 = 4;
 const RAYS_PER_UNIT: usize = 4096;
 /// Density above which a glossy direction counts as mirrored, in sr⁻¹.
 const MIRROR_PDF: f32 = 10.0;
-/// Samples of short paths a pixel.
-const PROBE_SAMPLES: u32 = 8;
-/// Bounces of short paths.
-const PROBE_DEPTH: u32 = 6;
+/// Samples a pixel.
+const PROBE_SAMPLES: u32 = 6;
+/// Bounces at most: where paths go on for long, the last of them tell no places apart.
+const PROBE_DEPTH_MAX: u32 = 16;
 /// Side of a probe's block, in pixels.
 const PROBE_SIDE: u32 = 16;
 
@@ -52,6 +52,16 @@ pub struct SurveyPixel {
     pub depth: f32,
     /// Vertices of one path.
     pub path_length: f32,
+    /// Rays towards lights of one path.
+    pub shadow_rays: f32,
+    /// Vertices of one path at surfaces of several lobes, which are dearer to evaluate than a single one.
+    pub layered: f32,
+    /// Textures of the surfaces that one path meets.
+    pub lookups: f32,
+    /// Share of the luminance that came over more than one scattering, 0..=1.
+    pub indirect: f32,
+    /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
+    pub detail: f32,
 }
 
 /// A low-resolution look at the scene, row-major.
@@ -67,11 +77,22 @@ pub struct Survey {
 
 /// Looks at the whole picture `view`, which should be small: some 128 columns are plenty.
 ///
-/// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene and the
-/// view alone.
-pub fn survey(scene: &Arc<PreparedScene>, view: View, client: &HraClient<RenderWork>) -> Result<Survey, RenderError> {
-    let settings =
-        PathSettings { max_depth: PROBE_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };
+/// - `max_depth`: bounces of the paths that the picture will be painted with.
+///
+/// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene, the view
+/// and the depth alone.
+pub fn survey(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    max_depth: u32,
+    client: &HraClient<RenderWork>,
+) -> Result<Survey, RenderError> {
+    let settings = PathSettings {
+        max_depth: max_depth.min(PROBE_DEPTH_MAX),
+        filter: Filter::PIXEL,
+        guiding: false,
+        ..PathSettings::default()
+    };
     let settings = Arc::new(settings);
     let mut pixels = probe_all(scene, view, &settings, client)?;
     let levels = recursion_levels(scene, view, &settings, client)?;
@@ -123,7 +144,7 @@ fn probe_all(
     Ok(pixels)
 }
 
-/// Looks at a block of pixels by short paths. Everything but the recursion levels, row-major.
+/// Looks at a block of pixels by a few paths. Everything but the recursion levels, row-major.
 pub(crate) fn probe(
     scene: &PreparedScene,
     view: View,
@@ -132,34 +153,73 @@ pub(crate) fn probe(
     sample_count: u32,
 ) -> Result<Vec<SurveyPixel>, RenderError> {
     let integrator = PathIntegrator::new(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
-    Ok(rect.pixels().map(|(x, y)| probe_pixel(&integrator, x, y, sample_count.max(1))).collect())
+    let (sample_count, mut records) = (sample_count.max(1), Vec::new());
+    let mut pixels = Vec::with_capacity(rect.area() as usize);
+    for y in rect.y0..rect.y1 {
+        let row = Rect { y0: y, y1: y + 1, ..rect };
+        let samples: Vec<(u32, u32, u32)> =
+            row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
+        compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+        pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
+    }
+    Ok(pixels)
 }
 
-fn probe_pixel(integrator: &PathIntegrator<'_>, x: u32, y: u32, sample_count: u32) -> SurveyPixel {
+/// What the samples of one pixel saw.
+fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
+    let sample_count = samples.len() as u32;
     let share = 1.0 / sample_count as f32;
     let mut pixel = SurveyPixel::default();
     let (mut color, mut albedo) = (Vec3::ZERO, Vec3::ZERO);
-    let (mut mean, mut squares, mut covered) = (0.0_f32, 0.0_f32, 0.0_f32);
-    for sample in 0..sample_count {
-        let record = integrator.trace(x, y, sample);
+    let (mut brightness, mut pattern) = (Spread::default(), Spread::default());
+    let (mut covered, mut indirect) = (0.0_f32, 0.0_f32);
+    for record in samples {
         let values = record.values;
         let radiance = Vec3::from(values.radiance);
-        // Welford 1962: no cancellation between large sums.
-        let from_mean = luminance(radiance) - mean;
-        mean += from_mean / (sample + 1) as f32;
-        squares += from_mean * (luminance(radiance) - mean);
+        brightness.add(luminance(radiance));
+        pattern.add(luminance(values.albedo.into()));
         color += radiance * share;
         albedo += Vec3::from(values.albedo) * share;
         pixel.steps += values.cost * share;
         pixel.depth += values.depth;
         pixel.path_length += record.vertex_count as f32 * share;
+        pixel.shadow_rays += record.counts.shadow_rays as f32 * share;
+        pixel.layered += record.counts.layered as f32 * share;
+        pixel.lookups += record.counts.lookups as f32 * share;
         covered += values.alpha;
+        indirect += record.indirect();
     }
     pixel.color = color.to_array();
     pixel.albedo = albedo.to_array();
     pixel.depth /= covered.max(1.0);
-    pixel.noise = (squares / (sample_count - 1).max(1) as f32).sqrt();
+    let found = brightness.mean * sample_count as f32;
+    pixel.indirect = if found > 0.0 { (indirect / found).min(1.0) } else { 0.0 };
+    pixel.noise = brightness.deviation();
+    pixel.detail = pattern.deviation();
     pixel
+}
+
+/// Mean and standard deviation of numbers that come one by one, without cancellation between large sums. Source: Welford
+/// 1962, *Note on a Method for Calculating Corrected Sums of Squares and Products*.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    count: u32,
+    mean: f32,
+    squares: f32,
+}
+
+impl Spread {
+    fn add(&mut self, value: f32) {
+        self.count += 1;
+        let from_mean = value - self.mean;
+        self.mean += from_mean / self.count as f32;
+        self.squares += from_mean * (value - self.mean);
+    }
+
+    /// Of one number; 0 for fewer than two.
+    fn deviation(&self) -> f32 {
+        (self.squares / self.count.saturating_sub(1).max(1) as f32).sqrt()
+    }
 }
 
 /// A ray that is followed from mirror to mirror.

@@ -186,7 +186,8 @@ mod tests {
     }
 
     fn zone(id: u32, state: &str) -> Event {
-        Event::Zone { id, state: state.to_owned(), agent: None, seconds_estimated: None, seconds_measured: None }
+        let state = state.to_owned();
+        Event::Zone { id, state, agent: None, seconds_estimated: None, seconds_measured: None, samples: 0, error: None }
     }
 
     #[test]

@@ -1,121 +1,158 @@
 //! `bottega analyze`: what the Analyst thinks of a scene, as pictures and figures.
 
-use std::{fs, process::ExitCode, sync::Arc};
+mod draw;
+mod plot;
+mod verify;
+
+use std::{fs, path::Path, process::ExitCode, sync::Arc};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Survey, Tunables};
-use bottega_farm::{Analysis, Goal, Optimization, PartitionSettings, WorkId, WorkSettings, analyze, survey_size};
-use bottega_image::{AovSet, Canvas, ColorMap, Layout, Picture, Rect, ToneMap};
+use bottega_farm::{
+    Analysis, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings, analyze,
+    survey_size,
+};
+use bottega_image::{AovSet, Layout, Rect};
 use bottega_render::PathSettings;
 use serde_json::{Value, json};
 
 use crate::{
     cli::AnalyzeArgs,
     error::CliError,
-    render::{importance, level},
+    render::level,
     scene::{Subject, agents, shown, threads},
 };
 
-/// The longer side of the pictures, at least; small maps are enlarged to it.
-const SHOWN_SIDE: u32 = 1024;
+/// Bounces where the scene does not say.
+const DEFAULT_DEPTH: u32 = 16;
 
-/// Color of the outlines of zones.
-const OUTLINE: [u8; 3] = [255, 64, 32];
+/// The levels of which zones are shown.
+const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
 
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
-    let write = |source| CliError::Write { path: args.output.clone(), source };
-    fs::create_dir_all(&args.output).map_err(write)?;
     let subject = Subject::load(&args.scene)?;
-    let threads = threads(&args.scene);
-    let agents = agents(args.agents, threads);
-    let options = BuiltinOptions {
-        view: subject.view,
-        settings: PathSettings::default(),
-        layout: Layout::new(AovSet::NONE),
-        threads,
-    };
-    let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, Vec::new());
-    let frame = subject.frame();
-    let (columns, rows) = survey_size(&frame);
-    let survey = engine.survey(columns, rows)?;
-    let settings = WorkSettings {
-        picture: frame,
-        frame,
-        samples: 64,
-        goal: Goal::Samples,
-        tunables: Tunables { max_depth: 16, light_samples: 1 },
-        optimization: Optimization::Off,
-    };
-    let partition = PartitionSettings::for_agents(level(args.scene.level), agents, frame);
-    let analysis = analyze(WorkId(1), &settings, &survey, importance(args.scene.importance), &partition)
-        .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it with the scene"))?;
+    let subject = Analyzed::new(args, subject)?;
+    let function = args.scene.importance_function();
+    let analyses = LEVELS.map(|level| subject.analyze(function, level));
+    let analyses: Vec<Analysis> = analyses.into_iter().collect::<Result<_, _>>()?;
+    let chosen = subject.analyze(function, level(args.scene.level))?;
 
-    draw(args, &survey, &analysis, frame)?;
-    let report = report(&analysis);
-    let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-    let path = args.output.join("analysis.json");
-    fs::write(&path, text).map_err(|source| CliError::Write { path, source })?;
+    fs::create_dir_all(&args.output).map_err(|source| CliError::Write { path: args.output.clone(), source })?;
+    let files = draw::all(&args.output, &subject, &analyses, &chosen)?;
+    let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
+    let report = report(args, &subject, &analyses, &files, verified.as_ref());
+    write_json(&args.output.join("index.json"), &report)?;
     if args.scene.json {
         println!("{report}");
-    } else {
-        for warning in &subject.warnings {
-            eprintln!("warning: {warning}");
-        }
-        println!("{}: {} zones, meant for agents: {agents}", shown(&args.output), analysis.rows.len());
+        return Ok(ExitCode::SUCCESS);
+    }
+    for warning in &subject.subject.warnings {
+        eprintln!("warning: {warning}");
+    }
+    for (name, meaning) in &files {
+        println!("{:<22} {meaning}", name);
+    }
+    let counts: Vec<String> = analyses.iter().map(|analysis| analysis.rows.len().to_string()).collect();
+    println!("{}: {} zones by level, meant for agents: {}", shown(&args.output), counts.join(", "), subject.agents);
+    if let Some(verified) = &verified {
+        println!("\n{}", verify::table(verified));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// importance.png: the map. zones.png: the zones over what the survey saw. cost.png: predicted cost of each zone.
-fn draw(args: &AnalyzeArgs, survey: &Survey, analysis: &Analysis, frame: Rect) -> Result<(), CliError> {
-    let enlarge = |canvas: Canvas| {
-        let side = canvas.width.max(canvas.height);
-        canvas.enlarged((SHOWN_SIDE / side).max(1))
-    };
-    let (columns, rows) = analysis.map.size();
-    enlarge(Canvas::gray_map(columns, rows, &analysis.map.grey())).write_png(args.output.join("importance.png"))?;
-
-    let color = |x: u32, y: u32| survey.pixels[(y * survey.width + x) as usize].color;
-    let seen = Picture::from_fn(survey.width, survey.height, color);
-    let mut zones = enlarge(Canvas::of_picture(&seen, 0.0, ToneMap::Agx));
-    let size = (zones.width, zones.height);
-    for row in &analysis.rows {
-        zones.draw_rect(scaled(row.rect, frame, size), OUTLINE);
-    }
-    zones.write_png(args.output.join("zones.png"))?;
-
-    let mut cost = Canvas::new(size.0, size.1, [0; 3]);
-    let largest = analysis.rows.iter().map(|row| row.complexity).fold(f64::MIN_POSITIVE, f64::max);
-    for row in &analysis.rows {
-        let rect = scaled(row.rect, frame, size);
-        cost.fill_rect(rect, ColorMap::Viridis.color((row.complexity / largest) as f32));
-        cost.draw_rect(rect, [0; 3]);
-    }
-    Ok(cost.write_png(args.output.join("cost.png"))?)
+/// A scene that was surveyed.
+struct Analyzed {
+    subject: Subject,
+    engine: BuiltinEngine,
+    survey: Survey,
+    settings: WorkSettings,
+    agents: usize,
 }
 
-/// A rectangle of the frame on a canvas of another size.
-fn scaled(rect: Rect, frame: Rect, (width, height): (u32, u32)) -> Rect {
-    let x = |x: u32| (u64::from(x) * u64::from(width) / u64::from(frame.width())) as u32;
-    let y = |y: u32| (u64::from(y) * u64::from(height) / u64::from(frame.height())) as u32;
-    Rect::new(x(rect.x0), y(rect.y0), x(rect.x1), y(rect.y1))
+impl Analyzed {
+    fn new(args: &AnalyzeArgs, subject: Subject) -> Result<Self, CliError> {
+        let threads = if !args.verify.is_empty() && args.scene.threads.is_none() { 1 } else { threads(&args.scene) };
+        let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
+        let settings = PathSettings {
+            max_depth,
+            filter: subject.hints.filter.unwrap_or_default(),
+            planned_samples: args.spp,
+            ..PathSettings::default()
+        };
+        let options = BuiltinOptions { view: subject.view, settings, layout: Layout::new(AovSet::NONE), threads };
+        let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, Vec::new());
+        let frame = subject.frame();
+        let (columns, rows) = survey_size(&frame);
+        let survey = engine.survey(columns, rows)?;
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: args.spp,
+            goal: Goal::Samples,
+            tunables: Tunables { max_depth, light_samples: 1 },
+            optimization: Optimization::Off,
+        };
+        let agents = agents(args.agents, crate::scene::threads(&args.scene));
+        Ok(Self { subject, engine, survey, settings, agents })
+    }
+
+    fn frame(&self) -> Rect {
+        self.settings.frame
+    }
+
+    fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, CliError> {
+        let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
+        analyze(WorkId(1), &self.settings, &self.survey, function, &partition)
+            .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it with the scene"))
+    }
 }
 
-fn report(analysis: &Analysis) -> Value {
+fn write_json(path: &Path, value: &Value) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(value).unwrap_or_default();
+    fs::write(path, text).map_err(|source| CliError::Write { path: path.to_owned(), source })
+}
+
+fn report(
+    args: &AnalyzeArgs,
+    subject: &Analyzed,
+    analyses: &[Analysis],
+    files: &[(String, String)],
+    verified: Option<&Vec<verify::Verified>>,
+) -> Value {
+    let function = args.scene.importance_function();
+    let levels = analyses.iter().zip(1..).map(|(analysis, level)| {
+        let imbalance = analysis.partition.imbalance(&analysis.map);
+        json!({"level": level, "longest_over_mean": imbalance, "zones": zones(analysis)})
+    });
+    let mut report = json!({
+        "version": 1,
+        "scene": shown(&args.scene.file.scene),
+        "size": [subject.frame().width(), subject.frame().height()],
+        "cells": [subject.survey.width, subject.survey.height],
+        "agents": subject.agents,
+        "importance": function.to_string(),
+        "channels": function.channels().iter().map(bottega_farm::Channel::name).collect::<Vec<_>>(),
+        "files": files.iter().map(|(file, shows)| json!({"file": file, "shows": shows})).collect::<Vec<_>>(),
+        "levels": levels.collect::<Vec<_>>(),
+    });
+    if let Some(verified) = verified {
+        report["verified"] = verified.iter().map(verify::Verified::report).collect();
+    }
+    report
+}
+
+fn zones(analysis: &Analysis) -> Vec<Value> {
     let total: f64 = analysis.rows.iter().map(|row| row.complexity).sum();
-    let zones: Vec<Value> = analysis
-        .rows
-        .iter()
-        .map(|row| {
-            json!({
-                "id": row.zone.0,
-                "rect": [row.rect.x0, row.rect.y0, row.rect.x1, row.rect.y1],
-                "size": row.size(),
-                "complexity": row.complexity,
-                "share_of_cost": row.complexity / total,
-                "neighbor_difference": row.neighbor_difference,
-            })
+    let zone = |row: &bottega_farm::ZoneRow| {
+        json!({
+            "id": row.zone.0,
+            "rect": [row.rect.x0, row.rect.y0, row.rect.x1, row.rect.y1],
+            "size": row.size(),
+            "complexity": row.complexity,
+            "share_of_cost": row.complexity / total,
+            "neighbor_difference": row.neighbor_difference.mean,
+            "edge_differences": row.neighbor_difference.sides.into_array(),
+            "visual_importance": analysis.map.importance_of(&row.rect),
         })
-        .collect();
-    let (columns, rows) = analysis.map.size();
-    json!({"map": [columns, rows], "zones": zones})
+    };
+    analysis.rows.iter().map(zone).collect()
 }

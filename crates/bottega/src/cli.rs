@@ -2,11 +2,12 @@
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
+use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
-use crate::{bench::MagarroArgs, simulate::args::SimulateArgs};
+use crate::{bench::MagarroArgs, rules::RulesArgs, simulate::args::SimulateArgs};
 
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
@@ -26,12 +27,14 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
     Analyze(AnalyzeArgs),
-    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ.
+    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ; or look for seams between zones.
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
     /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
     Simulate(Box<SimulateArgs>),
+    /// Check, evaluate and draw expert rules.
+    Rules(RulesArgs),
     /// Measure this machine and this program.
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.
@@ -123,9 +126,27 @@ pub(crate) struct SceneArgs {
     /// Which measure makes the importance map.
     #[arg(long, value_enum, default_value_t = ImportanceArg::Predicted, help_heading = "Work")]
     pub(crate) importance: ImportanceArg,
+    /// What the measure knows of a place; default: everything. What is left out counts everywhere as its mean, and tells
+    /// no places apart. For `predicted`: steps,shadow,material; for `visual`: recursion,depth,indirect,texture,noise,
+    /// saliency.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_channel, help_heading = "Work")]
+    pub(crate) channels: Option<Vec<Channel>>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long, help_heading = "Output")]
     pub(crate) json: bool,
+}
+
+impl SceneArgs {
+    /// The measure, of the channels that are on.
+    pub(crate) fn importance_function(&self) -> ImportanceFunction {
+        let channels = self.channels.iter().flatten().copied().collect::<ChannelSet>();
+        let channels = if self.channels.is_some() { channels } else { ChannelSet::ALL };
+        match self.importance {
+            ImportanceArg::Predicted => ImportanceFunction::PredictedCost(channels),
+            ImportanceArg::Paper => ImportanceFunction::Paper,
+            ImportanceArg::Visual => ImportanceFunction::Visual(channels),
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -156,7 +177,8 @@ pub(crate) struct RenderArgs {
     /// Let the agents' expert rules trade quality for time, zone by zone.
     #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
     pub(crate) optimize: OptimizeArg,
-    /// The expert rules, as FCL text; default: the built-in ones. Give it several times and agents carry them in turn.
+    /// The expert rules, as FCL text; default: path-tracing, which comes with the program. Give it several times and
+    /// agents carry them in turn.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     pub(crate) rules: Vec<PathBuf>,
     /// How light is followed.
@@ -227,9 +249,20 @@ pub(crate) struct RenderArgs {
 pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for importance.png, zones.png, cost.png and analysis.json.
+    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
+    /// index.json, which says what is what.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
+    /// Paint every zone of these levels, again and again, and tell how well its time was predicted: by the map alone, and
+    /// after profiling. One processor does it, unless --threads says otherwise.
+    #[arg(long, value_name = "LEVELS", num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=3), help_heading = "Work")]
+    pub(crate) verify: Vec<u8>,
+    /// How often --verify paints a zone; of its times the shortest counts, because what disturbs only adds.
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "verify", value_parser = clap::value_parser!(u8).range(2..=100), help_heading = "Work")]
+    pub(crate) repeat: u8,
+    /// Samples a pixel of --verify.
+    #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
+    pub(crate) spp: u32,
     /// Agents that the zones are meant for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
@@ -240,14 +273,20 @@ pub(crate) struct DiffArgs {
     /// The picture to judge: EXR, PNG or HDR.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) picture: PathBuf,
-    /// The picture that it should equal.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) reference: PathBuf,
+    /// The picture that it should equal. Only --seams can do without.
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present = "seams")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Say whether the edges of zones can be seen: the zones are those in the index.json that `bottega analyze` writes.
+    #[arg(long, value_name = "INDEX.json", value_hint = ValueHint::FilePath)]
+    pub(crate) seams: Option<PathBuf>,
+    /// The level of partition of --seams.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, requires = "seams", value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub(crate) level: u8,
     /// Write where they differ (FLIP, dark: equal, bright: different) as a PNG.
-    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath, requires = "reference")]
     pub(crate) output: Option<PathBuf>,
     /// Exit with 1 when the mean FLIP error is above this.
-    #[arg(long, value_name = "FLIP")]
+    #[arg(long, value_name = "FLIP", requires = "reference")]
     pub(crate) fail_above: Option<f32>,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
@@ -368,6 +407,8 @@ pub(crate) enum ImportanceArg {
     Predicted,
     /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
     Paper,
+    /// How much an error would be seen.
+    Visual,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -485,6 +526,10 @@ fn parse_aov(text: &str) -> Result<Aov, String> {
         .into_iter()
         .find(|aov| aov.name() == text.trim())
         .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
+}
+
+fn parse_channel(text: &str) -> Result<Channel, String> {
+    text.parse().map_err(|error: bottega_farm::UnknownChannel| error.to_string())
 }
 
 fn parse_define(text: &str) -> Result<(String, String), String> {

@@ -1,11 +1,14 @@
-//! `bottega diff`: how two pictures differ, in figures and as a heat map.
+//! `bottega diff`: how two pictures differ, in figures and as a heat map; and whether zones have seams.
 
-use std::process::ExitCode;
+use std::{fs, path::Path, process::ExitCode};
 
-use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse};
-use serde::Serialize;
+use bottega_image::{
+    Canvas, ColorMap, FlipOptions, Picture, Rect, Seams, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse, seams,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 
-use crate::{cli::DiffArgs, error::CliError};
+use crate::{cli::DiffArgs, error::CliError, scene::shown};
 
 #[derive(Serialize)]
 struct Difference {
@@ -20,9 +23,30 @@ struct Difference {
 /// Share of the worst pixels that the trimmed relMSE leaves out, so that one firefly does not hide everything else.
 const TRIMMED: f64 = 1e-3;
 
+/// Seams are told of when chance would show them less often than this.
+const SIGNIFICANCE: f64 = 1e-3;
+
 pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
     let picture = read_picture(&args.picture)?;
-    let reference = read_picture(&args.reference)?;
+    let reference = args.reference.as_deref().map(read_picture).transpose()?;
+    let difference = reference.as_ref().map(|reference| compare(args, &picture, reference)).transpose()?;
+    let seams =
+        args.seams.as_deref().map(|path| find_seams(path, args.level, &picture, reference.as_ref())).transpose()?;
+    if args.json {
+        let mut report = difference.as_ref().map_or_else(|| json!({}), |difference| json!(difference));
+        if let Some(seams) = &seams {
+            report["seams"] = json!({"pieces": seams.pieces, "z": seams.z, "p": seams.p(), "ratio": seams.ratio});
+        }
+        println!("{report}");
+    } else {
+        difference.iter().for_each(tell);
+        seams.iter().for_each(tell_seams);
+    }
+    let is_too_much = |difference: &Difference| args.fail_above.is_some_and(|limit| difference.flip > f64::from(limit));
+    Ok(ExitCode::from(u8::from(difference.as_ref().is_some_and(is_too_much))))
+}
+
+fn compare(args: &DiffArgs, picture: &Picture, reference: &Picture) -> Result<Difference, CliError> {
     if picture.size() != reference.size() {
         let (a, b) = (picture.size(), reference.size());
         return Err(CliError::usage(
@@ -30,33 +54,89 @@ pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
             "compare pictures of the same size",
         ));
     }
-    let flip = flip(&reference, &picture, &FlipOptions::default())?;
-    let difference = Difference {
-        rmse: rmse(&reference, &picture)?,
-        mae: mae(&reference, &picture)?,
-        rel_mse: rel_mse(&reference, &picture)?,
-        rel_mse_trimmed: rel_mse_trimmed(&reference, &picture, TRIMMED)?,
-        flip: flip.mean,
-        mean_ratio: mean_ratio(&picture, &reference),
-    };
+    let flip = flip(reference, picture, &FlipOptions::default())?;
     if let Some(path) = &args.output {
         Canvas::heat_map(picture.width, picture.height, &flip.map, 1.0, ColorMap::Inferno).write_png(path)?;
     }
-    if args.json {
-        println!("{}", serde_json::to_string(&difference).unwrap_or_default());
-    } else {
-        let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
-        println!("FLIP         {:.5}   mean; 0: equal to the eye, above 0.05: plainly different", difference.flip);
-        println!(
-            "relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)",
-            difference.rel_mse, difference.rel_mse_trimmed
-        );
-        println!("RMSE         {:.3e}", difference.rmse);
-        println!("MAE          {:.3e}", difference.mae);
-        println!("mean ratio   {}   red, green, blue", difference.mean_ratio.map(ratio).join(" "));
+    Ok(Difference {
+        rmse: rmse(reference, picture)?,
+        mae: mae(reference, picture)?,
+        rel_mse: rel_mse(reference, picture)?,
+        rel_mse_trimmed: rel_mse_trimmed(reference, picture, TRIMMED)?,
+        flip: flip.mean,
+        mean_ratio: mean_ratio(picture, reference),
+    })
+}
+
+fn tell(difference: &Difference) {
+    let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+    println!("FLIP         {:.5}   mean; 0: equal to the eye, above 0.05: plainly different", difference.flip);
+    println!(
+        "relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)",
+        difference.rel_mse, difference.rel_mse_trimmed
+    );
+    println!("RMSE         {:.3e}", difference.rmse);
+    println!("MAE          {:.3e}", difference.mae);
+    println!("mean ratio   {}   red, green, blue", difference.mean_ratio.map(ratio).join(" "));
+}
+
+fn tell_seams(seams: &Seams) {
+    let verdict = match seams.p() {
+        _ if seams.pieces == 0 => "there is nothing to compare",
+        p if p < SIGNIFICANCE => "zones have seams",
+        _ => "no seams can be told from chance",
+    };
+    println!(
+        "seams        z = {:.2} (p = {:.2e}), steps across edges {:.3} times those inside, {} pieces: {verdict}",
+        seams.z,
+        seams.p(),
+        seams.ratio,
+        seams.pieces
+    );
+}
+
+/// The part of an index.json that is needed.
+#[derive(Deserialize)]
+struct Index {
+    size: [u32; 2],
+    levels: Vec<IndexedLevel>,
+}
+
+#[derive(Deserialize)]
+struct IndexedLevel {
+    level: u8,
+    zones: Vec<IndexedZone>,
+}
+
+#[derive(Deserialize)]
+struct IndexedZone {
+    rect: [u32; 4],
+}
+
+fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Picture>) -> Result<Seams, CliError> {
+    let text = fs::read_to_string(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let unusable = |problem: String| {
+        CliError::usage(
+            format!("`{}` {problem}", shown(path)),
+            "give the index.json that `bottega analyze` wrote of this picture's scene",
+        )
+    };
+    let index: Index =
+        serde_json::from_str(&text).map_err(|error| unusable(format!("is no index of zones: {error}")))?;
+    let [width, height] = index.size;
+    if (width, height) != picture.size() {
+        let (w, h) = picture.size();
+        return Err(unusable(format!("has the zones of a picture of {width}x{height}, not of {w}x{h}")));
     }
-    let failed = args.fail_above.is_some_and(|limit| difference.flip > f64::from(limit));
-    Ok(ExitCode::from(u8::from(failed)))
+    let zones = index.levels.into_iter().find(|indexed| indexed.level == level);
+    let zones = zones.ok_or_else(|| unusable(format!("has no zones of level {level}")))?.zones;
+    let rects = zones.iter().map(|&IndexedZone { rect: [x0, y0, x1, y1] }| {
+        if x0 > x1 || y0 > y1 {
+            return Err(unusable(format!("has a zone {x0},{y0},{x1},{y1} of negative size")));
+        }
+        Ok(Rect { x0, y0, x1, y1 })
+    });
+    Ok(seams(picture, reference, &rects.collect::<Result<Vec<_>, _>>()?)?)
 }
 
 /// Mean of the one over mean of the other, by channel.

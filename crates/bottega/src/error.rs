@@ -1,18 +1,19 @@
 //! What can go wrong in the command line, told with a remedy.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use bottega_engines::EngineError;
 use bottega_farm::{
-    ExpertError, JobError, JournalError,
+    JobError, JournalError,
     simulate::{RecordError, SimulationError},
 };
+use bottega_fuzzy::Position;
 use bottega_gpu::GpuError;
 use bottega_image::ImageError;
 use bottega_render::RenderError;
 use bottega_scene::SceneError;
 use bottega_web::ServeError;
-use miette::Diagnostic;
+use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
 /// The crates' errors, and those of the command line itself.
@@ -32,8 +33,18 @@ pub(crate) enum CliError {
     Gpu(#[source] GpuError),
     #[error("cannot serve the live view")]
     Serve(#[source] ServeError),
-    #[error("cannot use the rules in `{}`", .path.display())]
-    Rules { path: PathBuf, source: ExpertError },
+    #[error("cannot use the rules in `{}`: {problem}", .path.display())]
+    Rules { path: PathBuf, problem: String },
+    #[error("cannot use the rules in `{}`, {place}: {problem}", .path.display())]
+    RulesText {
+        path: PathBuf,
+        place: Position,
+        problem: String,
+        #[source_code]
+        text: Arc<NamedSource<String>>,
+        #[label("here")]
+        span: SourceSpan,
+    },
     #[error("cannot go on with `{}`", .path.display())]
     Journal { path: PathBuf, source: JournalError },
     #[error("cannot use the record `{}`", .path.display())]

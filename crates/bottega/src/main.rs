@@ -4,6 +4,7 @@
 mod analyze;
 mod bench;
 mod cli;
+mod clock;
 mod devices;
 mod diff;
 mod error;
@@ -12,6 +13,7 @@ mod keeping;
 mod preview;
 mod render;
 mod reporter;
+mod rules;
 mod scene;
 mod simulate;
 
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Rules(args) => rules::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Completions { shell } => {

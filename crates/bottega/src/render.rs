@@ -1,17 +1,11 @@
 //! `bottega render`: a scene in, a picture out.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::ExitCode,
-    sync::Arc,
-    time::Instant,
-};
+use std::{fs, path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
 use bottega_farm::{
-    Expert, Goal, ImportanceFunction, JobError, JobReport, JobSettings, Kept, Level, Observer, Optimization,
-    StopSwitch, simulate::Recorder, survey_size,
+    Expert, Goal, JobError, JobReport, JobSettings, Kept, Level, Observer, Optimization, StopSwitch,
+    simulate::Recorder, survey_size,
 };
 use bottega_image::{
     AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
@@ -21,13 +15,12 @@ use bottega_render::{Filter, PathSettings};
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
-    cli::{
-        DEPTH_MAX, EncodingArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg,
-    },
+    cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     error::CliError,
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
+    rules::experts,
     scene::{Subject, agents, shown, threads},
     simulate::{recorded, write_record},
 };
@@ -53,12 +46,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
-    let experts = experts(&args.rules)?;
+    let (experts, notes) = experts(&args.rules)?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Arc::new(reporter(args, dashboard.clone())?);
     let subject = Subject::load(&args.scene)?;
-    for warning in &subject.warnings {
-        reporter.warn(warning.to_string());
+    for warning in notes.into_iter().chain(subject.warnings.iter().map(ToString::to_string)) {
+        reporter.warn(warning);
     }
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
@@ -135,20 +128,6 @@ fn show(
     Ok(())
 }
 
-/// The rules of the agents.
-pub(crate) fn experts(paths: &[PathBuf]) -> Result<Vec<Expert>, CliError> {
-    if paths.is_empty() {
-        return Ok(vec![Expert::path_tracing()]);
-    }
-    paths
-        .iter()
-        .map(|path| {
-            let text = fs::read_to_string(path).map_err(|source| CliError::Read { path: path.clone(), source })?;
-            Expert::parse(&text).map_err(|source| CliError::Rules { path: path.clone(), source })
-        })
-        .collect()
-}
-
 fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, CliError> {
     let frame = subject.frame();
     let crop = args.crop.or_else(|| hinted_crop(subject)).unwrap_or(frame);
@@ -175,7 +154,7 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
         agents: agents(args.agents, threads),
         experts,
         processors: threads,
-        importance: importance(args.scene.importance),
+        importance: args.scene.importance_function(),
         zones: args.zones,
         ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
@@ -217,13 +196,6 @@ fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<Bui
 
 pub(crate) fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
-}
-
-pub(crate) fn importance(importance: ImportanceArg) -> ImportanceFunction {
-    match importance {
-        ImportanceArg::Predicted => ImportanceFunction::PredictedCost,
-        ImportanceArg::Paper => ImportanceFunction::Paper,
-    }
 }
 
 fn optimization(optimize: OptimizeArg) -> Optimization {

@@ -112,17 +112,6 @@ fn pictures_of_different_sizes_are_not_compared() {
 }
 
 #[test]
-fn rules_with_a_mistake_are_told_with_their_place() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let rules = folder.path().join("mine.fcl");
-    fs::write(&rules, "FUNCTION_BLOCK x\nVAR_INPUT\n  complexity REAL;\nEND_VAR\nEND_FUNCTION_BLOCK\n")
-        .expect("written");
-    let picture = folder.path().join("picture.png");
-    let arguments = ["render", "cornell-box.glb", "-o", text(&picture), "--rules", text(&rules), "--optimize", "n"];
-    fails(&arguments, 1, &["mine.fcl", "3"]);
-}
-
-#[test]
 fn resume_without_anything_to_resume_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.exr");

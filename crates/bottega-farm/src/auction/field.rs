@@ -29,6 +29,10 @@ impl Pace {
         let left = self.ready - now;
         if self.laden { left.abs() } else { left.max(0.0) }
     }
+
+    fn finish(&self, now: f64, time: f64) -> f64 {
+        self.busy(now) + self.own * time
+    }
 }
 
 impl Field {
@@ -90,17 +94,23 @@ impl Field {
         end
     }
 
-    /// When the soonest would have finished a zone, in seconds from now.
+    /// When an agent would have finished a zone, in seconds from now; infinite when it is not here.
+    ///
+    /// - `time`: the zone's, in reference-machine seconds.
+    pub fn finish(&self, now: f64, time: f64, agent: &AgentId) -> f64 {
+        self.slots.get(agent).map_or(f64::INFINITY, |&slot| self.paces[slot].finish(now, time))
+    }
+
+    /// Who would have finished a zone soonest, and when, in seconds from now. `None`: there is nobody.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     /// - `except`: who is not asked.
-    pub fn soonest(&self, now: f64, time: f64, except: impl Fn(&AgentId) -> bool) -> f64 {
-        let finish = |pace: &Pace| pace.busy(now) + pace.own * time;
-        let mut soonest = f64::INFINITY;
+    pub fn soonest(&self, now: f64, time: f64, except: impl Fn(&AgentId) -> bool) -> Option<(f64, &AgentId)> {
+        let mut soonest: Option<(f64, &AgentId)> = None;
         for (pace, name) in self.paces.iter().zip(&self.names) {
-            let finish = finish(pace);
-            if finish < soonest && !except(name) {
-                soonest = finish;
+            let finish = pace.finish(now, time);
+            if soonest.is_none_or(|(best, _)| finish < best) && !except(name) {
+                soonest = Some((finish, name));
             }
         }
         soonest
@@ -126,13 +136,15 @@ mod tests {
         }
         // Two seconds of the first alone, then both: 2 + (11 - 2) / 3.
         assert!((field.end(0.0, 11.0) - 5.0).abs() < 1e-9, "{}", field.end(0.0, 11.0));
-        assert_eq!(field.soonest(0.0, 3.0, |_| false), 3.0);
-        assert_eq!(field.soonest(0.0, 3.0, |name| &*name.name == "a"), 3.5);
+        let soonest =
+            |field: &Field, now: f64, but: &str| field.soonest(now, 3.0, |name| &*name.name == but).unwrap().0;
+        assert_eq!(soonest(&field, 0.0, ""), 3.0);
+        assert_eq!(soonest(&field, 0.0, "a"), 3.5);
         // The first is two seconds late.
-        assert_eq!(field.soonest(2.0, 3.0, |_| false), 1.5);
-        assert_eq!(field.soonest(2.0, 3.0, |name| &*name.name == "b"), 5.0);
+        assert_eq!(soonest(&field, 2.0, ""), 1.5);
+        assert_eq!(soonest(&field, 2.0, "b"), 5.0);
         field.set(&AgentId::new("a"), None);
-        assert_eq!(field.soonest(0.0, 3.0, |_| false), 3.5);
+        assert_eq!(soonest(&field, 0.0, ""), 3.5);
         assert!((field.end(0.0, 11.0) - 7.5).abs() < 1e-9);
     }
 }

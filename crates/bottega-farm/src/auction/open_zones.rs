@@ -60,6 +60,11 @@ impl OpenZones {
         !self.waiting.is_empty()
     }
 
+    /// T_est of the largest that is not offered.
+    pub fn largest_waiting(&self) -> Option<Duration> {
+        self.waiting.last_key_value().map(|(_, offer)| offer.time_estimated)
+    }
+
     /// T_est of all.
     pub fn time_estimated(&self) -> Duration {
         self.time

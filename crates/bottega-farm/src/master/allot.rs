@@ -129,6 +129,20 @@ impl Master {
         for agent in round.proposals.keys() {
             self.roster.release(agent);
         }
+        self.recall(now);
+    }
+
+    /// The largest zone that nobody took waits for the agent that would have finished it soonest. That one may have been
+    /// passed over when things were otherwise.
+    fn recall(&mut self, now: Time) {
+        if self.config.auction == AuctionRule::Paper || self.roster.has_bidders() {
+            return;
+        }
+        let Some(time) = self.ledger.open.largest_waiting() else { return };
+        let soonest = self.roster.field().soonest(now.elapsed().as_secs_f64(), time.as_secs_f64(), |_| false);
+        if let Some(agent) = soonest.map(|(_, agent)| agent.clone()) {
+            self.roster.reconsider(&agent);
+        }
     }
 
     fn winners(&self, now: Time, round: &Round) -> Vec<Award> {

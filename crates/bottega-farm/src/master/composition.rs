@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use bottega_image::Sides;
+
 use crate::{Blackboard, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
 
 /// Which zones are in the film. Each is put there once, and each piece of a zone in its place among the zones.
@@ -53,7 +55,8 @@ impl Composition {
         if self.masks.is_none() && (plain || all_chosen && board.zones().all(settled)) {
             let zones = || board.zones().filter(|row| row.root.is_none());
             let rects = zones().map(|row| row.rect).collect();
-            let bands: Vec<u32> = zones().map(|row| row.choice.map_or(0, |choice| choice.band)).collect();
+            let bands: Vec<Sides<u32>> =
+                zones().map(|row| row.choice.map_or(Sides::all(0), |choice| choice.bands)).collect();
             self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &bands));
         }
         let mask = self.masks.as_ref()?[root.index()].clone();

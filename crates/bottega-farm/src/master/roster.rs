@@ -225,6 +225,15 @@ impl Roster {
         }
     }
 
+    /// An agent that was passed over may bid again.
+    pub(super) fn reconsider(&mut self, agent: &AgentId) {
+        if let Some(member) = self.members.get_mut(agent).filter(|member| member.passed_over) {
+            member.passed_over = false;
+            self.passed_over.remove(agent);
+            self.place(agent);
+        }
+    }
+
     /// Something has changed: who was passed over may bid again.
     pub(super) fn ask_again(&mut self) {
         for agent in std::mem::take(&mut self.passed_over) {

@@ -75,7 +75,7 @@ fn torn(rows: &mut [&ZoneRow], frame: &Rect) -> Vec<ZoneId> {
     for pieces in rows.chunk_by(|a, b| a.root() == b.root()).filter(|pieces| pieces.len() > 1) {
         let root = pieces[0].root();
         let Some(choice) = pieces[0].choice else { continue };
-        let whole = pieces[0].rect.grown(choice.band, frame);
+        let whole = pieces[0].rect.grown_by(choice.bands, frame);
         let painted: Vec<Rect> = pieces.iter().map(|row| row.painted(&choice, frame)).collect();
         if !Partition::covers(whole, &painted) {
             torn.push(root);

@@ -292,9 +292,15 @@ impl<'a> Play<'a> {
         }
         let master = AgentId::new("master");
         let Plan { auction, prefetch, shares_tail, timing, .. } = *plan;
-        let goals = GoalRules::default();
-        let config =
-            MasterConfig { id: master.clone(), work: piece.work.work, auction, prefetch, shares_tail, goals, timing };
+        let config = MasterConfig {
+            id: master.clone(),
+            work: piece.work.work,
+            auction,
+            prefetch,
+            shares_tail,
+            goals: GoalRules::default(),
+            timing,
+        };
         simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
         Ok(Self { piece, plan, master, simulator, timeline })
     }

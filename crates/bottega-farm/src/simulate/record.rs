@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bottega_image::Rect;
 
-use crate::{Choice, Goal, Level, Partition, WorkSettings};
+use crate::{Choice, Goal, Level, NeighborDifference, Partition, WorkSettings};
 
 /// Side of the cells of a [`CostGrid`], in pixels: that of the built-in engine's work units, which begin at multiples of
 /// it too.
@@ -47,7 +47,7 @@ pub struct RecordedZone {
     /// Predicted cost in average pixels.
     pub complexity: f64,
     /// Neighbor Difference.
-    pub neighbor_difference: f64,
+    pub neighbor_difference: NeighborDifference,
     /// What it was painted with.
     pub choice: Choice,
     /// Processor time of the first samples, [`Choice::profile_samples`] of them.
@@ -59,7 +59,7 @@ pub struct RecordedZone {
 impl RecordedZone {
     /// The pixels painted, band and all.
     pub fn painted(&self, frame: &Rect) -> Rect {
-        self.rect.grown(self.choice.band, frame)
+        self.rect.grown_by(self.choice.bands, frame)
     }
 
     /// Processor time of samples `start..end` of all its pixels, in seconds: what was measured, spread evenly over the
@@ -196,11 +196,12 @@ impl Record {
         }
         let is_sound = |value: f64| value.is_finite() && value >= 0.0;
         for (index, zone) in self.zones.iter().enumerate() {
-            let Choice { samples: chosen, band, .. } = zone.choice;
-            if !is_sound(zone.complexity) || !is_sound(zone.neighbor_difference) {
+            let Choice { samples: chosen, bands, .. } = zone.choice;
+            let NeighborDifference { mean, sides } = zone.neighbor_difference;
+            if ![zone.complexity, mean].into_iter().chain(sides.into_array()).all(is_sound) {
                 return wrong(&format!("zones[{index}]"), "must have a complexity and a neighbor difference from 0 on");
             }
-            if chosen == 0 || chosen > samples || band > 1 << 16 {
+            if chosen == 0 || chosen > samples || bands.into_array().into_iter().any(|band| band > 1 << 16) {
                 return wrong(
                     &format!("zones[{index}]"),
                     "must have samples within those of the work, and a band that can be",

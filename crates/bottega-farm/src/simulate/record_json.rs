@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use bottega_engines::Tunables;
-use bottega_image::Rect;
+use bottega_image::{Rect, Sides};
 use serde::{Deserialize, Serialize};
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
-use crate::{Choice, Goal, Level, Optimization, WorkSettings};
+use crate::{Choice, Goal, Level, NeighborDifference, Optimization, WorkSettings};
 
 /// The version that is written and read.
 pub(super) const VERSION: u64 = 1;
@@ -53,10 +53,11 @@ struct ZoneJson {
     rect: [u32; 4],
     complexity: f64,
     neighbor_difference: f64,
+    edge_differences: [f64; 4],
     samples: u32,
     max_depth: u32,
     light_samples: u32,
-    band: u32,
+    bands: [u32; 4],
     profiling_seconds: f64,
     painting_seconds: f64,
 }
@@ -64,7 +65,7 @@ struct ZoneJson {
 impl Record {
     /// The record as JSON.
     pub fn to_json(&self) -> String {
-        let WorkSettings { picture, frame, samples, tunables, optimization, .. } = self.work;
+        let WorkSettings { picture, frame, samples, goal: _, tunables, optimization } = self.work;
         let json = RecordJson {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -152,15 +153,16 @@ fn record(json: RecordJson) -> Result<Record, RecordError> {
 }
 
 fn zone_json(zone: &RecordedZone) -> ZoneJson {
-    let Choice { tunables, samples, band } = zone.choice;
+    let Choice { tunables, samples, bands } = zone.choice;
     ZoneJson {
         rect: corners(&zone.rect),
         complexity: zone.complexity,
-        neighbor_difference: zone.neighbor_difference,
+        neighbor_difference: zone.neighbor_difference.mean,
+        edge_differences: zone.neighbor_difference.sides.into_array(),
         samples,
         max_depth: tunables.max_depth,
         light_samples: tunables.light_samples,
-        band,
+        bands: bands.into_array(),
         profiling_seconds: zone.profiling.as_secs_f64(),
         painting_seconds: zone.painting.as_secs_f64(),
     }
@@ -173,11 +175,15 @@ fn recorded_zone(index: usize, json: &ZoneJson) -> Result<RecordedZone, RecordEr
     Ok(RecordedZone {
         rect: rect(json.rect).ok_or_else(wrong)?,
         complexity: json.complexity,
-        neighbor_difference: json.neighbor_difference,
-        choice: Choice { tunables, samples: json.samples, band: json.band },
+        neighbor_difference: NeighborDifference { mean: json.neighbor_difference, sides: sides(json.edge_differences) },
+        choice: Choice { tunables, samples: json.samples, bands: sides(json.bands) },
         profiling: time(&field("profiling_seconds"), json.profiling_seconds)?,
         painting: time(&field("painting_seconds"), json.painting_seconds)?,
     })
+}
+
+fn sides<T>([left, top, right, bottom]: [T; 4]) -> Sides<T> {
+    Sides { left, top, right, bottom }
 }
 
 fn corners(rect: &Rect) -> [u32; 4] {
@@ -214,7 +220,7 @@ pub(super) mod tests {
         let zone = |rect: Rect, seconds: f64| RecordedZone {
             rect,
             complexity: rect.area() as f64 * seconds,
-            neighbor_difference: 0.5,
+            neighbor_difference: NeighborDifference::all(0.5),
             choice: Choice::unchanged(&work),
             profiling: Duration::from_secs_f64(seconds * 0.06),
             painting: Duration::from_secs_f64(seconds * 0.94),

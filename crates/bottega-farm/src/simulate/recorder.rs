@@ -111,7 +111,7 @@ impl Recorder {
 impl Log {
     /// What was painted of a zone: all tasks whose middle lies in it. A zone may be painted in several.
     fn zone(&self, row: &ZoneRow, choice: Choice, frame: &Rect) -> RecordedZone {
-        let painted = row.rect.grown(choice.band, frame);
+        let painted = row.rect.grown_by(choice.bands, frame);
         let middle_within = |rect: &Rect| row.rect.contains(rect.x0.midpoint(rect.x1), rect.y0.midpoint(rect.y1));
         let of_zone = |task: &&Task| task.rect == painted || painted.encloses(&task.rect) && middle_within(&task.rect);
         let (mut profiling, mut painting) = (Duration::ZERO, Duration::ZERO);

@@ -7,7 +7,9 @@ use bottega_engines::Tunables;
 use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
-use crate::{Goal, InputRanges, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow};
+use crate::{
+    Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
+};
 
 /// Zones of a simulation at most.
 pub const ZONES_MAX: usize = 1 << 22;
@@ -120,7 +122,7 @@ impl Workpiece {
             }
             let mut log_normal = |spread: f64| (spread * normal(&mut random) - spread * spread / 2.0).exp();
             let seconds = spread.mean_seconds * log_normal(spread.zones) / f64::from(SAMPLES);
-            zones.push((rect, seconds * log_normal(spread.prediction), 0.0));
+            zones.push((rect, seconds * log_normal(spread.prediction), NeighborDifference::default()));
             let profiling = (seconds * log_normal(spread.profiling)) as f32;
             costs.push(SyntheticCost { profiling, painting: seconds as f32 });
         }
@@ -137,8 +139,8 @@ impl Workpiece {
     }
 
     /// - `zones`: rectangle, complexity and Neighbor Difference, by id.
-    fn new(settings: WorkSettings, zones: &[(Rect, f64, f64)], costs: Costs) -> Self {
-        let row = |(index, &(rect, complexity, difference)): (usize, &(Rect, f64, f64))| {
+    fn new(settings: WorkSettings, zones: &[(Rect, f64, NeighborDifference)], costs: Costs) -> Self {
+        let row = |(index, &(rect, complexity, difference)): (usize, &(Rect, f64, NeighborDifference))| {
             ZoneRow::open(WORK, ZoneId::of_index(index), rect, complexity, difference)
         };
         let rows: Vec<ZoneRow> = zones.iter().enumerate().map(row).collect();
@@ -180,7 +182,7 @@ impl Workpiece {
     }
 
     fn profile_samples(&self) -> u32 {
-        crate::Choice::unchanged(&self.work.settings).profile_samples(&Goal::Samples)
+        crate::Choice::unchanged(&self.work.settings).profile_samples(&self.work.settings.goal)
     }
 
     /// Processor time of each zone at speed 1, in seconds, if it is painted as it was.

@@ -9,7 +9,7 @@ pub(crate) fn tunables() -> Tunables {
 /// A survey with a complex lower right corner.
 pub(crate) fn survey(width: u32, height: u32) -> Survey {
     let pixel = |x: u32, y: u32| SurveyPixel {
-        steps: 5.0 + 60.0 * (f64::from(x * y) / f64::from(width * height)) as f32,
+        steps: 29.0 + 60.0 * (f64::from(x * y) / f64::from(width * height)) as f32,
         recursion_levels: if 2 * x > width && 2 * y > height { 5.0 } else { 0.0 },
         path_length: 2.0,
         ..SurveyPixel::default()

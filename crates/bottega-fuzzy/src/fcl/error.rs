@@ -11,6 +11,24 @@ pub struct Position {
     pub column: usize,
 }
 
+impl Position {
+    /// Where the word, number or mark at this place stands in its text, in bytes. A place behind the text has none.
+    pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
+        let line_start = match self.line.checked_sub(2) {
+            Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
+            None => 0,
+        };
+        let line = &text[line_start..];
+        let column = line.char_indices().nth(self.column.saturating_sub(1)).map_or(line.len(), |(at, _)| at);
+        let rest = &line[column..];
+        let of_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.');
+        let length = rest.find(|c| !of_word(c)).unwrap_or(rest.len());
+        let length = if length == 0 { rest.chars().next().map_or(0, char::len_utf8) } else { length };
+        let start = line_start + column;
+        start..start + length
+    }
+}
+
 impl fmt::Display for Position {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "line {}, column {}", self.line, self.column)
@@ -25,21 +43,6 @@ pub struct FclError {
     pub at: Position,
     /// What.
     pub kind: FclErrorKind,
-}
-
-/// Something that is allowed and most likely not meant.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Warning {
-    /// Where.
-    pub at: Position,
-    /// What.
-    pub message: String,
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.at, self.message)
-    }
 }
 
 /// Kinds of mistakes.
@@ -143,18 +146,8 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
 
 /// The word nearest to `found`, if it is near enough to be meant.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    /// Longer words are not compared: nobody mistypes them, and the cost is quadratic.
-    const LENGTH_MAX: usize = 64;
-    if found.len() > LENGTH_MAX {
-        return None;
-    }
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
-    words
-        .into_iter()
-        .filter(|word| word.len() <= LENGTH_MAX)
-        .filter(near)
-        .min_by_key(|word| distance(found, word))
-        .map(str::to_owned)
+    words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)
 }
 
 /// How many letters must be put in, left out, exchanged or swapped with a neighbor, without case.
@@ -179,6 +172,14 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_place_is_found_again_in_its_text() {
+        let text = "é x\n  TERM a.5 := €;\n";
+        let found = |line, column| &text[Position { line, column }.range_in(text)];
+        assert_eq!([found(1, 1), found(1, 3), found(2, 3), found(2, 8)], ["é", "x", "TERM", "a.5"]);
+        assert_eq!([found(2, 12), found(2, 15), found(2, 99), found(3, 1), found(9, 9)], [":", "€", "", "", ""]);
+    }
 
     #[test]
     fn a_mistyped_word_finds_its_neighbor_and_a_foreign_one_does_not() {

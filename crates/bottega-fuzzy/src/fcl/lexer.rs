@@ -1,6 +1,7 @@
 //! Text into tokens.
 
 use super::error::{FclError, FclErrorKind, Position};
+use crate::Limits;
 
 /// What a token is.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,6 +94,7 @@ impl<'a> Lexer<'a> {
         match first {
             b'a'..=b'z' | b'A'..=b'Z' | b'_' => {
                 let length = bytes.iter().take_while(|byte| byte.is_ascii_alphanumeric() || **byte == b'_').count();
+                self.check_length(length)?;
                 Ok(Token::Word(self.take(length)))
             }
             b'0'..=b'9' => self.number(),
@@ -116,6 +118,14 @@ impl<'a> Lexer<'a> {
         }
     }
 
+    fn check_length(&self, length: usize) -> Result<(), FclError> {
+        if length <= Limits::WORD_MAX {
+            return Ok(());
+        }
+        let kind = FclErrorKind::TooMany { what: "characters in one word or number", max: Limits::WORD_MAX };
+        Err(FclError { at: self.at, kind })
+    }
+
     fn number(&mut self) -> Result<Token<'a>, FclError> {
         let at = self.at;
         let bytes = self.rest.as_bytes();
@@ -133,10 +143,11 @@ impl<'a> Lexer<'a> {
                 length += 1 + sign + exponent;
             }
         }
+        self.check_length(length)?;
         let written = self.take(length);
         match written.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(Token::Number(number, written)),
-            _ => Err(FclError { at, kind: FclErrorKind::BadNumber(written.chars().take(40).collect()) }),
+            _ => Err(FclError { at, kind: FclErrorKind::BadNumber(written.to_owned()) }),
         }
     }
 }

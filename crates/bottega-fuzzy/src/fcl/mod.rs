@@ -3,9 +3,11 @@
 mod error;
 mod lexer;
 mod parser;
+mod places;
 mod print;
 mod rules;
 
-pub use error::{FclError, FclErrorKind, Position, Warning};
+pub use error::{FclError, FclErrorKind, Position};
 pub(crate) use parser::parse_one;
 pub use parser::{Document, parse_document};
+pub(crate) use places::Places;

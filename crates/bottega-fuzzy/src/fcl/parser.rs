@@ -1,8 +1,9 @@
 //! Tokens into function blocks, by recursive descent, checked while they are read.
 
 use super::{
-    error::{FclError, FclErrorKind, Position, Warning, nearest},
+    error::{FclError, FclErrorKind, Position, nearest},
     lexer::{Token, tokens},
+    places::{Places, VariablePlaces},
 };
 use crate::{
     block::{FunctionBlock, InputVariable, Limits, OutputVariable, RuleBlock, Term},
@@ -15,8 +16,16 @@ use crate::{
 pub struct Document {
     /// Its function blocks.
     pub blocks: Vec<FunctionBlock>,
-    /// What is most likely not meant.
-    pub warnings: Vec<Warning>,
+    /// Where the parts of each block stand.
+    pub(crate) places: Vec<Places>,
+}
+
+impl Document {
+    /// Where an input of a block is declared, by the number of the block and the input's name without case.
+    pub fn input_position(&self, block: usize, name: &str) -> Option<Position> {
+        let index = self.blocks.get(block)?.input_index(name)?;
+        Some(self.places[block].inputs[index].at)
+    }
 }
 
 /// Reads a text with any number of function blocks.
@@ -29,13 +38,16 @@ pub fn parse_document(text: &str) -> Result<Document> {
         return Err(FclError { at, kind: FclErrorKind::TooMany { what: "bytes", max: Limits::TEXT_BYTES_MAX } });
     }
     let tokens = tokens(text)?;
-    let mut parser = Parser { tokens: &tokens, next: 0, warnings: Vec::new() };
-    let mut blocks = Vec::new();
+    let mut parser = Parser { tokens: &tokens, next: 0 };
+    let mut document = Document { blocks: Vec::new(), places: Vec::new() };
     while !parser.at_end() {
+        let at = parser.at();
         parser.keyword("FUNCTION_BLOCK")?;
-        blocks.push(parser.block()?);
+        let (block, places) = parser.block()?;
+        document.blocks.push(block);
+        document.places.push(Places { block: Some(at), ..places });
     }
-    Ok(Document { blocks, warnings: parser.warnings })
+    Ok(document)
 }
 
 /// Reads a text with one function block.
@@ -85,7 +97,6 @@ pub(super) type Result<T> = std::result::Result<T, FclError>;
 pub(super) struct Parser<'a> {
     tokens: &'a [(Token<'a>, Position)],
     next: usize,
-    pub(super) warnings: Vec<Warning>,
 }
 
 /// An input as far as it is known.
@@ -93,6 +104,7 @@ pub(super) struct InputDraft {
     pub(super) name: String,
     pub(super) at: Position,
     pub(super) terms: Option<Vec<Term>>,
+    pub(super) term_places: Vec<Position>,
     pub(super) range: Option<(f64, f64)>,
 }
 
@@ -102,6 +114,7 @@ pub(super) struct OutputDraft {
     pub(super) at: Position,
     pub(super) defuzzified: bool,
     pub(super) terms: Vec<Term>,
+    pub(super) term_places: Vec<Position>,
     pub(super) range: Option<(f64, f64)>,
     pub(super) method: Option<(Method, Position)>,
     pub(super) accumulation: Option<Accumulation>,
@@ -115,6 +128,7 @@ pub(super) struct Draft {
     pub(super) outputs: Vec<OutputDraft>,
     pub(super) locals: Vec<String>,
     pub(super) rule_blocks: Vec<RuleBlock>,
+    pub(super) rule_places: Vec<Position>,
 }
 
 impl Draft {
@@ -260,7 +274,7 @@ impl<'a> Parser<'a> {
 // Declarations.
 impl Parser<'_> {
     /// A block, after its first keyword.
-    fn block(&mut self) -> Result<FunctionBlock> {
+    fn block(&mut self) -> Result<(FunctionBlock, Places)> {
         const SECTIONS: &[&str] =
             &["VAR_INPUT", "VAR_OUTPUT", "VAR", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK", "END_FUNCTION_BLOCK"];
         // The name may be left out; a section's keyword is no name.
@@ -302,12 +316,15 @@ impl Parser<'_> {
             self.mark(';')?;
             let name = name.to_owned();
             match kind {
-                Kind::Input => draft.inputs.push(InputDraft { name, at, terms: None, range: None }),
+                Kind::Input => {
+                    draft.inputs.push(InputDraft { name, at, terms: None, term_places: Vec::new(), range: None });
+                }
                 Kind::Output => draft.outputs.push(OutputDraft {
                     name,
                     at,
                     defuzzified: false,
                     terms: Vec::new(),
+                    term_places: Vec::new(),
                     range: None,
                     method: None,
                     accumulation: None,
@@ -335,7 +352,7 @@ impl Parser<'_> {
         let mut terms = Vec::new();
         while !self.eat_word("END_FUZZIFY") {
             if self.is_word("TERM") {
-                self.term(&mut terms)?;
+                self.term(&mut terms, &mut input.term_places)?;
             } else if self.is_word("RANGE") {
                 let at = self.at();
                 let before = input.range.replace(self.range()?);
@@ -380,14 +397,14 @@ impl Parser<'_> {
     fn defuzzify_clause(&mut self, output: &mut OutputDraft) -> Result<()> {
         let at = self.at();
         if self.is_word("TERM") {
-            return self.term(&mut output.terms);
+            return self.term(&mut output.terms, &mut output.term_places);
         }
         if self.is_word("RANGE") {
             let before = output.range.replace(self.range()?);
             return once(before.is_none(), "RANGE", &output.name, at);
         }
         if self.eat_word("METHOD") {
-            let before = output.method.replace((self.choice(Method::ALL, Method::word)?, at));
+            let before = output.method.replace((self.method()?, at));
             return once(before.is_none(), "METHOD", &output.name, at);
         }
         if self.eat_word("ACCU") {
@@ -402,6 +419,20 @@ impl Parser<'_> {
         }
         let words = &["TERM", "METHOD", "ACCU", "DEFAULT", "RANGE", "END_DEFUZZIFY"];
         Err(self.unexpected("`TERM`, `METHOD`, `ACCU`, `DEFAULT`, `RANGE` or `END_DEFUZZIFY`", words))
+    }
+
+    /// `: WORD ;`. What is MM here is MOM elsewhere.
+    fn method(&mut self) -> Result<Method> {
+        let next = self.tokens.get(self.next + 1).map(|(token, _)| token);
+        if *self.peek() == Token::Mark(':')
+            && matches!(next, Some(Token::Word(word)) if word.eq_ignore_ascii_case("MOM"))
+        {
+            self.advance();
+            self.advance();
+            self.mark(';')?;
+            return Ok(Method::Mm);
+        }
+        self.choice(Method::ALL, Method::word)
     }
 
     fn range(&mut self) -> Result<(f64, f64)> {
@@ -424,7 +455,7 @@ impl Parser<'_> {
         Err(FclError { at, kind: FclErrorKind::EmptyRange(low, high) })
     }
 
-    fn term(&mut self, terms: &mut Vec<Term>) -> Result<()> {
+    fn term(&mut self, terms: &mut Vec<Term>, places: &mut Vec<Position>) -> Result<()> {
         self.check_count(terms.len(), Limits::TERMS_MAX, "terms")?;
         self.advance();
         let at = self.at();
@@ -442,6 +473,7 @@ impl Parser<'_> {
         };
         self.mark(';')?;
         terms.push(Term { name: name.to_owned(), membership });
+        places.push(at);
         Ok(())
     }
 
@@ -502,25 +534,29 @@ fn fits(method: Method, terms: &[Term], range: Option<(f64, f64)>) -> std::resul
     }
 }
 
-fn finish(name: String, draft: Draft) -> Result<FunctionBlock> {
+fn finish(name: String, draft: Draft) -> Result<(FunctionBlock, Places)> {
     let incomplete = |what, name: &str, lacks, at| FclError {
         at,
         kind: FclErrorKind::Incomplete { what, name: name.to_owned(), lacks },
     };
+    let mut places = Places { rules: draft.rule_places, ..Places::default() };
     let mut inputs = Vec::with_capacity(draft.inputs.len());
-    for InputDraft { name, at, terms, range } in draft.inputs {
+    for InputDraft { name, at, terms, term_places, range } in draft.inputs {
         let Some(terms) = terms else {
             return Err(incomplete("the input", &name, "is never fuzzified", at));
         };
         inputs.push(InputVariable { name, terms, range, found: None });
+        places.inputs.push(VariablePlaces { at, terms: term_places });
     }
     let mut outputs = Vec::with_capacity(draft.outputs.len());
     for output in draft.outputs {
-        let OutputDraft { name, at, terms, range, method, accumulation, default, .. } = output;
+        let OutputDraft { name, at, terms, term_places, range, method, accumulation, default, .. } = output;
         let Some((method, _)) = method else {
             return Err(incomplete("the output", &name, "is never defuzzified", at));
         };
         outputs.push(OutputVariable { name, terms, range, method, accumulation, default: default.flatten() });
+        places.outputs.push(VariablePlaces { at, terms: term_places });
     }
-    Ok(FunctionBlock { name, inputs, outputs, locals: draft.locals, rule_blocks: draft.rule_blocks })
+    let block = FunctionBlock { name, inputs, outputs, locals: draft.locals, rule_blocks: draft.rule_blocks };
+    Ok((block, places))
 }

@@ -1,7 +1,7 @@
 //! Rule blocks: the second half of the parser.
 
 use super::{
-    error::{FclError, FclErrorKind, Position, Warning},
+    error::{FclError, FclErrorKind, Position},
     lexer::Token,
     parser::{Draft, Parser, Result, once, unknown},
 };
@@ -40,11 +40,8 @@ impl Parser<'_> {
                 let rule = self.rule(draft)?;
                 let conclusions = before().chain([&rule]).map(|rule| rule.conclusions.len()).sum::<usize>();
                 self.check_count(conclusions, Limits::CONCLUSIONS_MAX + 1, "conclusions")?;
-                if rules.iter().any(|other| other.label.eq_ignore_ascii_case(&rule.label)) {
-                    let message = format!("the label `{}` is used twice in `{name}`", rule.label);
-                    self.warnings.push(Warning { at, message });
-                }
                 rules.push(rule);
+                draft.rule_places.push(at);
             } else {
                 let words = &["AND", "OR", "ACT", "ACCU", "RULE", "END_RULEBLOCK"];
                 return Err(self.unexpected("`AND`, `OR`, `ACT`, `ACCU`, `RULE` or `END_RULEBLOCK`", words));
@@ -150,6 +147,11 @@ impl Parser<'_> {
         self.keyword("IS")?;
         let term_at = self.at();
         let term = self.name("the name of a term")?;
+        if !draft.outputs[output].defuzzified {
+            let lacks = "is used in a rule before it is defuzzified";
+            let kind = FclErrorKind::Incomplete { what: "the output", name: name.to_owned(), lacks };
+            return Err(FclError { at, kind });
+        }
         let term = term_index(&draft.outputs[output].terms, name, term, term_at)?;
         Ok(Conclusion { output, term })
     }

@@ -80,7 +80,7 @@ pub fn mean_z_score(a: &[Moments], b: &[Moments]) -> f64 {
 }
 
 /// Probability that a standard normal value lies at least as far from 0 as `z`: erfc(|z| / √2).
-fn two_sided_p(z: f64) -> f64 {
+pub(super) fn two_sided_p(z: f64) -> f64 {
     erfc_of_positive(z.abs() / std::f64::consts::SQRT_2)
 }
 

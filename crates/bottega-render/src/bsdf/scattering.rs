@@ -217,6 +217,12 @@ impl Bsdf {
         }
     }
 
+    /// Whether it is more than a single lobe of one colour or a bare smooth boundary: dearer to evaluate.
+    #[inline(always)]
+    pub(crate) fn is_layered(&self) -> bool {
+        matches!(self.kind, Kind::Layered(_) | Kind::Other(_))
+    }
+
     /// Whether all light goes into single directions, so that connecting to a light is of no use.
     #[inline(always)]
     pub fn is_delta_only(&self) -> bool {

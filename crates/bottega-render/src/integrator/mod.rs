@@ -6,5 +6,5 @@ mod volume;
 
 pub use path::PathIntegrator;
 
-pub(crate) use path::{Wanted, bsdf_at};
+pub(crate) use path::{PathRecord, Wanted, bsdf_at};
 pub(crate) use turns::Painting;

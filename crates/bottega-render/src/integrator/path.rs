@@ -26,6 +26,8 @@ use crate::{
     guide::{Guide, Trail, train},
     interaction::{Interaction, is_there},
     lights::Receiver,
+    luminance,
+    prepare::PreparedMaterial,
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -62,8 +64,33 @@ pub(crate) struct PathRecord {
     pub(crate) values: SampleValues,
     /// Surfaces that it met.
     pub(crate) vertex_count: u32,
+    /// What else it took, if that was asked for.
+    pub(crate) counts: PathCounts,
+    /// Luminance found before light could come over more than one scattering; `None` when the path ended there, or when what
+    /// it took was not asked for.
+    direct: Option<f32>,
     /// Whether its radiance was not finite, and counts as 0.
     pub(crate) is_dropped: bool,
+}
+
+/// What a path takes beside its traversal steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct PathCounts {
+    /// Rays towards lights.
+    pub(crate) shadow_rays: u32,
+    /// Vertices at surfaces of several lobes, which are dearer to evaluate than a single one.
+    pub(crate) layered: u32,
+    /// Textures of the surfaces at its vertices.
+    pub(crate) lookups: u32,
+}
+
+impl PathCounts {
+    /// Counts a vertex.
+    #[inline(always)]
+    pub(super) fn meet(&mut self, bsdf: &Bsdf, known: &PreparedMaterial) {
+        self.layered += u32::from(bsdf.is_layered());
+        self.lookups += u32::from(known.texture_count);
+    }
 }
 
 impl PathRecord {
@@ -71,7 +98,29 @@ impl PathRecord {
     #[inline(always)]
     pub(super) fn scaled(mut self, factor: f32) -> Self {
         self.values.radiance = self.values.radiance.map(|value| value * factor);
+        self.direct = self.direct.map(|value| value * factor);
         self
+    }
+
+    /// Takes in what the path found, when it is at its end.
+    #[inline(always)]
+    pub(super) fn keep(&mut self, radiance: Spectrum) {
+        self.is_dropped = !radiance.is_finite();
+        if !self.is_dropped {
+            self.values.radiance = radiance.to_array();
+        }
+    }
+
+    /// Marks all that was found so far as direct light; only the first mark counts.
+    #[inline(always)]
+    pub(super) fn mark_direct(&mut self, radiance: Spectrum) {
+        self.direct.get_or_insert(luminance(radiance));
+    }
+
+    /// Luminance that came over more than one scattering.
+    pub(crate) fn indirect(&self) -> f32 {
+        let found = luminance(self.values.radiance.into());
+        self.direct.map_or(0.0, |direct| (found - direct).max(0.0))
     }
 }
 
@@ -151,8 +200,8 @@ impl<'a> PathIntegrator<'a> {
         self.settings
     }
 
-    pub(super) fn wants_albedo(&self) -> bool {
-        self.wanted.albedo
+    pub(super) fn wanted(&self) -> Wanted {
+        self.wanted
     }
 
     /// What the camera stands in.
@@ -314,6 +363,9 @@ impl Path<'_> {
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission(&point);
         }
+        if self.depth == 1 && self.integrator.wanted.cost {
+            self.record.mark_direct(self.radiance);
+        }
         let is_last = self.depth >= self.integrator.settings.max_depth;
         if is_last && !self.wants_albedo {
             return false;
@@ -321,6 +373,9 @@ impl Path<'_> {
         let mut place = None;
         let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        if self.integrator.wanted.cost {
+            self.record.counts.meet(bsdf, known);
+        }
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
@@ -388,6 +443,7 @@ impl Path<'_> {
     #[inline(always)]
     fn is_occluded(&mut self, ray: &Ray) -> bool {
         let prepared = self.integrator.prepared;
+        self.record.counts.shadow_rays += 1;
         if self.integrator.wanted.cost && !prepared.has_opacity() {
             let mut steps = 0;
             let occluded = prepared.accel().occluded_counted(ray, &mut steps);
@@ -420,10 +476,7 @@ impl Path<'_> {
 
     #[inline(always)]
     pub(super) fn finish(&mut self) -> PathRecord {
-        self.record.is_dropped = !self.radiance.is_finite();
-        if !self.record.is_dropped {
-            self.record.values.radiance = self.radiance.to_array();
-        }
+        self.record.keep(self.radiance);
         self.record
     }
 }

@@ -32,6 +32,8 @@ use crate::{
 const BOUNDARIES_MAX: u32 = 256;
 /// Cost of a vertex, and of a shadow ray, in traversal steps.
 const STEPS: f32 = 8.0;
+/// Cost of a number that tracking takes, with the look at the grid that it is for, in traversal steps.
+const TRACKING_STEPS: f32 = 2.0;
 /// Sets the numbers of tracking apart from those that other decisions take.
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
@@ -55,7 +57,8 @@ pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray:
         direction: ray.direction,
         cone: ray.cone,
         previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
-        wants_albedo: integrator.wants_albedo(),
+        wants_albedo: integrator.wanted().albedo,
+        wants_cost: integrator.wanted().cost,
         record: PathRecord::default(),
     };
     while path.advance() {}
@@ -106,6 +109,7 @@ struct Path<'a> {
     cone: RayCone,
     previous: Previous,
     wants_albedo: bool,
+    wants_cost: bool,
     record: PathRecord,
 }
 
@@ -136,6 +140,9 @@ impl Path<'_> {
                     return goes_on;
                 }
             }
+        }
+        if self.depth == 1 && self.wants_cost {
+            self.record.mark_direct(self.radiance);
         }
         let Some(point) = point else { return false };
         self.cone = cone;
@@ -374,6 +381,9 @@ impl Path<'_> {
         let mut place = None;
         let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, point, chance, &mut place);
+        if self.wants_cost {
+            self.record.counts.meet(bsdf, prepared.material(point.material).1);
+        }
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
@@ -455,6 +465,7 @@ impl Path<'_> {
         // Aim at the light's point itself: from another origin it lies in a slightly different direction.
         let target = p + light.wi * light.distance;
         let mut transmittance = Spectrum::ONE;
+        self.record.counts.shadow_rays += 1;
         for _ in 0..BOUNDARIES_MAX {
             self.record.values.cost += STEPS;
             let (direction, length) = if is_far {
@@ -531,10 +542,8 @@ impl Path<'_> {
     }
 
     fn finish(mut self) -> PathRecord {
-        self.record.is_dropped = !self.radiance.is_finite();
-        if !self.record.is_dropped {
-            self.record.values.radiance = self.radiance.to_array();
-        }
+        self.record.values.cost += self.numbers_drawn as f32 * TRACKING_STEPS;
+        self.record.keep(self.radiance);
         self.record
     }
 }

@@ -22,7 +22,7 @@ use super::{
     paint_ours,
     scene::{self, NeutralScene},
 };
-use crate::{cli::PeersArgs, devices::processors, error::CliError};
+use crate::{cli::PeersArgs, clock::processor_seconds, devices::processors, error::CliError};
 
 /// A renderer that is run as a child of its own: some hang, some abort, none may take the others along.
 struct Peer {
@@ -179,17 +179,6 @@ fn ours(scene: &NeutralScene, threads: usize, args: &PeersArgs, seed: u16) -> Re
         }
     };
     Ok(Painted { picture, seconds, samples: args.spp.into() })
-}
-
-/// Time that the processors have spent on this process so far; `None` where the system does not tell (only Linux does).
-fn processor_seconds() -> Option<f64> {
-    /// Linux counts in hundredths of a second in this place.
-    const TICKS_PER_SECOND: f64 = 100.0;
-    let stat = fs::read_to_string("/proc/self/stat").ok()?;
-    // The name may hold anything, but ends with the last parenthesis; user and system time are 12th and 13th after it.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let mut ticks = || fields.next()?.parse::<f64>().ok();
-    Some((ticks()? + ticks()?) / TICKS_PER_SECOND)
 }
 
 /// Runs a peer. The error says why there is no picture of it.

@@ -180,7 +180,7 @@ impl Bench {
             agents: 1,
             processors: 1,
             zones: Some(args.zones),
-            importance: if by_the_paper { ImportanceFunction::Paper } else { ImportanceFunction::PredictedCost },
+            importance: if by_the_paper { ImportanceFunction::Paper } else { ImportanceFunction::default() },
             ..JobSettings::new(self.width, self.height, args.spp, tunables, layout)
         };
         let (record, picture) = self.paint(&settings, seed)?;

@@ -1,0 +1,86 @@
+//! A value a cell, and its integral over any rectangle of pixels in constant time.
+
+use bottega_image::Rect;
+
+/// Values of cells that cover a picture evenly, with their summed areas.
+///
+/// Source: Crow 1984, *Summed-Area Tables for Texture Mapping*.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sums {
+    surveyed: Rect,
+    width: u32,
+    height: u32,
+    /// `[width × height]`.
+    values: Vec<f32>,
+    /// `[(width + 1) × (height + 1)]`.
+    sums: Vec<f64>,
+}
+
+impl Sums {
+    /// - `surveyed`: the pixels that the cells cover.
+    /// - `values`: `[width × height]`, row-major; panics when the length differs.
+    pub(super) fn new(surveyed: Rect, (width, height): (u32, u32), values: Vec<f32>) -> Self {
+        assert_eq!(values.len(), width as usize * height as usize, "values of {width} × {height} cells");
+        let sums = summed(width as usize, height as usize, &values);
+        Self { surveyed, width, height, values, sums }
+    }
+
+    /// The same cells with other values.
+    pub(super) fn map(&self, value: impl Fn(f32) -> f32) -> Self {
+        Self::new(self.surveyed, self.size(), self.values.iter().map(|&old| value(old)).collect())
+    }
+
+    /// Columns and rows of cells.
+    pub(super) fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// The value of each cell, row-major.
+    pub(super) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// Sum over the pixels of `rect` of the values of their cells. Panics when `rect` reaches out of the surveyed picture.
+    pub(super) fn integral(&self, rect: &Rect) -> f64 {
+        assert!(self.surveyed.encloses(rect), "{rect} is not in the surveyed picture {}", self.surveyed);
+        let pixels_per_cell = self.surveyed.area() as f64 / (f64::from(self.width) * f64::from(self.height));
+        let cells =
+            self.sum_before(rect.x1, rect.y1) - self.sum_before(rect.x0, rect.y1) - self.sum_before(rect.x1, rect.y0)
+                + self.sum_before(rect.x0, rect.y0);
+        cells * pixels_per_cell
+    }
+
+    /// Sum of all that lies above and left of a pixel's corner, in cells. The integral of a function that is constant
+    /// in each cell is bilinear in each cell, so interpolation is exact.
+    fn sum_before(&self, x: u32, y: u32) -> f64 {
+        let (column, u) = cell_of(x - self.surveyed.x0, self.surveyed.width(), self.width);
+        let (row, v) = cell_of(y - self.surveyed.y0, self.surveyed.height(), self.height);
+        let stride = self.width as usize + 1;
+        let at = |column: usize, row: usize| self.sums[row * stride + column];
+        let (next_column, next_row) = ((column + 1).min(self.width as usize), (row + 1).min(self.height as usize));
+        let above = at(column, row) * (1.0 - u) + at(next_column, row) * u;
+        let below = at(column, next_row) * (1.0 - u) + at(next_column, next_row) * u;
+        above * (1.0 - v) + below * v
+    }
+}
+
+/// The cell in which a pixel's edge lies, and how far in it, 0..1.
+fn cell_of(offset: u32, pixels: u32, cells: u32) -> (usize, f64) {
+    // Exact in integers, so that an edge of a cell is never missed by rounding.
+    let scaled = u64::from(offset) * u64::from(cells);
+    let cell = scaled / u64::from(pixels);
+    (cell as usize, (scaled % u64::from(pixels)) as f64 / f64::from(pixels))
+}
+
+fn summed(width: usize, height: usize, values: &[f32]) -> Vec<f64> {
+    let stride = width + 1;
+    let mut sums = vec![0.0; stride * (height + 1)];
+    for y in 0..height {
+        let mut row = 0.0;
+        for x in 0..width {
+            row += f64::from(values[y * width + x]);
+            sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
+        }
+    }
+    sums
+}

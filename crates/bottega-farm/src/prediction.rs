@@ -1,0 +1,87 @@
+//! How well something predicts something else.
+
+/// How well numbers that were predicted agree with those that were measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// Spearman's rank correlation, −1..=1: whether what was predicted to be larger is. 1 is perfect.
+    pub rank_correlation: f64,
+    /// Share of the variance of what was measured that the prediction explains, once it is scaled to the same sum: at most 1,
+    /// and below 0 where the mean would predict better.
+    pub r_squared: f64,
+}
+
+impl Prediction {
+    /// Compares numbers pair by pair. `None` of fewer than three pairs, of numbers that are not finite, and where all that
+    /// were predicted or all that were measured are equal: nothing can be said then. Panics when the lengths differ.
+    pub fn of(predicted: &[f64], measured: &[f64]) -> Option<Self> {
+        assert_eq!(predicted.len(), measured.len(), "pairs of numbers");
+        let finite = predicted.iter().chain(measured).all(|value| value.is_finite());
+        if predicted.len() < 3 || !finite {
+            return None;
+        }
+        let rank_correlation = correlation(&ranks(predicted), &ranks(measured))?;
+        let scale = measured.iter().sum::<f64>() / predicted.iter().sum::<f64>();
+        let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+        let left: f64 = predicted.iter().zip(measured).map(|(p, m)| (m - scale * p).powi(2)).sum();
+        let variance: f64 = measured.iter().map(|m| (m - mean).powi(2)).sum();
+        let r_squared = 1.0 - left / variance;
+        r_squared.is_finite().then_some(Self { rank_correlation, r_squared })
+    }
+}
+
+/// The place of each number among all, from 1; equal ones share the mean of their places.
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let mut ranks = vec![0.0; values.len()];
+    let mut first = 0;
+    while first < order.len() {
+        let is_equal = |&&i: &&usize| values[i] == values[order[first]];
+        let count = order[first..].iter().take_while(is_equal).count();
+        let shared = first as f64 + 0.5 * (count as f64 + 1.0);
+        order[first..first + count].iter().for_each(|&i| ranks[i] = shared);
+        first += count;
+    }
+    ranks
+}
+
+/// Pearson's correlation; `None` where one side does not vary.
+fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let product = |x: &[f64], mean_x: f64, y: &[f64], mean_y: f64| {
+        x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>()
+    };
+    let varied = product(a, mean_a, a, mean_a) * product(b, mean_b, b, mean_b);
+    (varied > 0.0).then(|| product(a, mean_a, b, mean_b) / varied.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prediction_in_other_units_is_perfect() {
+        let measured = [3.0, 1.0, 2.0, 7.0];
+        let predicted = measured.map(|value| 40.0 * value);
+        let found = Prediction::of(&predicted, &measured).unwrap();
+        assert!((found.rank_correlation - 1.0).abs() < 1e-12 && (found.r_squared - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn ranks_do_not_see_how_far_apart_values_are_and_ties_share_theirs() {
+        let found = Prediction::of(&[1.0, 2.0, 3.0], &[1.0, 2.0, 1e6]).unwrap();
+        assert!((found.rank_correlation - 1.0).abs() < 1e-12 && found.r_squared < 0.9);
+        assert_eq!(ranks(&[5.0, 1.0, 5.0, 9.0]), [2.5, 1.0, 2.5, 4.0]);
+        // The textbook's example: 1 − 6 Σd² / (n (n² − 1)) with Σd² = 4, n = 4.
+        let swapped = Prediction::of(&[2.0, 1.0, 4.0, 3.0], &[1.0, 2.0, 3.0, 4.0]).unwrap();
+        assert!((swapped.rank_correlation - 0.6).abs() < 1e-12);
+    }
+
+    #[test]
+    fn of_what_does_not_vary_nothing_can_be_said() {
+        assert_eq!(Prediction::of(&[1.0, 1.0, 1.0], &[1.0, 2.0, 3.0]), None);
+        assert_eq!(Prediction::of(&[1.0, 2.0], &[1.0, 2.0]), None);
+        assert_eq!(Prediction::of(&[1.0, 2.0, f64::NAN], &[1.0, 2.0, 3.0]), None);
+    }
+}

@@ -1,0 +1,157 @@
+//! Where the inputs are looked at, so that whatever holds of their terms is seen.
+//!
+//! Every term is linear between the points of all terms of its input. An axis takes each of those points, some places
+//! between each two, and one beyond either end. Whether degrees joined by MIN, MAX, PROD or ASUM are 0 is the same all
+//! over a cell of such axes, so what the grid says of firing is exact; under BDIF and BSUM, and where degrees are
+//! compared with each other, it is as good as its cells are small.
+
+use crate::block::{Condition, InputVariable, Rule, RuleBlock};
+use crate::{evaluate, membership::Membership};
+
+/// Places between two points of an axis.
+const BETWEEN: usize = 3;
+/// Cells of an axis that is looked at.
+const AXIS_CELLS_MAX: usize = 1024;
+/// Cells of a grid that is looked at whole.
+pub(super) const GRID_CELLS_MAX: u64 = 1 << 19;
+
+/// One stretch of an axis: a point of a term, or a part of what lies between two.
+pub(super) struct Cell {
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Whether it lies in the input's declared range; where none is declared, anything does.
+    pub(super) in_range: bool,
+    /// The degree of each term.
+    grades: Vec<f64>,
+}
+
+/// The cells of an input, ascending.
+pub(super) struct Axis {
+    pub(super) cells: Vec<Cell>,
+}
+
+impl Axis {
+    /// `None`: its terms have too many points.
+    pub(super) fn new(input: &InputVariable) -> Option<Self> {
+        let mut points: Vec<f64> = input
+            .terms
+            .iter()
+            .flat_map(|term| match &term.membership {
+                Membership::Singleton(at) => vec![*at],
+                Membership::Linear(points) => points.iter().map(|point| point.0).collect(),
+            })
+            .chain(input.range.into_iter().flat_map(|(low, high)| [low, high]))
+            .collect();
+        points.sort_by(f64::total_cmp);
+        points.dedup();
+        if points.len() * (BETWEEN + 1) > AXIS_CELLS_MAX {
+            return None;
+        }
+        let (first, last) = (*points.first()?, *points.last()?);
+        let mut cells = vec![cell(input, f64::NEG_INFINITY, first, first - 1.0 - first.abs())];
+        for (i, &x) in points.iter().enumerate() {
+            cells.push(cell(input, x, x, x));
+            let Some(&next) = points.get(i + 1) else { break };
+            let part = |k: f64| x + (next - x) * (k / BETWEEN as f64);
+            cells.extend((0..BETWEEN).map(|k| {
+                let (low, high) = (k as f64, (k + 1) as f64);
+                cell(input, part(low), part(high), part(0.5 * (low + high)))
+            }));
+        }
+        cells.push(cell(input, last, f64::INFINITY, last + 1.0 + last.abs()));
+        Some(Self { cells })
+    }
+}
+
+fn cell(input: &InputVariable, low: f64, high: f64, at: f64) -> Cell {
+    let in_range = input.range.is_none_or(|(least, greatest)| (least..=greatest).contains(&at));
+    let grades = input.terms.iter().map(|term| term.membership.degree(at)).collect();
+    Cell { low, high, in_range, grades }
+}
+
+/// The product of some axes.
+pub(super) struct Grid<'a> {
+    /// The inputs and their axes.
+    pub(super) axes: Vec<(usize, &'a Axis)>,
+    /// How many cells it has.
+    pub(super) len: u64,
+}
+
+impl<'a> Grid<'a> {
+    /// The grid over the inputs that conditions ask for. `None`: one of them has no axis, or there are too many cells.
+    pub(super) fn over<'c>(axes: &'a [Option<Axis>], of: impl IntoIterator<Item = &'c Condition>) -> Option<Self> {
+        let mut inputs = Vec::new();
+        of.into_iter().for_each(|condition| mentioned(condition, &mut inputs));
+        inputs.sort_unstable();
+        inputs.dedup();
+        let axes = inputs.into_iter().map(|input| Some((input, axes[input].as_ref()?))).collect::<Option<Vec<_>>>()?;
+        let len = axes.iter().try_fold(1_u64, |len, (_, axis)| len.checked_mul(axis.cells.len() as u64))?;
+        (len <= GRID_CELLS_MAX).then_some(Self { axes, len })
+    }
+
+    /// The cells that meet at a place of the grid, one for each axis.
+    pub(super) fn cells(&self, mut index: u64) -> impl Iterator<Item = (usize, &'a Cell)> {
+        self.axes.iter().map(move |(input, axis)| {
+            let count = axis.cells.len() as u64;
+            let cell = &axis.cells[(index % count) as usize];
+            index /= count;
+            (*input, cell)
+        })
+    }
+
+    /// All places in an order in which neighbors are far apart: what is refuted at all is refuted soon.
+    pub(super) fn scattered(&self) -> impl Iterator<Item = u64> + use<'a> {
+        let len = self.len;
+        let near = (len as f64 * 0.618_033_988_749_895) as u64;
+        let stride = (near.max(1)..).find(|stride| gcd(*stride, len) == 1).unwrap_or(1);
+        (0..len).scan(0, move |index, _| {
+            *index = (*index + stride) % len;
+            Some(*index)
+        })
+    }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// The degree of a rule's condition at a place of a grid, without its weight.
+pub(super) struct Place<'a> {
+    /// By input; empty where the grid does not ask.
+    grades: Vec<&'a [f64]>,
+}
+
+impl<'a> Place<'a> {
+    pub(super) fn new(inputs: usize) -> Self {
+        Self { grades: vec![&[]; inputs] }
+    }
+
+    /// Goes to a place of a grid, which must have the inputs of all conditions that are asked for then.
+    pub(super) fn go(&mut self, grid: &Grid<'a>, index: u64) {
+        for (input, cell) in grid.cells(index) {
+            self.grades[input] = &cell.grades;
+        }
+    }
+
+    pub(super) fn degree(&self, block: &RuleBlock, rule: &Rule) -> f64 {
+        evaluate::degree(block, &rule.condition, &|input: usize, term: usize| self.grades[input][term])
+    }
+}
+
+/// The inputs that a condition asks for, in the order of asking.
+fn mentioned(condition: &Condition, inputs: &mut Vec<usize>) {
+    match condition {
+        Condition::Is { input, .. } | Condition::IsNot { input, .. } => inputs.push(*input),
+        Condition::Not(part) => mentioned(part, inputs),
+        Condition::And(parts) | Condition::Or(parts) => parts.iter().for_each(|part| mentioned(part, inputs)),
+    }
+}
+
+/// How many terms a condition asks for: what it costs to look at it.
+pub(super) fn leaves(condition: &Condition) -> u64 {
+    match condition {
+        Condition::Is { .. } | Condition::IsNot { .. } => 1,
+        Condition::Not(part) => leaves(part),
+        Condition::And(parts) | Condition::Or(parts) => parts.iter().map(leaves).sum(),
+    }
+}

@@ -1,0 +1,165 @@
+//! Two rules: whether they contradict each other, or say the same.
+
+use super::{
+    Placed, Verifier,
+    grid::{Grid, Place, leaves},
+    warning::WarningKind,
+};
+use crate::{
+    block::{Conclusion, Rule},
+    membership::Membership,
+    operators::{Accumulation, Method},
+};
+
+/// Degrees that differ by no more are equal: one of them may have been joined in another order.
+const TOLERANCE: f64 = 1e-12;
+
+impl Verifier<'_> {
+    /// Contradictory and repeated rules; of each rule the first of a kind.
+    pub(super) fn pairs(&mut self) {
+        for second in 0..self.rules.len() {
+            self.itself(second);
+            let mut told = Told { contradiction: false, repetition: false };
+            for first in 0..second {
+                let both_fire = self.alive[first] && self.alive[second];
+                if both_fire && !self.pair(first, second, &mut told) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// A rule that says two things of one output.
+    fn itself(&mut self, index: usize) {
+        let Placed { rule, at, .. } = self.rules[index];
+        if let Some((a, b)) = self.at_odds(rule, rule) {
+            let label = rule.label.as_str();
+            let kind = self.contradiction(label, label, a, b, true);
+            self.warn(at, kind);
+        }
+    }
+
+    /// `false`: there is no time for more.
+    fn pair(&mut self, first: usize, second: usize, told: &mut Told) -> bool {
+        let (a, b) = (self.rules[first], self.rules[second]);
+        let odds = self.at_odds(a.rule, b.rule).filter(|_| !told.contradiction);
+        let same = same_conclusions(a.rule, b.rule) && !told.repetition;
+        if odds.is_none() && !same {
+            return true;
+        }
+        let Some(order) = self.compare(a, b, |_| 1.0) else { return self.work > 0 };
+        if let Some((one, other)) = odds
+            && (order.below || order.above)
+        {
+            let kind = self.contradiction(&a.rule.label, &b.rule.label, one, other, order.below && order.above);
+            self.warn(b.at, kind);
+            told.contradiction = true;
+        }
+        if same {
+            told.repetition = self.repetition(a, b, order);
+        }
+        self.work > 0
+    }
+
+    /// Whether one of two rules that conclude the same might as well not be there.
+    fn repetition(&mut self, a: Placed<'_>, b: Placed<'_>, unweighted: Order) -> bool {
+        let equal = unweighted.below && unweighted.above;
+        let (stays, goes, counts_twice) = if self.covered(a) && std::ptr::eq(a.block, b.block) {
+            // The stronger of two covers the other.
+            let order = self.compare(a, b, |rule| rule.weight);
+            match order {
+                Some(Order { above: true, .. }) => (a, b, false),
+                Some(Order { below: true, .. }) => (b, a, false),
+                _ => return false,
+            }
+        } else if equal {
+            (a, b, true)
+        } else {
+            return false;
+        };
+        let (first, second) = (stays.rule.label.clone(), goes.rule.label.clone());
+        self.warn(goes.at, WarningKind::Repeated { first, second, counts_twice });
+        true
+    }
+
+    /// Whether for all outputs of a rule the strongest rule covers weaker ones that say the same.
+    fn covered(&self, placed: Placed<'_>) -> bool {
+        placed.rule.conclusions.iter().all(|conclusion| {
+            let output = &self.block.outputs[conclusion.output];
+            let is_singleton = matches!(output.terms[conclusion.term].membership, Membership::Singleton(_));
+            let by_maximum = matches!(output.method, Method::Lm | Method::Rm | Method::Mm);
+            self.block.accumulation_of(conclusion.output) == Accumulation::Max && (by_maximum || !is_singleton)
+        })
+    }
+
+    /// Different terms that two rules say of one output.
+    fn at_odds(&self, a: &Rule, b: &Rule) -> Option<(Conclusion, Conclusion)> {
+        let differ = |a: &Conclusion, b: &Conclusion| {
+            let terms = &self.block.outputs[a.output].terms;
+            a.output == b.output && terms[a.term].membership != terms[b.term].membership
+        };
+        a.conclusions.iter().find_map(|one| Some((*one, *b.conclusions.iter().find(|other| differ(one, other))?)))
+    }
+
+    fn contradiction(&self, first: &str, second: &str, a: Conclusion, b: Conclusion, same: bool) -> WarningKind {
+        let output = &self.block.outputs[a.output];
+        WarningKind::Contradiction {
+            first: first.to_owned(),
+            second: second.to_owned(),
+            output: output.name.clone(),
+            terms: [a.term, b.term].map(|term| output.terms[term].name.clone()),
+            same_condition: same,
+        }
+    }
+
+    /// How the degrees of two rules compare, over all values of the inputs. `None`: that would take too long.
+    fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<Order> {
+        let cost = leaves(&a.rule.condition) + leaves(&b.rule.condition);
+        let Some(grid) = Grid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
+            self.unexamined();
+            return None;
+        };
+        let mut place = Place::new(self.block.inputs.len());
+        let mut order = Order { below: true, above: true };
+        let mut looks = 0;
+        for index in grid.scattered().take((self.work / cost) as usize) {
+            place.go(&grid, index);
+            looks += 1;
+            let one = place.degree(a.block, a.rule) * weight(a.rule);
+            let other = place.degree(b.block, b.rule) * weight(b.rule);
+            order.below &= one <= other + TOLERANCE;
+            order.above &= other <= one + TOLERANCE;
+            if !order.below && !order.above {
+                break;
+            }
+        }
+        let decided = looks == grid.len || (!order.below && !order.above);
+        let paid = self.pay(looks * cost) && decided;
+        if !paid {
+            self.work = 0;
+            self.unexamined();
+        }
+        paid.then_some(order)
+    }
+}
+
+/// What has been told of a rule.
+struct Told {
+    contradiction: bool,
+    repetition: bool,
+}
+
+/// How one degree compares to another wherever one looks.
+#[derive(Clone, Copy)]
+struct Order {
+    /// It is never greater.
+    below: bool,
+    /// It is never less.
+    above: bool,
+}
+
+/// Whether two rules say the same of the same outputs, in any order.
+fn same_conclusions(a: &Rule, b: &Rule) -> bool {
+    let all_in = |a: &Rule, b: &Rule| a.conclusions.iter().all(|one| b.conclusions.contains(one));
+    all_in(a, b) && all_in(b, a)
+}

@@ -1,0 +1,180 @@
+//! What is allowed and most likely not meant.
+
+use std::fmt::{self, Display, Formatter};
+
+use crate::Position;
+
+/// Something in a text that is allowed and most likely not meant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// Where.
+    pub at: Position,
+    /// What.
+    pub kind: WarningKind,
+}
+
+/// Kinds of what is most likely not meant. Rules are named by their labels.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "each is one sentence, below")]
+pub enum WarningKind {
+    LabelTwice {
+        label: String,
+        block: String,
+    },
+    EmptySet {
+        variable: String,
+        term: String,
+        output: bool,
+    },
+    UnusedTerm {
+        variable: String,
+        term: String,
+    },
+    UnusedInput(String),
+    SilentOutput {
+        output: String,
+        default: Option<f64>,
+    },
+    DeadRule {
+        label: String,
+        reason: DeadReason,
+    },
+    /// `first` fires whenever `second` does, or the other way round, and they conclude different terms.
+    Contradiction {
+        first: String,
+        second: String,
+        output: String,
+        terms: [String; 2],
+        same_condition: bool,
+    },
+    /// `second` says what `first` says already.
+    Repeated {
+        first: String,
+        second: String,
+        counts_twice: bool,
+    },
+    Hole(Hole),
+    /// The text asks for more work than verification may take.
+    Unexamined,
+}
+
+/// Why a rule can never say anything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeadReason {
+    /// Its weight is 0.
+    Weight,
+    /// Its condition holds for no values of the inputs.
+    Condition,
+}
+
+/// A box of input values for which no rule speaks of an output that has no default.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hole {
+    /// The output.
+    pub output: String,
+    /// The inputs that matter, each with its least and greatest value in the box. An input that is not here may have
+    /// any value.
+    pub sides: Vec<(String, f64, f64)>,
+    /// How many cells of the terms beside this box are as empty, where it is the last one told.
+    pub further_cells: u64,
+}
+
+impl WarningKind {
+    /// A short name for programs, in the manner of a lint's.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::LabelTwice { .. } => "label-twice",
+            Self::EmptySet { .. } => "empty-set",
+            Self::UnusedTerm { .. } => "unused-term",
+            Self::UnusedInput(_) => "unused-input",
+            Self::SilentOutput { .. } => "silent-output",
+            Self::DeadRule { .. } => "dead-rule",
+            Self::Contradiction { .. } => "contradiction",
+            Self::Repeated { .. } => "repeated-rule",
+            Self::Hole(_) => "hole",
+            Self::Unexamined => "unexamined",
+        }
+    }
+}
+
+impl Display for Warning {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.at, self.kind)
+    }
+}
+
+impl Display for WarningKind {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::LabelTwice { label, block } => write!(f, "the label `{label}` is used twice in `{block}`"),
+            Self::EmptySet { variable, term, output: false } => {
+                write!(f, "the term `{term}` of `{variable}` holds for no value in its range")
+            }
+            Self::EmptySet { variable, term, output: true } => {
+                write!(
+                    f,
+                    "the term `{term}` of `{variable}` has no area in its range: rules that conclude it say nothing"
+                )
+            }
+            Self::UnusedTerm { variable, term } => write!(f, "no rule names the term `{term}` of `{variable}`"),
+            Self::UnusedInput(input) => write!(f, "no rule asks for the input `{input}`"),
+            Self::SilentOutput { output, default: Some(value) } => {
+                write!(f, "no rule speaks of the output `{output}`: it is {value} always")
+            }
+            Self::SilentOutput { output, default: None } => {
+                write!(f, "no rule speaks of the output `{output}`: it never has a value")
+            }
+            Self::DeadRule { label, reason: DeadReason::Weight } => {
+                write!(f, "rule {label} says nothing: its weight is 0")
+            }
+            Self::DeadRule { label, reason: DeadReason::Condition } => {
+                write!(f, "rule {label} can never fire: no values of the inputs meet its condition")
+            }
+            Self::Contradiction { first, second, output, terms: [a, b], same_condition } => {
+                if first == second {
+                    return write!(f, "rule {first} contradicts itself: it says both `{a}` and `{b}` of `{output}`");
+                }
+                write!(f, "rule {second} contradicts rule {first}: ")?;
+                if *same_condition {
+                    write!(f, "under the same condition")?;
+                } else {
+                    write!(f, "wherever one of them fires the other does at least as strongly")?;
+                }
+                write!(f, ", {first} says `{a}` and {second} says `{b}` of `{output}`")
+            }
+            Self::Repeated { first, second, counts_twice: true } => {
+                write!(f, "rule {second} repeats rule {first}, which then counts twice")
+            }
+            Self::Repeated { first, second, counts_twice: false } => {
+                write!(f, "rule {second} changes nothing: rule {first} says the same, always at least as strongly")
+            }
+            Self::Hole(hole) => write!(f, "{hole}"),
+            Self::Unexamined => {
+                write!(f, "the block is too large to be verified whole: dead or contradictory rules may remain")
+            }
+        }
+    }
+}
+
+impl Display for Hole {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "no rule speaks of `{}`, which has no DEFAULT, ", self.output)?;
+        for (i, (input, low, high)) in self.sides.iter().enumerate() {
+            write!(f, "{}", if i == 0 { "where " } else { " and " })?;
+            match (low.is_finite(), high.is_finite()) {
+                (true, true) if low == high => write!(f, "`{input}` is {low}")?,
+                (true, true) => write!(f, "`{input}` is between {low} and {high}")?,
+                (true, false) => write!(f, "`{input}` is above {low}")?,
+                _ => write!(f, "`{input}` is below {high}")?,
+            }
+        }
+        if self.sides.is_empty() {
+            write!(f, "anywhere")?;
+        }
+        match self.further_cells {
+            0 => Ok(()),
+            1 => write!(f, "; nor in one further place"),
+            more => write!(f, "; nor in {more} further places"),
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The pictures of an analysis.
+
+use std::path::Path;
+
+use bottega_farm::{Analysis, Channel};
+use bottega_image::{Canvas, ColorMap, Picture, Rect, ToneMap};
+
+use super::Analyzed;
+use crate::error::CliError;
+
+/// The longer side of the pictures, at least; small maps are enlarged to it.
+const SHOWN_SIDE: u32 = 1024;
+/// Color of the outlines of zones.
+const OUTLINE: [u8; 3] = [255, 64, 32];
+/// Share of the cells that may be brighter than white: a few extremes do not make all else black.
+const CLIPPED: f64 = 0.005;
+
+/// Draws everything into `folder`. Returns the name of each file and what it shows.
+///
+/// - `levels`: the analyses of the levels from 1 up.
+/// - `chosen`: that of which the zones' costs are shown.
+pub(super) fn all(
+    folder: &Path,
+    subject: &Analyzed,
+    levels: &[Analysis],
+    chosen: &Analysis,
+) -> Result<Vec<(String, String)>, CliError> {
+    let mut drawn = Drawn { folder, files: Vec::new() };
+    let (columns, rows) = (subject.survey.width, subject.survey.height);
+    let gray = |values: &[f32]| enlarged(Canvas::gray_map(columns, rows, values));
+    drawn.put("cost", &gray(&chosen.map.grey()), "the importance map: dark is simple, white is complex")?;
+    let importance = chosen.map.importance();
+    drawn.put("importance", &gray(importance), "how much an error would be seen, from 0 (black) to 1 (white)")?;
+    for channel in Channel::ALL {
+        let values = channel.values(&subject.survey);
+        let white = white(&values);
+        let scaled: Vec<f32> = values.iter().map(|value| value / white).collect();
+        let meaning = format!("{}; white: {white:.3}", channel.meaning());
+        drawn.put(&format!("channel-{channel}"), &gray(&scaled), &meaning)?;
+    }
+
+    let color = |x: u32, y: u32| subject.survey.pixels[(y * columns + x) as usize].color;
+    let seen = enlarged(Canvas::of_picture(&Picture::from_fn(columns, rows, color), 0.0, ToneMap::Agx));
+    let size = (seen.width, seen.height);
+    for (analysis, level) in levels.iter().zip(1..) {
+        let mut zones = seen.clone();
+        for row in &analysis.rows {
+            zones.draw_rect(scaled(row.rect, subject.frame(), size), OUTLINE);
+        }
+        let meaning = format!("the {} zones of level {level} over what the survey saw", analysis.rows.len());
+        drawn.put(&format!("zones-{level}"), &zones, &meaning)?;
+    }
+    drawn.put("zone-cost", &zone_costs(chosen, subject.frame(), size), "expected time of each zone, dark to bright")?;
+    Ok(drawn.files)
+}
+
+struct Drawn<'a> {
+    folder: &'a Path,
+    files: Vec<(String, String)>,
+}
+
+impl Drawn<'_> {
+    fn put(&mut self, name: &str, canvas: &Canvas, meaning: &str) -> Result<(), CliError> {
+        let name = format!("{name}.png");
+        canvas.write_png(self.folder.join(&name))?;
+        self.files.push((name, meaning.to_owned()));
+        Ok(())
+    }
+}
+
+fn enlarged(canvas: Canvas) -> Canvas {
+    let side = canvas.width.max(canvas.height);
+    canvas.enlarged((SHOWN_SIDE / side).max(1))
+}
+
+/// The value that is shown white, greater than 0.
+fn white(values: &[f32]) -> f32 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let place = ((sorted.len() as f64 * (1.0 - CLIPPED)) as usize).min(sorted.len().saturating_sub(1));
+    let most = sorted.last().copied().unwrap_or(0.0);
+    // Where nearly all are 0 the few others are what is to be seen.
+    match sorted.get(place).copied().unwrap_or(0.0) {
+        white if white > 0.0 => white,
+        _ if most > 0.0 => most,
+        _ => 1.0,
+    }
+}
+
+fn zone_costs(analysis: &Analysis, frame: Rect, (width, height): (u32, u32)) -> Canvas {
+    let mut canvas = Canvas::new(width, height, [0; 3]);
+    let largest = analysis.rows.iter().map(|row| row.complexity).fold(f64::MIN_POSITIVE, f64::max);
+    for row in &analysis.rows {
+        let rect = scaled(row.rect, frame, (width, height));
+        canvas.fill_rect(rect, ColorMap::Viridis.color((row.complexity / largest) as f32));
+        canvas.draw_rect(rect, [0; 3]);
+    }
+    canvas
+}
+
+/// A rectangle of the frame on a canvas of another size.
+fn scaled(rect: Rect, frame: Rect, (width, height): (u32, u32)) -> Rect {
+    let x = |x: u32| (u64::from(x) * u64::from(width) / u64::from(frame.width())) as u32;
+    let y = |y: u32| (u64::from(y) * u64::from(height) / u64::from(frame.height())) as u32;
+    Rect::new(x(rect.x0), y(rect.y0), x(rect.x1), y(rect.y1))
+}

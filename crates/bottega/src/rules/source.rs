@@ -1,0 +1,142 @@
+//! Where rules come from: files, or what comes with the program. What is wrong in a text is shown in it.
+
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use bottega_farm::{Expert, ExpertError, Technique};
+use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
+use miette::NamedSource;
+
+use super::args::LaidOutArgs;
+use crate::error::CliError;
+
+/// A text that is FCL.
+pub(super) struct Source {
+    /// How the user named it.
+    pub(super) path: PathBuf,
+    pub(super) text: String,
+    pub(super) document: Document,
+}
+
+impl Source {
+    /// Reads a file; a name of rules that come with the program stands for these where there is no such file.
+    pub(super) fn read(path: &Path) -> Result<Self, CliError> {
+        let built_in = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
+        let text = match built_in {
+            Some(technique) if !path.exists() => technique.rules().to_owned(),
+            _ => read_text(path)?,
+        };
+        match parse_document(&text) {
+            Ok(document) => Ok(Self { path: path.to_owned(), text, document }),
+            Err(error) => Err(at(path, &text, error.at, error.kind.to_string())),
+        }
+    }
+
+    /// The only function block, or the one of a name.
+    pub(super) fn block(&self, name: Option<&str>) -> Result<&FunctionBlock, CliError> {
+        let blocks = &self.document.blocks;
+        let names: Vec<&str> = blocks.iter().map(FunctionBlock::name).collect();
+        let file = self.path.display();
+        match name {
+            Some(name) => blocks.iter().find(|block| block.name().eq_ignore_ascii_case(name)).ok_or_else(|| {
+                CliError::usage(
+                    format!("`{file}` has no function block `{name}`"),
+                    format!("it has {}", names.join(", ")),
+                )
+            }),
+            None if blocks.len() == 1 => Ok(&blocks[0]),
+            None if blocks.is_empty() => Err(self.whole(FclErrorKind::BlockCount(0).to_string())),
+            None => Err(CliError::usage(
+                format!("`{file}` has {} function blocks", blocks.len()),
+                format!("choose one by --block: {}", names.join(", ")),
+            )),
+        }
+    }
+
+    /// The knowledge of an agent.
+    fn expert(&self) -> Result<Expert, CliError> {
+        if self.document.blocks.len() != 1 {
+            return Err(self.whole(FclErrorKind::BlockCount(self.document.blocks.len()).to_string()));
+        }
+        Expert::new(self.document.blocks[0].clone()).map_err(|error| match &error {
+            ExpertError::UnknownInput { name } => match self.document.input_position(0, name) {
+                Some(place) => at(&self.path, &self.text, place, error.to_string()),
+                None => self.whole(error.to_string()),
+            },
+            _ => self.whole(error.to_string()),
+        })
+    }
+
+    /// What is wrong with all of it.
+    fn whole(&self, problem: String) -> CliError {
+        CliError::Rules { path: self.path.clone(), problem }
+    }
+}
+
+/// The rules of the agents, with what is to be told of each file.
+pub(crate) fn experts(paths: &[PathBuf]) -> Result<(Vec<Expert>, Vec<String>), CliError> {
+    if paths.is_empty() {
+        return Ok((vec![Expert::path_tracing()], Vec::new()));
+    }
+    let (mut experts, mut notes) = (Vec::new(), Vec::new());
+    for path in paths {
+        let source = Source::read(path)?;
+        let expert = source.expert()?;
+        let file = path.display();
+        notes.extend(source.document.verify().into_iter().map(|warning| format!("{file}, {warning}")));
+        if !expert.ignored_outputs().is_empty() {
+            let names = expert.ignored_outputs().join(", ");
+            notes.push(format!("{file}: left aside, for they mean nothing in path tracing: {names}"));
+        }
+        experts.push(expert);
+    }
+    Ok((experts, notes))
+}
+
+/// A function block with its inputs laid out as the user says.
+pub(super) fn laid_out(args: &LaidOutArgs) -> Result<FunctionBlock, CliError> {
+    let source = Source::read(&args.file)?;
+    let mut block = source.block(args.block.as_deref())?.clone();
+    let inputs = inputs(&block);
+    for (name, min, max) in &args.ranges {
+        block
+            .layout_inputs(name, *min, *max)
+            .map_err(|error| CliError::usage(error.to_string(), format!("the inputs are {inputs}")))?;
+    }
+    Ok(block)
+}
+
+/// The names of the inputs of a block, as in a sentence.
+pub(super) fn inputs(block: &FunctionBlock) -> String {
+    block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+fn at(path: &Path, text: &str, place: Position, problem: String) -> CliError {
+    CliError::RulesText {
+        path: path.to_owned(),
+        place,
+        problem,
+        text: Arc::new(NamedSource::new(path.display().to_string(), text.to_owned())),
+        span: place.range_in(text).into(),
+    }
+}
+
+fn read_text(path: &Path) -> Result<String, CliError> {
+    let unusable = |problem: &str| CliError::Rules { path: path.to_owned(), problem: problem.to_owned() };
+    if path.is_dir() {
+        return Err(unusable("it is a folder; name an .fcl file in it"));
+    }
+    let read = |source| CliError::Read { path: path.to_owned(), source };
+    let mut bytes = Vec::new();
+    // One byte more than may be, so that a file that is too long is known without reading all of it.
+    let most = Limits::TEXT_BYTES_MAX as u64 + 1;
+    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
+    if bytes.len() > Limits::TEXT_BYTES_MAX {
+        return Err(unusable(&format!("it is longer than {} bytes, which no rules are", Limits::TEXT_BYTES_MAX)));
+    }
+    String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
+}
