@@ -320,7 +320,7 @@ impl<'a> Play<'a> {
     }
 
     fn happen(&mut self, what: Happening) {
-        let name = |index: usize| AgentId::new(format!("agent-{index}"));
+        let name = |index: usize| self.simulator.world().names[index].clone();
         match what {
             Happening::Analyzed => {
                 for row in &self.piece.rows {
@@ -330,28 +330,31 @@ impl<'a> Play<'a> {
                 self.simulator.put(work_key(work.work), FarmValue::Work(Arc::new(work)));
             }
             Happening::Joins(index) => {
-                let plan = self.plan;
+                let (plan, id) = (self.plan, name(index));
                 let config = RenderAgentConfig {
-                    id: name(index),
+                    id: id.clone(),
                     master: self.master.clone(),
                     adaptation: plan.adaptation,
                     prefetch: plan.prefetch,
                     heartbeat: plan.timing.heartbeat,
                     expert: plan.expert.clone(),
                 };
-                self.simulator.add(&name(index), true, move || RenderAgent::new(config.clone()).into());
+                self.simulator.add(&id, true, move || RenderAgent::new(config.clone()).into());
             }
             Happening::Befalls(index, IncidentKind::Slow(factor)) => {
                 let now = self.simulator.now();
                 self.simulator.world_mut().slow_down(now, index, factor);
             }
-            Happening::Befalls(index, IncidentKind::Fail) => self.simulator.retire(&name(index)),
+            Happening::Befalls(index, IncidentKind::Fail) => {
+                let id = name(index);
+                self.simulator.retire(&id);
+            }
             Happening::Befalls(index, IncidentKind::Leave) => {
-                let to = vec![self.master.clone()];
+                let (id, to) = (name(index), vec![self.master.clone()]);
                 let content = FarmContent::Unsubscription;
-                let goodbye = message(Performative::Cancel, protocol::SUBSCRIBE, &name(index), to, content);
+                let goodbye = message(Performative::Cancel, protocol::SUBSCRIBE, &id, to, content);
                 self.simulator.bus().publish(goodbye);
-                self.simulator.retire(&name(index));
+                self.simulator.retire(&id);
             }
         }
     }

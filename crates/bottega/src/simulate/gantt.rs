@@ -14,7 +14,7 @@ const BINS: usize = 300;
 const LEFT: f64 = 90.0;
 const TOP: f64 = 44.0;
 const PLOT_WIDTH: f64 = 900.0;
-const ROW_HEIGHT: f64 = 24.0;
+const ROW_HEIGHT: f64 = 28.0;
 const GROUP_HEIGHT: f64 = 5.0;
 const BOTTOM: f64 = 40.0;
 /// A span's number is written where it has room.
@@ -118,8 +118,14 @@ fn rows(svg: &mut String, outcome: &Outcome, scale: f64) {
             let y = top + 2.0 + height * lane as f64;
             rect(svg, [x, y, width, height], &color(span), &title(span));
             let number = span.zone.0.to_string();
-            if span.kind == SpanKind::Painting && width > NUMBER_WIDTH * number.len() as f64 && height >= 9.0 {
-                text(svg, x + width / 2.0, y + 0.5 * height + 4.0, "middle", &number);
+            if span.kind == SpanKind::Painting && width > NUMBER_WIDTH * number.len() as f64 {
+                let _ = writeln!(
+                    svg,
+                    "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"{:.1}\">{number}</text>",
+                    x + width / 2.0,
+                    y + 0.85 * height,
+                    height.min(11.0)
+                );
             }
         }
     }

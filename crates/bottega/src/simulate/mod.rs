@@ -181,9 +181,11 @@ fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Str
     }
     if let Some(measured) = measured {
         text += &format!(
-            "measured        {:.3} s; the replay is {:+.1} % of it off\n",
+            "measured        {:.3} s, the replay {:+.1} %; zones took {:.1} % of the processors' time measured\n",
             measured.as_secs_f64(),
-            100.0 * difference(outcome, measured)
+            100.0 * difference(outcome, measured),
+            100.0 * outcome.work.as_secs_f64()
+                / (measured.as_secs_f64() * agents.iter().map(|agent| agent.lanes).sum::<f64>())
         );
     }
     text + &format!("simulated in    {:.2} s; all that must hold after a run does\n", took.as_secs_f64())

@@ -9,7 +9,13 @@ mod paper;
 mod plot;
 mod tables;
 
-use std::{fs, path::PathBuf, process::ExitCode, sync::Arc, time::Duration};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::Arc,
+    time::Duration,
+};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
 use bottega_farm::{
@@ -31,7 +37,7 @@ pub(crate) fn run(args: &MagarroArgs) -> Result<ExitCode, CliError> {
     let bench = Bench::load(args)?;
     let report = bench.report(args)?;
     if let Some(folder) = &args.output {
-        bench.write(folder, &report)?;
+        Bench::write(folder, &report)?;
     }
     if args.json {
         println!("{}", tables::as_json(&report));
@@ -108,7 +114,7 @@ impl Bench {
         let path = args.scene.clone().or_else(in_folder).ok_or_else(|| {
             CliError::usage("no scene is named", "name one, or the folder of scenes by --scenes or BOTTEGA_SCENES")
         })?;
-        let hints = bottega_scene::load(&path, &LoadOptions::default())?.hints;
+        let hints = bottega_scene::load(&path, &options())?.hints;
         let [width, height] = hints.resolution.unwrap_or([640, 480]);
         let side = |side: u32| ((f64::from(side) * args.scale).round() as u32).clamp(8, 1 << 14);
         Ok(Self { path, width: side(width), height: side(height) })
@@ -206,7 +212,7 @@ impl Bench {
 
     fn paint(&self, settings: &JobSettings, seed: u64) -> Result<(Record, Picture), CliError> {
         // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
-        let loaded = bottega_scene::load(&self.path, &LoadOptions::default())?;
+        let loaded = bottega_scene::load(&self.path, &options())?;
         let filter = loaded.hints.filter.unwrap_or_default();
         let options = PrepareOptions { threads: 1, ..PrepareOptions::default() };
         let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?);
@@ -230,8 +236,8 @@ impl Bench {
         Ok((record, report.film.to_picture()))
     }
 
-    fn write(&self, folder: &PathBuf, report: &Report) -> Result<(), CliError> {
-        fs::create_dir_all(folder).map_err(|source| CliError::Write { path: folder.clone(), source })?;
+    fn write(folder: &Path, report: &Report) -> Result<(), CliError> {
+        fs::create_dir_all(folder).map_err(|source| CliError::Write { path: folder.to_owned(), source })?;
         let write = |name: &str, text: String| {
             let path = folder.join(name);
             fs::write(&path, text).map_err(|source| CliError::Write { path, source })
@@ -247,6 +253,11 @@ impl Bench {
             .write_png(folder.join("difference.png"))?;
         Ok(())
     }
+}
+
+/// The scenes of a folder share their meshes, which lie beside them.
+fn options() -> LoadOptions {
+    LoadOptions { allow_outside: true, ..LoadOptions::default() }
 }
 
 fn error(reference: &Picture, picture: &Picture) -> Result<Error, CliError> {

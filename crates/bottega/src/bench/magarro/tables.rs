@@ -141,3 +141,60 @@ pub(super) fn as_json(report: &Report) -> Value {
         },
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use bottega_farm::Level;
+    use bottega_image::Picture;
+
+    use super::{
+        super::{Pictures, paper::OPTIMIZATIONS},
+        *,
+    };
+
+    fn row(level: Level, optimization: Optimization, measured: f64) -> Row {
+        let replayed = [measured, measured / 2.0, measured / 4.0, measured / 7.5];
+        let error = Some(Error { rmse: 0.01, percent: 1.5, flip: 0.02 });
+        Row { level, optimization, by_the_paper: false, measured, survey: 0.1, replayed, zones: 64, error }
+    }
+
+    fn report() -> Report {
+        let level_3 = |optimization| row(Level::Balanced, optimization, 50.0);
+        let levels = [Level::Divided, Level::Joined, Level::Balanced];
+        let picture = Picture::new(1, 1);
+        Report {
+            width: 320,
+            height: 240,
+            samples: 64,
+            light_samples: 4,
+            max_depth: 8,
+            whole: row(Level::Whole, Optimization::Off, 100.0),
+            off: row(Level::Balanced, Optimization::Off, 102.0),
+            noise: Error { rmse: 0.005, percent: 1.0, flip: 0.01 },
+            levels: levels.map(|level| row(level, Optimization::Normal, 50.0)).to_vec(),
+            optimizations: OPTIMIZATIONS.map(level_3).to_vec(),
+            paper: level_3(Optimization::Normal),
+            pictures: Pictures { off: picture.clone(), very_big: picture },
+        }
+    }
+
+    #[test]
+    fn ours_stand_beside_the_papers() {
+        let text = as_text(&report());
+        // 105:02 over 16:52.
+        assert!(text.contains("8 agents over 1: 7.50  7.50  7.50 (the paper: 3.51  3.51  6.23)"), "{text}");
+        assert!(text.contains("off over optimized, 1 agent: 2.04"), "{text}");
+        assert!(text.contains("partition costs +2.0 %"), "{text}");
+        assert!(text.contains("0:50.0 m") && text.contains("0:06.7 r"), "{text}");
+        let json = as_json(&report());
+        assert_eq!(json["table_2"].as_array().map(Vec::len), Some(5));
+        assert_eq!(json["table_1"][2]["measured_seconds_1_agent"], json!(50.0));
+    }
+
+    #[test]
+    fn the_plot_has_a_curve_for_each_row() {
+        let svg = super::super::plot::svg(&report());
+        // Three levels and as many of the paper's, the ideal, and two of optimization.
+        assert_eq!(svg.matches("<polyline").count(), 9);
+    }
+}
