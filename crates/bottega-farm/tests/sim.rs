@@ -470,63 +470,53 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   107.000] master -> agent-0  request #3
         [   107.000] master -> agent-0  request #5
         [   107.000] master -> agent-1  request #7
-        [   234.745] agent-0 -> master  inform #3
-        [   235.745] master -> agent-1  cfp #10
-        [   235.745] master -> agent-0  cfp #10
-        [   236.745] agent-1 -> master  propose #10
-        [   236.745] agent-0 -> master  propose #10
-        [   237.745] master -> agent-0  confirm #3
-        [   237.745] master -> agent-1  reject-proposal #10
-        [   239.745] master -> agent-0  accept-proposal #10
-        [   241.745] master -> agent-1  cfp #13
-        [   242.745] agent-1 -> master  propose #13
-        [   245.745] master -> agent-1  accept-proposal #13
-        [   273.573] agent-1 -> master  inform #7
-        [   274.573] master -> agent-1  cfp #16
-        [   275.573] agent-1 -> master  propose #16
-        [   276.573] master -> agent-1  confirm #7
-        [   278.573] master -> agent-1  accept-proposal #16
-        [   353.454] agent-0 -> master  inform #5
-        [   354.454] master -> agent-0  cfp #20
-        [   355.454] agent-0 -> master  propose #20
-        [   356.454] master -> agent-0  confirm #5
-        [   358.454] master -> agent-0  accept-proposal #20
-        [   693.665] agent-1 -> master  inform #13
-        [   694.665] master -> agent-1  cfp #23
-        [   695.665] agent-1 -> master  propose #23
-        [   696.665] master -> agent-1  confirm #13
-        [   698.665] master -> agent-1  accept-proposal #23
-        [   707.760] agent-0 -> master  inform #10
-        [   708.760] master -> agent-0  cfp #28
-        [   709.760] agent-0 -> master  propose #28
-        [   710.760] master -> agent-0  confirm #10
-        [   712.760] master -> agent-0  accept-proposal #28
-        [   853.922] agent-1 -> master  inform #16
-        [   854.922] master -> agent-1  cfp #33
-        [   855.922] agent-1 -> master  propose #33
-        [   856.922] master -> agent-1  confirm #16
-        [   858.922] master -> agent-1  accept-proposal #33
-        [   990.787] agent-1 -> master  inform #23
-        [   991.787] master -> agent-1  cfp #38
-        [   992.787] agent-1 -> master  propose #38
-        [   993.787] master -> agent-1  confirm #23
-        [   995.787] master -> agent-1  accept-proposal #38
+        [   215.765] agent-0 -> master  inform #5
+        [   216.765] master -> agent-1  cfp #10
+        [   216.765] master -> agent-0  cfp #10
+        [   217.765] agent-1 -> master  propose #10
+        [   217.765] agent-0 -> master  propose #10
+        [   218.765] master -> agent-0  confirm #5
+        [   218.765] master -> agent-0  reject-proposal #10
+        [   220.765] master -> agent-1  accept-proposal #10
+        [   222.765] master -> agent-0  cfp #13
+        [   223.765] agent-0 -> master  propose #13
+        [   226.765] master -> agent-0  accept-proposal #13
+        [   295.059] agent-0 -> master  inform #3
+        [   296.059] master -> agent-0  cfp #16
+        [   297.059] agent-0 -> master  propose #16
+        [   298.059] master -> agent-0  confirm #3
+        [   300.059] master -> agent-0  accept-proposal #16
+        [   394.117] agent-1 -> master  inform #7
+        [   395.117] master -> agent-1  cfp #20
+        [   396.117] agent-1 -> master  propose #20
+        [   397.117] master -> agent-1  confirm #7
+        [   399.117] master -> agent-1  accept-proposal #20
+        [   561.398] agent-1 -> master  inform #10
+        [   562.398] master -> agent-1  cfp #23
+        [   563.398] agent-1 -> master  propose #23
+        [   564.398] master -> agent-1  confirm #10
+        [   566.398] master -> agent-1  accept-proposal #23
+        [   647.512] agent-0 -> master  inform #13
+        [   648.512] master -> agent-0  cfp #28
+        [   649.512] agent-0 -> master  propose #28
+        [   650.512] master -> agent-0  confirm #13
+        [   652.512] master -> agent-0  accept-proposal #28
+        [   989.822] agent-0 -> master  inform #16
+        [   990.822] master -> agent-0  cfp #33
+        [   991.822] agent-0 -> master  propose #33
+        [   992.822] master -> agent-0  confirm #16
+        [   993.481] agent-1 -> master  inform #20
+        [   994.822] master -> agent-0  accept-proposal #33
+        [   996.481] master -> agent-1  confirm #20
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
-        [  1022.301] agent-0 -> master  inform #20
-        [  1023.301] master -> agent-0  cfp #43
-        [  1024.301] agent-0 -> master  propose #43
-        [  1025.301] master -> agent-0  confirm #20
-        [  1027.301] master -> agent-0  accept-proposal #43
-        [  1188.468] agent-1 -> master  inform #33
-        [  1191.468] master -> agent-1  confirm #33
-        [  1260.884] agent-0 -> master  inform #28
-        [  1263.884] master -> agent-0  confirm #28
-        [  1399.249] agent-1 -> master  inform #38
-        [  1402.249] master -> agent-1  confirm #38
-        [  1552.586] agent-0 -> master  inform #43
-        [  1555.586] master -> agent-0  confirm #43
-        [  1555.586] master stops"#]]
+        [  1173.372] agent-0 -> master  inform #28
+        [  1176.372] master -> agent-0  confirm #28
+        [  1316.565] agent-1 -> master  inform #23
+        [  1319.565] master -> agent-1  confirm #23
+        [  1625.298] agent-0 -> master  inform #33
+        [  1628.298] master -> agent-0  confirm #33
+        [  1628.298] master stops"#]]
     .assert_eq(&trace);
 }
 
