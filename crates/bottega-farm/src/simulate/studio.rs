@@ -236,7 +236,7 @@ impl World<FarmAgent> for Studio {
             (FarmEffect::Compose { zone, result, .. }, _) => {
                 self.film.compose(zone, &result);
                 // A piece takes as long as its zone at most.
-                let pixels = self.piece.rows.get(zone.index()).map_or(0, |row| row.size());
+                let pixels = self.piece.rows.get(zone.index()).map_or(0, crate::ZoneRow::size);
                 let time = Duration::from_secs_f64(self.piece.composition_per_pixel * pixels as f64);
                 reports.push((time, FarmCompletion::Composed { zone, outcome: Ok(()) }));
             }
