@@ -12,7 +12,9 @@ use std::{
 
 use bottega_hra::{Completed, Hra, HraClient, HraConfig, HraReport, Resource, VirtualCpu, WorkUnit};
 use bottega_image::{Layout, Rect, Tile};
-use bottega_render::{BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View};
+use bottega_render::{
+    BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, integrator::PathIntegrator,
+};
 
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 
@@ -132,6 +134,15 @@ impl RenderEngine for BuiltinEngine {
         let max_depth = self.shared.options.settings.max_depth;
         bottega_render::survey(&self.shared.scene, view, max_depth, &self.hra.client())
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
+    }
+
+    fn prepare(&self) -> Result<(), EngineError> {
+        // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
+        let options = &self.shared.options;
+        match PathIntegrator::new(&self.shared.scene, options.view, &options.settings) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() }),
+        }
     }
 
     fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>) {

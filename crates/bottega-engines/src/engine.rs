@@ -112,6 +112,12 @@ pub trait RenderEngine: Send + Sync {
     /// A fast, low-resolution look at the whole picture (or the crop window). Blocks.
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError>;
 
+    /// Makes what all zones need, before the first of them is started: what is learnt of a scene, say. Blocks. Whoever
+    /// does not call this gets the same pictures, and the first zone seems dearer than it is.
+    fn prepare(&self) -> Result<(), EngineError> {
+        Ok(())
+    }
+
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
     fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
 

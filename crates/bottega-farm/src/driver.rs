@@ -206,6 +206,8 @@ pub struct Times {
     pub total: Duration,
     /// Wall time of the survey.
     pub survey: Duration,
+    /// Wall time in which the engine made what all zones need.
+    pub preparation: Duration,
     /// Processor time of profiling and painting.
     pub painting: Duration,
     /// Time that composition took.
@@ -231,12 +233,25 @@ struct Shared {
     agents: usize,
 }
 
-#[derive(Debug, Default)]
+/// Whether the engine has made what all zones need.
+#[derive(Default)]
+enum Preparation {
+    #[default]
+    NotBegun,
+    /// Agents that wait for it.
+    UnderWay(Vec<(WorkId, FarmMailbox)>),
+    Done,
+}
+
+#[derive(Default)]
 struct State {
     end: Option<End>,
     /// Surveys and zones that the engine has not reported.
     outstanding: usize,
     survey: Duration,
+    preparation: Preparation,
+    /// How long that took.
+    preparing: Duration,
     benchmark: Option<RelativePower>,
     messages: u64,
     /// Switches of what the engine is painting.
@@ -303,9 +318,9 @@ pub fn run(
 }
 
 fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobReport, JobError> {
-    let (survey, messages) = {
+    let (survey, preparation, messages) = {
         let state = shared.state();
-        (state.survey, state.messages)
+        (state.survey, state.preparing, state.messages)
     };
     let mut easel = shared.easel();
     if let (Some(End::Abandoned(reason)), false) = (&end, shared.stop.is_requested()) {
@@ -318,7 +333,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobRepor
     if stopped {
         easel.compose_unfinished();
     }
-    let times = Times { total, survey, ..easel.times() };
+    let times = Times { total, survey, preparation, ..easel.times() };
     Ok(JobReport { film: easel.take_film(), stopped, failed, rows: easel.rows(), times, messages })
 }
 
@@ -469,8 +484,7 @@ impl Shared {
                 let lanes = self.processors as f64 / self.agents as f64;
                 mailbox.complete(FarmCompletion::Benchmarked { power, lanes });
             }
-            // In one process the engine has the scene.
-            FarmEffect::Fetch(work) => mailbox.complete(FarmCompletion::Fetched(work)),
+            FarmEffect::Fetch(work) => self.fetch(work, mailbox),
             FarmEffect::Paint(order) => self.paint(order, mailbox),
             FarmEffect::Drop { zone, fence } => self.drop_order(zone, fence),
             FarmEffect::BeginFilm(work) => {
@@ -491,6 +505,42 @@ impl Shared {
             }
             FarmEffect::Finish { failed } => self.end(End::Finished(failed)),
             FarmEffect::Abandon { reason } => self.end(End::Abandoned(reason)),
+        }
+    }
+
+    /// In one process the engine has the scene. What it makes of it is made once; who asks meanwhile waits.
+    fn fetch(self: &Arc<Self>, work: WorkId, mailbox: &FarmMailbox) {
+        let mut state = self.state();
+        match &mut state.preparation {
+            Preparation::Done => mailbox.complete(FarmCompletion::Fetched(work)),
+            Preparation::UnderWay(waiting) => waiting.push((work, mailbox.clone())),
+            before @ Preparation::NotBegun => {
+                *before = Preparation::UnderWay(vec![(work, mailbox.clone())]);
+                state.outstanding += 1;
+                drop(state);
+                self.prepare(mailbox.clone());
+            }
+        }
+    }
+
+    /// Preparing blocks, so it has a thread of its own.
+    fn prepare(self: &Arc<Self>, clock: FarmMailbox) {
+        let shared = Arc::clone(self);
+        let make = move || {
+            let before = clock.now();
+            if let Err(error) = shared.engine.prepare() {
+                shared.end(End::Abandoned(error.to_string()));
+            }
+            let after = std::mem::replace(&mut shared.state().preparation, Preparation::Done);
+            shared.state().preparing = clock.now() - before;
+            if let Preparation::UnderWay(waiting) = after {
+                waiting.iter().for_each(|(work, mailbox)| mailbox.complete(FarmCompletion::Fetched(*work)));
+            }
+            shared.end_outstanding();
+        };
+        if let Err(error) = thread::Builder::new().name("prepare".to_owned()).spawn(make) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }
     }
 

@@ -35,6 +35,8 @@ pub struct Record {
     pub total: Duration,
     /// Wall time of the survey.
     pub survey: Duration,
+    /// Wall time in which the engine made what all zones need.
+    pub preparation: Duration,
     /// Time that composition took.
     pub composition: Duration,
 }

@@ -41,6 +41,7 @@ struct RecordJson {
     relative_power: f64,
     total_seconds: f64,
     survey_seconds: f64,
+    preparation_seconds: f64,
     composition_seconds: f64,
     zones: Vec<ZoneJson>,
     /// Nanoseconds for one sample of one pixel, for each 16 × 16 pixels, row by row.
@@ -84,6 +85,7 @@ impl Record {
             relative_power: self.relative_power,
             total_seconds: self.total.as_secs_f64(),
             survey_seconds: self.survey.as_secs_f64(),
+            preparation_seconds: self.preparation.as_secs_f64(),
             composition_seconds: self.composition.as_secs_f64(),
             zones: self.zones.iter().map(zone_json).collect(),
             cost_nanoseconds: self.costs.density.iter().map(|seconds| (seconds * 1e9 * 1e3).round() / 1e3).collect(),
@@ -148,6 +150,7 @@ fn record(json: RecordJson) -> Result<Record, RecordError> {
         },
         total: time("total_seconds", json.total_seconds)?,
         survey: time("survey_seconds", json.survey_seconds)?,
+        preparation: time("preparation_seconds", json.preparation_seconds)?,
         composition: time("composition_seconds", json.composition_seconds)?,
     })
 }
@@ -240,6 +243,7 @@ pub(super) mod tests {
             costs,
             total: Duration::from_secs_f64(1.75),
             survey: Duration::from_millis(200),
+            preparation: Duration::from_millis(100),
             composition: Duration::from_millis(2),
         }
     }

@@ -101,6 +101,7 @@ impl Recorder {
             zones,
             total: report.times.total,
             survey: report.times.survey,
+            preparation: report.times.preparation,
             composition: report.times.composition,
         };
         record.check()?;
@@ -127,6 +128,10 @@ impl Log {
 impl RenderEngine for Recorder {
     fn describe(&self) -> EngineDescription {
         self.engine.describe()
+    }
+
+    fn prepare(&self) -> Result<(), EngineError> {
+        self.engine.prepare()
     }
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {

@@ -227,7 +227,9 @@ impl World<FarmAgent> for Studio {
                 let Seat { power, lanes, .. } = self.seats[index];
                 reports.push((BENCHMARK, FarmCompletion::Benchmarked { power, lanes }));
             }
-            (FarmEffect::Fetch(work), _) => reports.push((self.fetch, FarmCompletion::Fetched(work))),
+            (FarmEffect::Fetch(work), _) => {
+                reports.push((self.fetch + self.piece.preparation, FarmCompletion::Fetched(work)));
+            }
             (FarmEffect::Paint(order), Some(index)) => self.begin(now, index, &order),
             (FarmEffect::BeginFilm(_), _) => {
                 self.film.films += 1;

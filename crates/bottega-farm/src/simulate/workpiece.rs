@@ -26,6 +26,8 @@ pub struct Workpiece {
     costs: Costs,
     /// How long the work is looked at before there are zones.
     pub(super) survey: Duration,
+    /// What each machine makes of the scene before its first zone.
+    pub(super) preparation: Duration,
     /// Time that the composition of a pixel takes, in seconds.
     pub(super) composition_per_pixel: f64,
     /// V_cp of the machine whose speed counts as 1.
@@ -97,6 +99,7 @@ impl Workpiece {
         Ok(Self {
             composition_per_pixel: record.composition.as_secs_f64() / pixels,
             survey: record.survey,
+            preparation: record.preparation,
             relative_power: record.relative_power,
             ..Self::new(record.work, &zones, Costs::Recorded(Box::new(record.clone())))
         })
@@ -145,7 +148,15 @@ impl Workpiece {
         };
         let rows: Vec<ZoneRow> = zones.iter().enumerate().map(row).collect();
         let work = WorkRow { work: WORK, settings, zone_count: rows.len() as u32, ranges: InputRanges::of(&rows) };
-        Self { work, rows, costs, survey: Duration::ZERO, composition_per_pixel: 0.0, relative_power: 1.0 }
+        Self {
+            work,
+            rows,
+            costs,
+            survey: Duration::ZERO,
+            preparation: Duration::ZERO,
+            composition_per_pixel: 0.0,
+            relative_power: 1.0,
+        }
     }
 
     /// What the user asked for.
