@@ -27,6 +27,8 @@ const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_L
 const SHARE_MIN: f64 = 0.05;
 /// No rule may ask for wider bands: their cost grows with them.
 const BAND_MAX: f64 = 64.0;
+/// Nor for bands wider than this share of a zone's shorter side: four of them add a sixth to its pixels.
+const BAND_OF_SIDE: f64 = 1.0 / 24.0;
 
 /// Why a set of rules cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -144,10 +146,15 @@ impl Expert {
         };
         let outputs = evaluate(zone.neighbor_difference.mean)?;
         let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
-        // Each edge has a band of its own, by how much the zones beyond it differ.
+        // Each edge has a band of its own, by how much the zones beyond it differ, and by how far this zone falls behind
+        // what the user asked for: a zone at full quality has no difference to hide, and leaves the blending to those
+        // that have. What lies in a band is painted twice, so it is never more than a part of the zone.
+        let behind = 1.0 - share(LIGHT_SAMPLES) * share(RECURSION_LEVEL);
+        let most = f64::from(zone.rect.width().min(zone.rect.height())) * BAND_OF_SIDE;
         let band = |difference: f64| {
             let band = evaluate(difference)?.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0);
-            Ok::<_, EvaluateError>(band.clamp(0.0, BAND_MAX).round() as u32)
+            let band = (band * behind).clamp(0.0, BAND_MAX.min(most));
+            Ok::<_, EvaluateError>(band.round() as u32)
         };
         let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
         let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
@@ -189,14 +196,14 @@ mod tests {
         ZoneRow::open(
             WorkId(1),
             ZoneId(index),
-            Rect::of_size(32, 32),
-            complexity * 1024.0,
+            Rect::of_size(480, 480),
+            complexity * 480.0 * 480.0,
             NeighborDifference::all(difference),
         )
     }
 
     fn work(optimization: Optimization, rows: &[ZoneRow]) -> WorkRow {
-        let frame = Rect::of_size(64, 64);
+        let frame = Rect::of_size(960, 960);
         let tunables = Tunables { max_depth: 10, light_samples: 4 };
         let goal = Goal::Samples;
         let settings = WorkSettings { picture: frame, frame, samples: 256, goal, tunables, optimization };
@@ -231,8 +238,21 @@ mod tests {
     fn the_band_is_wide_where_neighbors_differ() {
         let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
         let work = work(Optimization::Normal, &rows);
-        let [even, rim] = rows.each_ref().map(|row| Expert::path_tracing().decide(&work, row).bands.left);
-        assert!(rim >= 12 && even <= 2, "{even} {rim}");
+        let band = |row: &ZoneRow| Expert::path_tracing().decide(&work, row).bands.left;
+        let [even, rim] = rows.each_ref().map(band);
+        assert!(rim >= 8 && even <= 2, "{even} {rim}");
+        // What is painted twice is a part of the zone at most.
+        let small = ZoneRow { rect: Rect::of_size(48, 480), ..rows[1].clone() };
+        assert_eq!(band(&small), 2);
+    }
+
+    #[test]
+    fn a_zone_that_keeps_all_its_settings_has_no_seam_to_hide() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let work = work(Optimization::VerySmall, &rows);
+        for row in &rows {
+            assert_eq!(Expert::path_tracing().decide(&work, row), Choice::unchanged(&work.settings));
+        }
     }
 
     #[test]
@@ -269,8 +289,8 @@ mod tests {
         let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
         let work = work(Optimization::VeryBig, &rows);
         let choice = expert.decide(&work, &rows[1]);
-        assert!(choice.bands.left >= 12);
-        assert_eq!((choice.samples, choice.tunables), (256, work.settings.tunables));
+        // Nothing is lowered, so there is nothing for a band to hide.
+        assert_eq!(choice, Choice::unchanged(&work.settings));
         let error = Expert::parse(&photons.replace(INTERPOLATION_BAND_SIZE, "width")).unwrap_err();
         assert!(matches!(&error, ExpertError::NoOutput { found, .. } if found.len() == 6), "{error}");
         assert!(error.to_string().contains("but photons, gather_count"), "{error}");
