@@ -69,7 +69,7 @@ fn next_samples(waiting: &[Waiting], budget: f64) -> Vec<u32> {
     let known = |zone: &Waiting| zone.error.map(|error| error * (f64::from(zone.samples) / zone.cost).sqrt());
     let area_cost: f64 = waiting.iter().map(|zone| zone.cost).sum();
     let mean = budget / area_cost;
-    if !(mean >= 1.0) {
+    if mean.is_nan() || mean < 1.0 {
         return waiting.iter().map(|zone| zone.samples).collect();
     }
     let wanted: Vec<f64> = waiting.iter().map(|zone| known(zone).unwrap_or(0.0)).collect();
