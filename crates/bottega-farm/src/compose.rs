@@ -101,11 +101,6 @@ impl Mask {
         // With no other zone here `sum` is `own`, and the quotient of equal numbers is exactly 1.
         own / sum
     }
-
-    /// Pixels that are painted for this zone beyond its own: what the band costs.
-    pub fn extra_pixels(&self) -> u64 {
-        self.zone.grown.area() - self.zone.rect.area()
-    }
 }
 
 #[cfg(test)]
@@ -127,7 +122,6 @@ mod tests {
             assert!((left.weight(x, 5) + right.weight(x, 5) - 1.0).abs() < 1e-6);
         }
         assert_eq!(left.weight(17, 5).to_bits(), 1.0f32.to_bits());
-        assert_eq!(left.extra_pixels(), 40);
     }
 
     proptest! {

@@ -199,6 +199,18 @@ pub struct JobReport {
     pub messages: u64,
 }
 
+impl JobReport {
+    /// What bands cost: the share of all painted pixels that lie beyond the zones for which they were painted.
+    ///
+    /// - `frame`: the pixels of the picture that were painted.
+    pub fn band_share(&self, frame: &Rect) -> f64 {
+        let painted = |row: &ZoneRow| row.choice.map_or(row.size(), |choice| row.painted(&choice, frame).area());
+        let all: u64 = self.rows.iter().map(painted).sum();
+        let own: u64 = self.rows.iter().map(ZoneRow::size).sum();
+        all.saturating_sub(own) as f64 / all.max(1) as f64
+    }
+}
+
 /// Where the time of a job went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {

@@ -8,7 +8,7 @@ use std::{
 };
 
 use bottega_farm::{
-    AuctionRule, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level, Observer,
+    AuctionRule, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level, Observer,
     Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
 };
 use bottega_image::{Film, Rect};
@@ -79,6 +79,51 @@ fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
     let again = paint(&JobSettings { agents: 2, ..settings });
     assert_eq!(again.rows.len(), report.rows.len());
     assert_eq!(bits(&again.film), bits(&report.film));
+}
+
+#[test]
+fn with_an_error_each_zone_stops_when_its_estimate_is_below_it_and_the_picture_is_the_same_for_any_agents() {
+    let wanted = 0.05;
+    let settings = JobSettings { goal: Goal::Error(wanted), samples: 4096, zones: Some(16), ..settings() };
+    let reference = paint(&JobSettings { agents: 1, ..settings.clone() });
+    for row in &reference.rows {
+        let (samples, error) = (row.result.unwrap().samples, row.error.unwrap());
+        // The samples are uniform: the error of a mean of n is 0.450 / √n, by the definition of the measure.
+        let expected = 0.450 / f64::from(samples).sqrt();
+        // A zone has some 300 pixels of two noisy channels that go together: a tenth is two standard deviations.
+        assert!((error / expected - 1.0).abs() < 0.25, "{error} estimated, {expected} expected");
+        assert!(error <= wanted && samples < 256, "{error} with {samples} samples");
+    }
+    let counts = reference.rows.iter().map(|row| row.result.unwrap().samples);
+    assert!(counts.clone().max() < counts.min().map(|least| 3 * least));
+    for agents in [2, 7] {
+        assert_eq!(bits(&paint(&JobSettings { agents, ..settings.clone() }).film), bits(&reference.film));
+    }
+    // What nobody can reach ends at the most that is allowed.
+    let capped = paint(&JobSettings { goal: Goal::Error(1e-6), samples: 50, ..settings });
+    assert!(capped.rows.iter().all(|row| row.result.unwrap().samples == 50 && row.state == ZoneState::Done));
+}
+
+#[test]
+fn a_time_is_filled_with_passes_over_all_zones() {
+    let goal = Goal::Time(std::time::Duration::from_millis(400));
+    let report = paint(&JobSettings { goal, samples: 1 << 20, ..settings() });
+    assert!(!report.stopped && report.failed.is_empty());
+    // However slow the machine: all have a first pass, and what they have was noted.
+    assert!(report.rows.iter().all(|row| row.state == ZoneState::Done && row.samples_done() >= 8));
+    assert!(report.rows.iter().all(|row| report.film.is_painted(row.rect.x0, row.rect.y0)));
+}
+
+#[test]
+fn what_bands_cost_is_told() {
+    let frame = Rect::of_size(640, 480);
+    let bands = |optimization| {
+        let settings = JobSettings { optimization, ..JobSettings::new(640, 480, 4, tunables(), layout()) };
+        paint(&settings).band_share(&frame)
+    };
+    assert_eq!((bands(Optimization::Off), bands(Optimization::VerySmall)), (0.0, 0.0));
+    let share = bands(Optimization::Normal);
+    assert!(share > 0.0 && share < 0.2, "{share}");
 }
 
 #[test]

@@ -84,6 +84,10 @@ pub enum Event {
         utilization: f64,
         /// Share of the wall-clock time in which no sample was under way: analysis, auction, composition.
         overhead: f64,
+        /// Share of all painted pixels that lie in bands beyond their zones.
+        bands: f64,
+        /// Share of the wall-clock time that composing the picture took.
+        composition: f64,
     },
     /// The work was stopped; what is painted is written.
     Interrupted {

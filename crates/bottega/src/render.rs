@@ -367,12 +367,21 @@ fn end(
         reporter.warn(format!("cannot remove {}: {error}", journal.display()));
     }
     let overhead = (1.0 - painting / total).max(0.0);
+    let (bands, composition) = (report.band_share(&settings.crop), report.times.composition.as_secs_f64() / total);
+    if bands > 0.0 {
+        reporter.say(&format!(
+            "interpolation bands: {:.1} % of all painted pixels; composition {:.1} % of the time",
+            100.0 * bands,
+            100.0 * composition,
+        ));
+    }
     reporter.say(&format!(
         "{output} in {}: {:.2} M samples/s, {:.1} % of the processors' time spent painting",
         duration(report.times.total),
         samples as f64 / total / 1e6,
         100.0 * (1.0 - overhead),
     ));
-    reporter.tell(Event::Finished { output, seconds: total, samples, utilization: 1.0 - overhead, overhead });
+    let utilization = 1.0 - overhead;
+    reporter.tell(Event::Finished { output, seconds: total, samples, utilization, overhead, bands, composition });
     Ok(ExitCode::SUCCESS)
 }

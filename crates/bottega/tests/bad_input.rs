@@ -41,11 +41,16 @@ fn wrong_usage_is_told_before_any_work() {
         ("--aov", "beauty"),
         ("--crop", "5,5,5,9"),
         ("--exposure", "nan"),
+        ("--error", "0"),
+        ("--error", "nan"),
+        ("--time", "0"),
+        ("--time", "soon"),
         ("--env", "1,-1,0"),
     ] {
         fails(&["render", "cornell-box.glb", "-o", picture, &format!("{option}={value}")], 2, &[option]);
     }
     fails(&["render", "cornell-box.glb", "-o", picture, "--size", "8x8", "--crop", "0,0,9,8"], 2, &["crop", "8x8"]);
+    fails(&["render", "cornell-box.glb", "-o", picture, "--error", "0.1", "--time", "1m"], 2, &["--error", "--time"]);
     fails(&["render", "goblets.glb", "-o", picture, "--camera", "nobody"], 2, &["nobody", "camera"]);
     assert!(!folder.path().join("picture.png").exists());
 }
