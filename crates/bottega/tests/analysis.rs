@@ -117,10 +117,12 @@ fn bands_between_zones_of_different_quality_are_not_seen() {
         }
         sums.map(|(sum, count)| sum / count)
     };
-    // What is less than another seed makes cannot be told from noise; and what is lost is not lost at the edges.
-    let ([near, inside], [of_noise, _]) = (errors(&optimized), errors(&other));
-    assert!(near < of_noise, "FLIP near edges {near:.4}, of another seed {of_noise:.4}");
-    assert!(near < 1.15 * inside, "FLIP near edges {near:.4}, inside {inside:.4}");
+    // What is less than another seed makes cannot be told from noise; and what is lost is not lost at the edges, of which
+    // there are more where the scene is complex: there another seed differs more too.
+    let ([near, inside], [noise_near, noise_inside]) = (errors(&optimized), errors(&other));
+    assert!(near < noise_near, "FLIP near edges {near:.4}, of another seed {noise_near:.4}");
+    let (at_edges, noise_at_edges) = (near / inside, noise_near / noise_inside);
+    assert!(at_edges < 1.15 * noise_at_edges, "near over inside {at_edges:.3}, of another seed {noise_at_edges:.3}");
     // Beside a picture of the same samples a step of a tenth between zones would have z above 8.
     let (z, p) = seams(folder.path(), "n.exr", Some("off.exr"));
     assert!(p > 1e-3, "z = {z}, p = {p}");
