@@ -169,12 +169,15 @@ fn a_report_under_an_old_or_foreign_order_is_refused() {
 #[test]
 fn settings_and_samples_that_nobody_allowed_are_refused_and_the_zone_is_open_again() {
     type Spoil = fn(&mut Painting);
-    let spoils: [Spoil; 5] = [
+    let spoils: [Spoil; 8] = [
         |it| it.choice.samples = 39,
         |it| it.choice.tunables = Tunables { max_depth: 9, light_samples: 1 },
         |it| it.result.samples = 41,
         |it| it.result.samples = 0,
         |it| it.result.fence = Revision(99),
+        |it| it.time_left = Duration::MAX,
+        |it| it.time_measured = Duration::MAX,
+        |it| it.error = Some(f64::NAN),
     ];
     for spoil in spoils {
         let mut stage = Stage::new();

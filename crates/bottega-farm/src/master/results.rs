@@ -3,6 +3,9 @@
 use super::*;
 use crate::Goal;
 
+/// A zone takes no longer, in reference-machine time: sums over all zones stay within what a [`Duration`] holds.
+const TIME_MAX: Duration = Duration::from_secs(1 << 30);
+
 impl Master {
     pub(super) fn take_report(
         &mut self,
@@ -91,6 +94,9 @@ impl Master {
         let complete = result.samples == row.goal_samples(&choice);
         if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
             return Err("the number of samples is wrong");
+        }
+        if time_measured.max(time_left) > TIME_MAX {
+            return Err("no zone takes so long");
         }
         if error.is_some_and(|error| error.is_nan() || error < 0.0) {
             return Err("the error is no number");
