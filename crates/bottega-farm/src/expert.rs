@@ -172,16 +172,18 @@ impl Expert {
         }
     }
 
-    /// - `light`: share of all light samples of a pixel: samples times light samples a vertex. Both take an equal part.
+    /// - `depth`: share of the bounces. A part of a bounce is a bounce: the last one carries light that nothing brings back.
+    /// - `light`: share of the samples of a pixel, and of the light samples of each vertex.
     fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
-        let max_depth = if self.has_max_depth { part(max_depth, depth).max(max_depth.min(1)) } else { max_depth };
-        let fewer = if self.has_light_samples { part(light_samples, light.sqrt()) } else { light_samples };
-        let fewer = fewer.max(light_samples.min(1));
-        let left = if fewer > 0 { light * f64::from(light_samples) / f64::from(fewer) } else { light };
-        let samples = part(settings.samples, left.min(1.0)).max(1);
-        Choice { tunables: Tunables { max_depth, light_samples: fewer }, samples, bands }
+        // Rules are exact to some 1e-9, which is no bounce.
+        let max_depth =
+            if self.has_max_depth { (f64::from(max_depth) * depth - 1e-6).ceil().max(0.0) as u32 } else { max_depth };
+        let at_vertex = part(light_samples, light).max(light_samples.min(1));
+        let light_samples = if self.has_light_samples { at_vertex } else { light_samples };
+        let samples = part(settings.samples, light).max(1);
+        Choice { tunables: Tunables { max_depth, light_samples }, samples, bands }
     }
 }
 

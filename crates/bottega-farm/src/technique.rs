@@ -36,7 +36,7 @@ const PATH_TRACING: [OutputMeaning; 3] = [
     OutputMeaning { name: RECURSION_LEVEL, meaning: "share of the bounces that the user allows" },
     OutputMeaning {
         name: LIGHT_SAMPLES,
-        meaning: "share of the user's samples: those of a pixel times those of the lights at a bounce",
+        meaning: "share of the user's samples of a pixel, and of those of the lights at a bounce",
     },
     BAND,
 ];
