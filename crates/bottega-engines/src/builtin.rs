@@ -163,7 +163,9 @@ impl Drop for BuiltinEngine {
     fn drop(&mut self) {
         self.cancel();
         let zones = self.zones.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner);
-        for zone in zones.drain(..) {
+        // Whoever was told of the last zone may be the last to know the engine: a thread does not wait for itself.
+        let others = zones.drain(..).filter(|zone| zone.thread().id() != thread::current().id());
+        for zone in others {
             // A panic in there was already reported by the thread itself; there is nothing left to lose.
             let _ = zone.join();
         }

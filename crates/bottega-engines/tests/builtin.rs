@@ -110,6 +110,29 @@ fn a_cancelled_zone_is_reported_with_what_it_has_and_can_be_gone_on_with() {
 }
 
 #[test]
+fn an_engine_may_end_with_its_last_zone() {
+    let engine = Arc::new(engine(1));
+    let (sender, receiver) = mpsc::channel();
+    let last = Arc::clone(&engine);
+    let tunables = Tunables { max_depth: 6, light_samples: 1 };
+    let task = ZoneTask { rect: FRAME, samples: 0..64, tunables, tile: None, cancel: CancelSwitch::default() };
+    engine.start(
+        task,
+        Box::new(move |painted| {
+            assert!(painted.is_ok());
+            while Arc::strong_count(&last) > 1 {
+                thread::yield_now();
+            }
+            drop(last);
+            sender.send(()).expect("somebody waits");
+        }),
+    );
+    drop(engine);
+    // A thread that waited for itself would have panicked before it said so.
+    receiver.recv().expect("the zone's thread goes on after the engine's end");
+}
+
+#[test]
 fn the_survey_sees_the_glass() {
     let survey = engine(2).survey(20, 16).expect("a survey");
     assert_eq!((survey.width, survey.height, survey.pixels.len()), (20, 16, 320));

@@ -5,7 +5,9 @@
 //! while there is nothing to say.
 
 mod easel;
+mod machine;
 mod progress;
+mod settings;
 mod stop;
 
 use std::{
@@ -16,152 +18,23 @@ use std::{
 };
 
 use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, driver::Performer};
-use bottega_engines::{CancelSwitch, RenderEngine, Survey, Tunables};
-use bottega_image::{Film, Layout, Rect};
+use bottega_engines::{CancelSwitch, RenderEngine, Survey};
+use bottega_image::{Film, Rect};
 
 use self::easel::Easel;
-pub use self::{progress::Progress, stop::StopSwitch};
+use self::machine::{Preparation, benchmark};
+pub use self::{
+    progress::Progress,
+    settings::{AGENTS_MAX, JobError, JobSettings},
+    stop::StopSwitch,
+};
 use crate::{
-    AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAction, FarmAgent, FarmCompletion, FarmContent,
-    FarmEffect, FarmEvent, FarmMessage, FarmValue, Goal, GoalRules, ImportanceFunction, ImportanceMap, Kept, Level,
-    Master, MasterConfig, Optimization, Partition, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig,
-    Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
+    Analyst, AnalystConfig, FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage,
+    FarmValue, Goal, GoalRules, ImportanceMap, Kept, Master, MasterConfig, Partition, PartitionSettings, RelativePower,
+    RenderAgent, RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
 };
 
-/// Agents of one job at most.
-pub const AGENTS_MAX: usize = 1 << 10;
-/// The benchmark's time on the reference machine.
-const REFERENCE_BENCHMARK: Duration = Duration::from_millis(2);
 const WORK: WorkId = WorkId(1);
-
-/// What is to be painted, and how.
-#[derive(Clone, Debug)]
-pub struct JobSettings {
-    /// Width of the whole picture, in pixels.
-    pub width: u32,
-    /// Height of the whole picture, in pixels.
-    pub height: u32,
-    /// The pixels that are painted: the whole picture or a part of it.
-    pub crop: Rect,
-    /// Samples a pixel.
-    pub samples: u32,
-    /// When a zone is finished; with another goal than samples, those are the most that a pixel gets.
-    pub goal: Goal,
-    /// The other settings that rules may lower.
-    pub tunables: Tunables,
-    /// Which values the film holds: as the engine's tiles do.
-    pub layout: Layout,
-    /// How far the partition goes.
-    pub level: Level,
-    /// About how many zones it makes. `None`: as many as suit the agents.
-    pub zones: Option<u32>,
-    /// How far the rules may go.
-    pub optimization: Optimization,
-    /// How many Render Agents.
-    pub agents: usize,
-    /// The knowledge of the agents; they take turns when there are fewer than agents.
-    pub experts: Vec<Expert>,
-    /// Processors of the engine.
-    pub processors: usize,
-    /// What a place is worth.
-    pub importance: ImportanceFunction,
-    /// How an auction is decided.
-    pub auction: AuctionRule,
-    /// How agents learn their speed.
-    pub adaptation: AdaptationRule,
-    /// Zones that an agent has in hand at most.
-    pub prefetch: u32,
-}
-
-impl JobSettings {
-    /// A picture with the default of everything that has one.
-    pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
-        Self {
-            width,
-            height,
-            crop: Rect::of_size(width, height),
-            samples,
-            goal: Goal::Samples,
-            tunables,
-            layout,
-            level: Level::default(),
-            zones: None,
-            optimization: Optimization::Off,
-            agents: 1,
-            experts: vec![Expert::path_tracing()],
-            processors: thread::available_parallelism().map_or(1, std::num::NonZero::get),
-            importance: ImportanceFunction::default(),
-            auction: AuctionRule::default(),
-            adaptation: AdaptationRule::default(),
-            prefetch: 2,
-        }
-    }
-
-    fn work(&self) -> Result<WorkSettings, JobError> {
-        let picture = Rect::of_size(self.width, self.height);
-        if picture.is_empty() || self.crop.is_empty() || !picture.encloses(&self.crop) {
-            return Err(JobError::Crop { crop: self.crop, width: self.width, height: self.height });
-        }
-        for (what, value, most) in [
-            ("samples", self.samples as usize, 1 << 24),
-            ("agents", self.agents, AGENTS_MAX),
-            ("rule sets", self.experts.len(), usize::MAX),
-            ("zones in hand", self.prefetch as usize, 1 << 10),
-        ] {
-            if value == 0 || value > most {
-                return Err(JobError::Count { what, value });
-            }
-        }
-        let is_sound = match self.goal {
-            Goal::Samples => true,
-            Goal::Error(error) => error.is_finite() && error > 0.0,
-            Goal::Time(time) => !time.is_zero(),
-        };
-        if !is_sound {
-            return Err(JobError::Goal);
-        }
-        let Self { samples, goal, tunables, optimization, .. } = *self;
-        Ok(WorkSettings { picture, frame: self.crop, samples, goal, tunables, optimization })
-    }
-}
-
-/// Why a job gave no picture.
-#[derive(Debug, thiserror::Error)]
-pub enum JobError {
-    /// There is nothing to paint.
-    #[error("the crop window {crop} holds no pixels of a picture of {width} × {height}")]
-    Crop {
-        /// The window.
-        crop: Rect,
-        /// Width of the picture.
-        width: u32,
-        /// Height of the picture.
-        height: u32,
-    },
-    /// A number that makes no sense.
-    #[error("{value} {what} cannot be")]
-    Count {
-        /// Of what.
-        what: &'static str,
-        /// How many.
-        value: usize,
-    },
-    /// What was kept is of another picture.
-    #[error("what was kept is of other settings than these")]
-    OtherWork,
-    /// A goal that cannot be reached.
-    #[error("the error or time asked for must be greater than 0")]
-    Goal,
-    /// The scene could not be analyzed, or the zones make no sense.
-    #[error("the job was given up: {reason}")]
-    Abandoned {
-        /// Why.
-        reason: String,
-    },
-    /// The operating system gives no thread.
-    #[error("cannot start a thread")]
-    Thread(#[from] std::io::Error),
-}
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
@@ -243,16 +116,6 @@ struct Shared {
     stop: StopSwitch,
     processors: usize,
     agents: usize,
-}
-
-/// Whether the engine has made what all zones need.
-#[derive(Default)]
-enum Preparation {
-    #[default]
-    NotBegun,
-    /// Agents that wait for it.
-    UnderWay(Vec<(WorkId, FarmMailbox)>),
-    Done,
 }
 
 #[derive(Default)]
@@ -520,83 +383,10 @@ impl Shared {
         }
     }
 
-    /// In one process the engine has the scene. What it makes of it is made once; who asks meanwhile waits.
-    fn fetch(self: &Arc<Self>, work: WorkId, mailbox: &FarmMailbox) {
-        let mut state = self.state();
-        match &mut state.preparation {
-            Preparation::Done => mailbox.complete(FarmCompletion::Fetched(work)),
-            Preparation::UnderWay(waiting) => waiting.push((work, mailbox.clone())),
-            before @ Preparation::NotBegun => {
-                *before = Preparation::UnderWay(vec![(work, mailbox.clone())]);
-                state.outstanding += 1;
-                drop(state);
-                self.prepare(mailbox.clone());
-            }
-        }
-    }
-
-    /// Preparing blocks, so it has a thread of its own.
-    fn prepare(self: &Arc<Self>, clock: FarmMailbox) {
-        let shared = Arc::clone(self);
-        let make = move || {
-            let before = clock.now();
-            if let Err(error) = shared.engine.prepare() {
-                shared.end(End::Abandoned(error.to_string()));
-            }
-            let after = std::mem::replace(&mut shared.state().preparation, Preparation::Done);
-            shared.state().preparing = clock.now() - before;
-            if let Preparation::UnderWay(waiting) = after {
-                waiting.iter().for_each(|(work, mailbox)| mailbox.complete(FarmCompletion::Fetched(*work)));
-            }
-            shared.end_outstanding();
-        };
-        if let Err(error) = thread::Builder::new().name("prepare".to_owned()).spawn(make) {
-            self.end_outstanding();
-            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
-        }
-    }
-
     fn tell_kept(&self, kept: std::io::Result<()>) {
         if let Err(error) = kept {
             tracing::warn!(%error, "the work could not be kept");
             self.observer.not_kept(&error);
         }
     }
-
-    /// A survey blocks, so it has a thread of its own.
-    fn survey(self: &Arc<Self>, width: u32, height: u32, mailbox: &FarmMailbox) {
-        self.begin_outstanding();
-        let (shared, to) = (Arc::clone(self), mailbox.clone());
-        let look = move || {
-            let before = to.now();
-            let survey = shared.engine.survey(width, height).map(Arc::new).map_err(|error| error.to_string());
-            shared.state().survey = to.now() - before;
-            if let Ok(survey) = &survey {
-                shared.observer.surveyed(survey);
-            }
-            to.complete(FarmCompletion::Surveyed(survey));
-            shared.end_outstanding();
-        };
-        if let Err(error) = thread::Builder::new().name("survey".to_owned()).spawn(look) {
-            self.end_outstanding();
-            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
-        }
-    }
-}
-
-/// V_cp from a fixed piece of work: a chain of dependent operations, so that nothing but the processor decides.
-fn benchmark(now: impl Fn() -> Time) -> RelativePower {
-    let measure = || {
-        let before = now();
-        let mut value = 1.000_000_1_f64;
-        for _ in 0..400_000 {
-            value = value * 1.000_000_3 + 1e-9;
-            value = if value > 2.0 { value - 1.0 } else { value };
-        }
-        std::hint::black_box(value);
-        now() - before
-    };
-    // The best of three: a processor that was asleep, or another program, disturbs the first.
-    let best = (0..3).map(|_| measure()).min().unwrap_or(REFERENCE_BENCHMARK);
-    RelativePower::new(best.as_secs_f64() / REFERENCE_BENCHMARK.as_secs_f64())
 }

@@ -1,12 +1,22 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
+mod values;
+
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
-use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{Args, Parser, Subcommand, ValueHint};
 
+pub(crate) use self::values::{
+    DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
+    ToneArg,
+};
+use self::values::{
+    parse_aov, parse_channel, parse_define, parse_distance, parse_duration, parse_environment, parse_error,
+    parse_factor, parse_rect, parse_size, parse_stops, parse_time,
+};
 use crate::{bench::MagarroArgs, rules::RulesArgs, simulate::args::SimulateArgs};
 
 /// A physically based renderer whose work is shared out by agents.
@@ -383,238 +393,4 @@ pub(crate) struct DevicesArgs {
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum OptimizeArg {
-    /// Every zone at exactly the settings asked for.
-    Off,
-    /// Very small savings.
-    Vs,
-    /// Small savings.
-    S,
-    /// Normal savings.
-    N,
-    /// Big savings.
-    B,
-    /// Very big savings.
-    Vb,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ImportanceArg {
-    /// Predicted cost, from what a small path-traced look at the scene took.
-    Predicted,
-    /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
-    Paper,
-    /// How much an error would be seen.
-    Visual,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum IntegratorArg {
-    /// Path tracing.
-    Path,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FilterArg {
-    /// Sharp and clean: the default.
-    BlackmanHarris,
-    /// Softer.
-    Gaussian,
-    /// Softer still at the edges.
-    Tent,
-    /// Sharper, with a little ringing.
-    Mitchell,
-    /// Just the pixel itself: for comparisons.
-    Box,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ToneArg {
-    /// Like film: colours fade to white.
-    Agx,
-    /// Contrasty, after the Academy's reference.
-    Aces,
-    /// As it is; what is above 1 is cut off.
-    Linear,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum EncodingArg {
-    /// For screens.
-    Srgb,
-    /// Linear light.
-    Linear,
-}
-
-/// Width and height of a picture, both at least 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Size {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-}
-
-impl Size {
-    /// A size that can be painted.
-    pub(crate) fn new(width: u32, height: u32) -> Result<Self, String> {
-        if ![width, height].iter().all(|side| (1..=SIDE_MAX).contains(side)) {
-            return Err(format!("each side must be from 1 to {SIDE_MAX}"));
-        }
-        if u64::from(width) * u64::from(height) > PIXELS_MAX {
-            return Err(format!("more than {PIXELS_MAX} pixels: paint it in parts with --crop of a smaller picture"));
-        }
-        Ok(Self { width, height })
-    }
-}
-
-/// Where light from all around comes from.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum EnvironmentArg {
-    Picture(PathBuf),
-    Constant([f32; 3]),
-    Sky,
-}
-
-/// Most samples of a pixel.
-pub(crate) const SAMPLES_MAX: u32 = 1 << 22;
-
-/// Most bounces.
-pub(crate) const DEPTH_MAX: u32 = 4096;
-
-/// Neither side may be longer than this.
-const SIDE_MAX: u32 = 1 << 16;
-
-/// No picture may have more pixels than this: with all AOVs that is some 15 GB.
-const PIXELS_MAX: u64 = 1 << 28;
-
-fn parse_size(text: &str) -> Result<Size, String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
-    let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
-    Size::new(side(width)?, side(height)?)
-}
-
-fn parse_rect(text: &str) -> Result<Rect, String> {
-    let numbers: Vec<u32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number of pixels")))
-        .collect::<Result<_, String>>()?;
-    match numbers[..] {
-        [x0, y0, x1, y1] if x0 < x1 && y0 < y1 => Ok(Rect::new(x0, y0, x1, y1)),
-        [..] if numbers.len() == 4 => Err("it must have x0 < x1 and y0 < y1".to_owned()),
-        _ => Err("four numbers x0,y0,x1,y1 are needed; x1 and y1 lie one past the part".to_owned()),
-    }
-}
-
-fn parse_environment(text: &str) -> Result<EnvironmentArg, String> {
-    if text == "sky" {
-        return Ok(EnvironmentArg::Sky);
-    }
-    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[r, g, b]) if [r, g, b].iter().all(|value| value.is_finite() && *value >= 0.0) => {
-            Ok(EnvironmentArg::Constant([r, g, b]))
-        }
-        Some(_) => Err("a radiance is three numbers from 0 up, such as 0.5,0.6,0.8".to_owned()),
-        None => Ok(EnvironmentArg::Picture(PathBuf::from(text))),
-    }
-}
-
-fn parse_aov(text: &str) -> Result<Aov, String> {
-    Aov::ALL
-        .into_iter()
-        .find(|aov| aov.name() == text.trim())
-        .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
-}
-
-fn parse_channel(text: &str) -> Result<Channel, String> {
-    text.parse().map_err(|error: bottega_farm::UnknownChannel| error.to_string())
-}
-
-fn parse_define(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
-        _ => Err("a name, `=` and a value are needed, such as spp=64".to_owned()),
-    }
-}
-
-fn parse_factor(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(factor) if factor.is_finite() && factor >= 0.0 => Ok(factor),
-        _ => Err("a number from 0 up is needed".to_owned()),
-    }
-}
-
-fn parse_time(text: &str) -> Result<f32, String> {
-    text.parse::<f32>().ok().filter(|time| time.is_finite()).ok_or_else(|| "a number of seconds is needed".to_owned())
-}
-
-fn parse_error(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(error) if (1e-6..=10.0).contains(&error) => Ok(error),
-        _ => Err("a relative error such as 0.05 is needed, from 0.000001 to 10".to_owned()),
-    }
-}
-
-fn parse_duration(text: &str) -> Result<Duration, String> {
-    let units = [("h", 3600.0), ("m", 60.0), ("s", 1.0)];
-    let (number, unit) =
-        units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit))).unwrap_or((text, 1.0));
-    match number.trim().parse::<f64>() {
-        Ok(time) if (0.1..=1e7).contains(&(time * unit)) => Ok(Duration::from_secs_f64(time * unit)),
-        _ => Err("a time such as 90, 90s, 10m or 1.5h is needed, of 0.1 seconds at least".to_owned()),
-    }
-}
-
-fn parse_distance(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(distance) if distance.is_finite() && distance > 0.0 => Ok(distance),
-        _ => Err("a number above 0 is needed".to_owned()),
-    }
-}
-
-fn parse_stops(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(stops) if stops.abs() <= 40.0 => Ok(stops),
-        _ => Err("a number from -40 to 40 is needed".to_owned()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn sizes_are_checked() {
-        assert_eq!(parse_size("640x480"), Ok(Size { width: 640, height: 480 }));
-        for absurd in ["", "x", "0x0", "640", "640x", "-1x5", "99999999999x1", "65537x1", "65536x65536", "1e3x5"] {
-            assert!(parse_size(absurd).is_err(), "{absurd}");
-        }
-    }
-
-    #[test]
-    fn crops_are_checked() {
-        assert_eq!(parse_rect("1, 2,3,4"), Ok(Rect::new(1, 2, 3, 4)));
-        for absurd in ["", "1,2,3", "1,2,1,4", "3,2,1,4", "1,2,3,4,5", "a,b,c,d", "-1,0,1,1"] {
-            assert!(parse_rect(absurd).is_err(), "{absurd}");
-        }
-    }
-
-    #[test]
-    fn an_environment_is_a_file_or_a_radiance() {
-        assert_eq!(parse_environment("1,0.5,0"), Ok(EnvironmentArg::Constant([1.0, 0.5, 0.0])));
-        assert_eq!(parse_environment("sky"), Ok(EnvironmentArg::Sky));
-        assert_eq!(parse_environment("sky.hdr"), Ok(EnvironmentArg::Picture("sky.hdr".into())));
-        assert!(parse_environment("1,2").is_err());
-        assert!(parse_environment("1,-2,0").is_err());
-        assert!(parse_environment("nan,0,0").is_err());
-    }
 }

@@ -1,0 +1,139 @@
+//! What is asked of a job, and why it may give no picture.
+
+use std::thread;
+
+use bottega_engines::Tunables;
+use bottega_image::{Layout, Rect};
+
+use crate::{AdaptationRule, AuctionRule, Expert, Goal, ImportanceFunction, Level, Optimization, WorkSettings};
+
+/// Agents of one job at most.
+pub const AGENTS_MAX: usize = 1 << 10;
+/// What is to be painted, and how.
+#[derive(Clone, Debug)]
+pub struct JobSettings {
+    /// Width of the whole picture, in pixels.
+    pub width: u32,
+    /// Height of the whole picture, in pixels.
+    pub height: u32,
+    /// The pixels that are painted: the whole picture or a part of it.
+    pub crop: Rect,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// When a zone is finished; with another goal than samples, those are the most that a pixel gets.
+    pub goal: Goal,
+    /// The other settings that rules may lower.
+    pub tunables: Tunables,
+    /// Which values the film holds: as the engine's tiles do.
+    pub layout: Layout,
+    /// How far the partition goes.
+    pub level: Level,
+    /// About how many zones it makes. `None`: as many as suit the agents.
+    pub zones: Option<u32>,
+    /// How far the rules may go.
+    pub optimization: Optimization,
+    /// How many Render Agents.
+    pub agents: usize,
+    /// The knowledge of the agents; they take turns when there are fewer than agents.
+    pub experts: Vec<Expert>,
+    /// Processors of the engine.
+    pub processors: usize,
+    /// What a place is worth.
+    pub importance: ImportanceFunction,
+    /// How an auction is decided.
+    pub auction: AuctionRule,
+    /// How agents learn their speed.
+    pub adaptation: AdaptationRule,
+    /// Zones that an agent has in hand at most.
+    pub prefetch: u32,
+}
+
+impl JobSettings {
+    /// A picture with the default of everything that has one.
+    pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
+        Self {
+            width,
+            height,
+            crop: Rect::of_size(width, height),
+            samples,
+            goal: Goal::Samples,
+            tunables,
+            layout,
+            level: Level::default(),
+            zones: None,
+            optimization: Optimization::Off,
+            agents: 1,
+            experts: vec![Expert::path_tracing()],
+            processors: thread::available_parallelism().map_or(1, std::num::NonZero::get),
+            importance: ImportanceFunction::default(),
+            auction: AuctionRule::default(),
+            adaptation: AdaptationRule::default(),
+            prefetch: 2,
+        }
+    }
+
+    pub(super) fn work(&self) -> Result<WorkSettings, JobError> {
+        let picture = Rect::of_size(self.width, self.height);
+        if picture.is_empty() || self.crop.is_empty() || !picture.encloses(&self.crop) {
+            return Err(JobError::Crop { crop: self.crop, width: self.width, height: self.height });
+        }
+        for (what, value, most) in [
+            ("samples", self.samples as usize, 1 << 24),
+            ("agents", self.agents, AGENTS_MAX),
+            ("rule sets", self.experts.len(), usize::MAX),
+            ("zones in hand", self.prefetch as usize, 1 << 10),
+        ] {
+            if value == 0 || value > most {
+                return Err(JobError::Count { what, value });
+            }
+        }
+        let is_sound = match self.goal {
+            Goal::Samples => true,
+            Goal::Error(error) => error.is_finite() && error > 0.0,
+            Goal::Time(time) => !time.is_zero(),
+        };
+        if !is_sound {
+            return Err(JobError::Goal);
+        }
+        let Self { samples, goal, tunables, optimization, .. } = *self;
+        Ok(WorkSettings { picture, frame: self.crop, samples, goal, tunables, optimization })
+    }
+}
+
+/// Why a job gave no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// There is nothing to paint.
+    #[error("the crop window {crop} holds no pixels of a picture of {width} × {height}")]
+    Crop {
+        /// The window.
+        crop: Rect,
+        /// Width of the picture.
+        width: u32,
+        /// Height of the picture.
+        height: u32,
+    },
+    /// A number that makes no sense.
+    #[error("{value} {what} cannot be")]
+    Count {
+        /// Of what.
+        what: &'static str,
+        /// How many.
+        value: usize,
+    },
+    /// What was kept is of another picture.
+    #[error("what was kept is of other settings than these")]
+    OtherWork,
+    /// A goal that cannot be reached.
+    #[error("the error or time asked for must be greater than 0")]
+    Goal,
+    /// The scene could not be analyzed, or the zones make no sense.
+    #[error("the job was given up: {reason}")]
+    Abandoned {
+        /// Why.
+        reason: String,
+    },
+    /// The operating system gives no thread.
+    #[error("cannot start a thread")]
+    Thread(#[from] std::io::Error),
+}
