@@ -4,33 +4,14 @@
 //! what was awarded later always carries the greater one.
 
 use std::{
-    collections::{BTreeSet, HashMap},
-    fmt,
+    collections::{BTreeMap, BTreeSet},
     sync::Arc,
 };
 
-/// The name of an entry, such as `work/7/zone/12`. Watches go by prefix.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Key(Arc<str>);
+use rustc_hash::FxHashMap;
 
-impl Key {
-    /// The name as text.
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl<T: Into<Arc<str>>> From<T> for Key {
-    fn from(name: T) -> Self {
-        Self(name.into())
-    }
-}
-
-impl fmt::Display for Key {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
+pub use crate::key::Key;
+use crate::{key::Name, number_map::NumberMap};
 
 /// Counts the writes to a store. Greater is later, over all keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -122,12 +103,51 @@ pub enum StoreReply<V> {
 /// A store in memory: what the drivers of one process hold, and what every other store must behave like.
 #[derive(Clone, Debug)]
 pub struct MemoryStore<V, W = ()> {
-    /// A hash map, for speed; what goes through several entries goes by `names`.
-    entries: HashMap<Key, Entry<V>>,
-    names: BTreeSet<Key>,
+    folders: BTreeMap<Arc<str>, Folder<V>>,
     /// Who watches which prefix, in order of asking.
     watches: Vec<(Key, Ticket, W)>,
     last: Revision,
+}
+
+/// All entries whose names are equal up to the last stroke.
+#[derive(Clone, Debug)]
+struct Folder<V> {
+    numbered: NumberMap<Entry<V>>,
+    /// A hash map, for speed; what goes through several entries goes by `names`.
+    named: FxHashMap<Arc<str>, Entry<V>>,
+    names: BTreeSet<Arc<str>>,
+}
+
+impl<V> Default for Folder<V> {
+    fn default() -> Self {
+        Self { numbered: NumberMap::default(), named: FxHashMap::default(), names: BTreeSet::new() }
+    }
+}
+
+impl<V> Folder<V> {
+    fn get(&self, name: &Name) -> Option<&Entry<V>> {
+        match name {
+            Name::Number(number) => self.numbered.get(*number),
+            Name::Text(name) => self.named.get(name),
+        }
+    }
+
+    fn insert(&mut self, entry: Entry<V>) {
+        match &entry.key.name {
+            Name::Number(number) => _ = self.numbered.insert(*number, entry),
+            Name::Text(name) => {
+                let name = Arc::clone(name);
+                if self.named.insert(Arc::clone(&name), entry).is_none() {
+                    self.names.insert(name);
+                }
+            }
+        }
+    }
+
+    /// Numbers first, then names.
+    fn iter(&self) -> impl Iterator<Item = &Entry<V>> {
+        self.numbered.values().chain(self.names.iter().filter_map(|name| self.named.get(name)))
+    }
 }
 
 /// A reply and to whom it goes.
@@ -143,7 +163,7 @@ pub struct Addressed<V, W> {
 
 impl<V, W> Default for MemoryStore<V, W> {
     fn default() -> Self {
-        Self { entries: HashMap::new(), names: BTreeSet::new(), watches: Vec::new(), last: Revision::ABSENT }
+        Self { folders: BTreeMap::new(), watches: Vec::new(), last: Revision::ABSENT }
     }
 }
 
@@ -187,24 +207,25 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         replies.push(Addressed { to: from, ticket, reply: StoreReply::Written { key: key.clone(), revision } });
         let entry = Entry { key: key.clone(), revision, value };
         for (prefix, ticket, who) in &self.watches {
-            if key.as_str().starts_with(prefix.as_str()) {
+            if key.starts_with(prefix) {
                 replies.push(Addressed { to: who.clone(), ticket: *ticket, reply: StoreReply::Changed(entry.clone()) });
             }
         }
-        if self.entries.insert(key.clone(), entry).is_none() {
-            self.names.insert(key);
+        match self.folders.get_mut(&key.folder) {
+            Some(folder) => folder.insert(entry),
+            None => self.folders.entry(key.folder).or_default().insert(entry),
         }
     }
 
     /// Reads an entry.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
-        self.entries.get(key)
+        self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// All entries whose name begins so, in order of their names.
+    /// All entries whose name begins so, in the order of their keys: by folder, and there by number, then by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
-        let names = self.names.range(prefix..).take_while(|key| key.as_str().starts_with(prefix.as_str()));
-        names.filter_map(|key| self.entries.get(key))
+        let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
+        folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))
     }
 }
 

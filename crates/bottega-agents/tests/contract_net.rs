@@ -38,7 +38,7 @@ fn key(task: u32) -> Key {
 }
 
 fn task_of(key: &Key) -> u32 {
-    key.as_str()["task/".len()..].parse().unwrap()
+    key.to_string()["task/".len()..].parse().unwrap()
 }
 
 type Actions = Vec<Action<Say, TaskState, Effect>>;

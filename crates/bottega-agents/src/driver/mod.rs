@@ -2,6 +2,7 @@
 
 pub mod local;
 mod network;
+mod plan;
 mod queues;
 pub mod random;
 pub mod simulator;

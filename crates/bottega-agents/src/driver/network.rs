@@ -1,20 +1,22 @@
 //! The network of a simulation: what is on its way, what goes wrong on it, and the bus that puts it there.
 
 use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet, BinaryHeap, HashMap, HashSet, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     time::Duration,
 };
 
-use super::{queues::Queues, random::Random};
+use rustc_hash::FxHashMap;
+
+use super::{
+    plan::{Happening, Life, NodeId, Plan, RequestId},
+    queues::Queues,
+    random::Random,
+};
 use crate::{
-    AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreReply, StoreRequest, Ticket, Time,
+    AclMessage, AgentId, Event, Key, StateMachine, StoreReply, StoreRequest, Ticket, Time,
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
     store::{Addressed, MemoryStore},
 };
-
-/// After so long without an answer of the store it counts as unavailable.
-pub const STORE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// After so long without a sign of life an agent counts as gone.
 pub const PRESENCE_TIMEOUT: Duration = Duration::from_secs(3);
@@ -62,115 +64,14 @@ impl Faults {
         until: Time::ZERO,
     };
 }
-/// Which life of which agent: what was meant for an earlier life is lost.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Life {
-    pub(super) agent: AgentId,
-    pub(super) number: u64,
-}
+/// Stands for whoever writes into the store from outside of the platform.
+const OUTSIDE: NodeId = NodeId(u32::MAX);
 
-pub(super) enum Happening<M: StateMachine> {
-    /// A message arrives; the sender decides whether a cut lies between.
-    Message {
-        to: AgentId,
-        message: AclMessage<M::Content>,
-    },
-    /// An answer of the store arrives.
-    FromStore {
-        to: Life,
-        ticket: Ticket,
-        reply: StoreReply<M::Value>,
-    },
-    /// The next report of the agent's watches is due.
-    Report {
-        to: Life,
-    },
-    ToStore {
-        from: Life,
-        ticket: Ticket,
-        request: StoreRequest<M::Value>,
-    },
-    Event {
-        to: Life,
-        event: EventOf<M>,
-    },
-    Timer {
-        of: Life,
-        at: Time,
-    },
-    /// Some agent that may crash does.
-    CrashSome,
-    Restart(AgentId),
-    PartitionSome,
-    Heal,
-    /// Whether an agent that was silent still is.
-    Silent(AgentId),
-}
-
-/// What is planned and when it happens. What happens at one time happens in the order of planning.
-///
-/// The heap holds places only: what is planned is large, and a heap moves what it holds.
-pub(super) struct Plan<M: StateMachine> {
-    heap: BinaryHeap<Reverse<(Time, u64, usize)>>,
-    places: Vec<Option<Happening<M>>>,
-    free: Vec<usize>,
-    /// When which request counts as unanswered. They all wait equally long, so the first asked is the first to end.
-    timeouts: VecDeque<(Time, u64, Life, Ticket)>,
-    sequence: u64,
-}
-
-impl<M: StateMachine> Plan<M> {
-    fn new() -> Self {
-        let (heap, places, free) = (BinaryHeap::new(), Vec::new(), Vec::new());
-        Self { heap, places, free, timeouts: VecDeque::new(), sequence: 0 }
-    }
-
-    fn len(&self) -> usize {
-        self.heap.len() + self.timeouts.len()
-    }
-
-    fn push(&mut self, at: Time, what: Happening<M>) {
-        self.sequence += 1;
-        let place = self.free.pop().unwrap_or_else(|| {
-            self.places.push(None);
-            self.places.len() - 1
-        });
-        self.places[place] = Some(what);
-        self.heap.push(Reverse((at, self.sequence, place)));
-    }
-
-    fn push_timeout(&mut self, now: Time, of: Life, ticket: Ticket) {
-        self.sequence += 1;
-        self.timeouts.push_back((now + STORE_TIMEOUT, self.sequence, of, ticket));
-    }
-
-    /// Whether a timeout comes next, and when the next thing comes.
-    fn next(&self) -> Option<(bool, Time)> {
-        let planned = self.heap.peek().map(|Reverse((at, sequence, _))| (*at, *sequence));
-        let timeout = self.timeouts.front().map(|(at, sequence, ..)| (*at, *sequence));
-        match (planned, timeout) {
-            (Some(planned), Some(timeout)) => Some((timeout < planned, planned.min(timeout).0)),
-            (planned, timeout) => planned.or(timeout).map(|(at, _)| (planned.is_none(), at)),
-        }
-    }
-
-    fn pop(&mut self) -> Option<(Time, Happening<M>)> {
-        let (is_timeout, at) = self.next()?;
-        if is_timeout {
-            let (_, _, to, ticket) = self.timeouts.pop_front()?;
-            return Some((at, Happening::FromStore { to, ticket, reply: StoreReply::Unavailable }));
-        }
-        let Reverse((_, _, place)) = self.heap.pop()?;
-        self.free.push(place);
-        self.places[place].take().map(|what| (at, what))
-    }
-}
-
-/// An open request to the store: of which life, and its ticket.
-pub(super) type OpenRequest = (u64, Ticket);
+/// A queue of reports that is larger than this gives its memory back when it is empty.
+const REPORTS_KEPT_MAX: usize = 1 << 10;
 
 /// Reports of an agent's watches.
-pub(super) type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
+type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
 
 /// All but the machines: what the bus of a simulation is made of.
 pub(super) struct Network<M: StateMachine> {
@@ -178,19 +79,22 @@ pub(super) struct Network<M: StateMachine> {
     pub(super) plan: Plan<M>,
     pub(super) random: Random,
     pub(super) faults: Faults,
-    pub(super) store: MemoryStore<M::Value, AgentId>,
+    pub(super) store: MemoryStore<M::Value, NodeId>,
     pub(super) queues: Queues<M::Content>,
     pub(super) blobs: BTreeMap<BlobId, Blob>,
-    /// The life of each agent; `None` while it is dead. A hash map, as `reports` and `open` are: never gone through in an
-    /// order that shows.
-    pub(super) lives: HashMap<AgentId, Option<u64>>,
-    /// Agents on the far side of the cut; the store is on the near one.
-    pub(super) cut_off: BTreeSet<AgentId>,
+    /// The name of each agent that was ever spoken of.
+    pub(super) names: Vec<AgentId>,
+    /// A hash map, for speed: never gone through.
+    nodes: FxHashMap<AgentId, NodeId>,
+    /// The life of each agent; `None` while it is dead.
+    lives: Vec<Option<u32>>,
     /// Reports of watches on their way to each agent: a cut holds them back, none is lost, none overtakes another.
-    pub(super) reports: HashMap<AgentId, Reports<M>>,
-    pub(super) open: HashSet<OpenRequest>,
-    pub(super) presence_watchers: BTreeSet<AgentId>,
-    pub(super) seen_present: BTreeSet<AgentId>,
+    reports: Vec<Reports<M>>,
+    /// Agents on the far side of the cut; the store is on the near one.
+    pub(super) cut_off: BTreeSet<NodeId>,
+    presence_watchers: BTreeSet<NodeId>,
+    seen_present: BTreeSet<NodeId>,
+    replies: Vec<Addressed<M::Value, NodeId>>,
     pub(super) trace: Option<Vec<String>>,
     /// Messages sent, by receiver.
     pub(super) message_count: u64,
@@ -205,10 +109,12 @@ impl<M: StateMachine> Network<M> {
             store: MemoryStore::default(),
             queues: Queues::default(),
             blobs: BTreeMap::new(),
-            lives: HashMap::new(),
+            names: Vec::new(),
+            nodes: FxHashMap::default(),
+            lives: Vec::new(),
+            reports: Vec::new(),
             cut_off: BTreeSet::new(),
-            reports: HashMap::new(),
-            open: HashSet::new(),
+            replies: Vec::new(),
             presence_watchers: BTreeSet::new(),
             seen_present: BTreeSet::new(),
             trace: None,
@@ -228,27 +134,53 @@ impl<M: StateMachine> Network<M> {
 
     /// Takes the next thing that happens, if it does until `end`; it is then the present.
     pub(super) fn next(&mut self, end: Time) -> Option<Happening<M>> {
-        self.next_time().filter(|at| *at <= end)?;
-        let (now, what) = self.plan.pop()?;
+        let (now, what) = self.plan.pop(end)?;
         self.now = now;
         Some(what)
     }
 
     /// When the next thing happens.
     pub(super) fn next_time(&self) -> Option<Time> {
-        self.plan.next().map(|(_, at)| at)
+        self.plan.next_time()
+    }
+
+    /// An agent's place; it gets one when it is first spoken of.
+    pub(super) fn node(&mut self, agent: &AgentId) -> NodeId {
+        self.known(agent).unwrap_or_else(|| {
+            let node = NodeId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
+            self.names.push(agent.clone());
+            self.nodes.insert(agent.clone(), node);
+            self.lives.push(None);
+            self.reports.push(VecDeque::new());
+            node
+        })
+    }
+
+    /// An agent's place, if it has one.
+    pub(super) fn known(&self, agent: &AgentId) -> Option<NodeId> {
+        self.nodes.get(agent).copied()
+    }
+
+    pub(super) fn name(&self, node: NodeId) -> &AgentId {
+        &self.names[node.index()]
+    }
+
+    /// An agent begins its life of this number.
+    pub(super) fn bear(&mut self, node: NodeId, number: u32) {
+        self.lives[node.index()] = Some(number);
+        self.note(|names| format!("{} starts", names[node.index()]));
+        self.tell_presence(node, true);
     }
 
     /// An agent is dead: what was meant for it is lost.
-    pub(super) fn bury(&mut self, id: &AgentId, how: &str) {
-        self.note(|| format!("{id} {how}"));
-        let number = self.lives.insert(id.clone(), None).flatten();
-        self.store.forget(id);
-        self.queues.forget(id);
-        self.presence_watchers.remove(id);
-        self.open.retain(|(life, _)| Some(*life) != number);
-        self.reports.remove(id);
-        self.plan(PRESENCE_TIMEOUT, Happening::Silent(id.clone()));
+    pub(super) fn bury(&mut self, node: NodeId, how: &str) {
+        self.note(|names| format!("{} {how}", names[node.index()]));
+        self.lives[node.index()] = None;
+        self.store.forget(&node);
+        self.queues.forget(&self.names[node.index()]);
+        self.presence_watchers.remove(&node);
+        self.reports[node.index()].clear();
+        self.plan(PRESENCE_TIMEOUT, Happening::Silent(node));
     }
 
     pub(super) fn plan(&mut self, after: Duration, what: Happening<M>) {
@@ -268,6 +200,9 @@ impl<M: StateMachine> Network<M> {
     }
 
     pub(super) fn latency(&mut self) -> Duration {
+        if self.faults.latency_extra_mean.is_zero() {
+            return self.faults.latency_min;
+        }
         // u⁴ has the mean 1/5: most messages are quick, some are late.
         let u = self.random.unit();
         self.faults.latency_min + self.faults.latency_extra_mean.mul_f64(5.0 * u * u * u * u)
@@ -278,50 +213,72 @@ impl<M: StateMachine> Network<M> {
         mean.mul_f64(2.0 * self.random.unit())
     }
 
-    pub(super) fn cut_between(&self, a: &AgentId, b: &AgentId) -> bool {
-        self.cut_off.contains(a) != self.cut_off.contains(b)
+    /// Whether a cut lies between a sender and a receiver.
+    pub(super) fn cut_between(&self, from: NodeId, to: NodeId) -> bool {
+        !self.cut_off.is_empty() && self.cut_off.contains(&from) != self.cut_off.contains(&to)
     }
 
-    pub(super) fn life(&self, agent: &AgentId) -> Option<Life> {
-        let number = (*self.lives.get(agent)?)?;
-        Some(Life { agent: agent.clone(), number })
+    pub(super) fn is_cut_off(&self, node: NodeId) -> bool {
+        !self.cut_off.is_empty() && self.cut_off.contains(&node)
     }
 
-    pub(super) fn is_alive(&self, life: &Life) -> bool {
-        self.lives.get(&life.agent) == Some(&Some(life.number))
+    pub(super) fn life(&self, node: NodeId) -> Option<Life> {
+        let number = (*self.lives.get(node.index())?)?;
+        Some(Life { node, number })
     }
 
-    pub(super) fn note(&mut self, line: impl FnOnce() -> String) {
+    pub(super) fn is_alive(&self, life: Life) -> bool {
+        self.lives[life.node.index()] == Some(life.number)
+    }
+
+    /// Writes a line of the trace, if there is one; it is made with the names of all agents.
+    pub(super) fn note(&mut self, line: impl FnOnce(&[AgentId]) -> String) {
         if let Some(trace) = &mut self.trace {
             let micros = self.now.elapsed().as_micros();
-            trace.push(format!("[{:>6}.{:03}] {}", micros / 1000, micros % 1000, line()));
+            trace.push(format!("[{:>6}.{:03}] {}", micros / 1000, micros % 1000, line(&self.names)));
         }
     }
 
-    pub(super) fn tell_presence(&mut self, agent: &AgentId, present: bool) {
-        let changed = if present { self.seen_present.insert(agent.clone()) } else { self.seen_present.remove(agent) };
+    pub(super) fn tell_presence(&mut self, node: NodeId, present: bool) {
+        let changed = if present { self.seen_present.insert(node) } else { self.seen_present.remove(&node) };
         if !changed {
             return;
         }
         for watcher in self.presence_watchers.clone() {
-            if watcher != *agent
-                && let Some(to) = self.life(&watcher)
+            if watcher != node
+                && let Some(to) = self.life(watcher)
             {
-                let after = self.latency();
-                self.plan(after, Happening::Event { to, event: Event::Presence { agent: agent.clone(), present } });
+                let (after, agent) = (self.latency(), self.name(node).clone());
+                self.plan(after, Happening::Event { to, event: Event::Presence { agent, present } });
             }
         }
     }
 
-    pub(super) fn reply_from_store(&mut self, to: &AgentId, ticket: Ticket, reply: StoreReply<M::Value>) {
-        let Some(to) = self.life(to) else { return };
-        let after = self.latency();
-        if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {
-            self.reports.entry(to.agent.clone()).or_default().push_back((ticket, reply));
-            self.plan(after, Happening::Report { to });
-        } else {
-            self.plan(after, Happening::FromStore { to, ticket, reply });
+    /// Sends what the store says; `request`: to whom it is the answer.
+    fn send_replies(&mut self, request: RequestId, mut replies: Vec<Addressed<M::Value, NodeId>>, may_lose: bool) {
+        for Addressed { to, ticket, reply } in replies.drain(..) {
+            let Some(to) = self.life(to) else { continue };
+            // An answer may be lost, a report of a watch is sent again by the store until it arrives.
+            if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {
+                let after = self.latency();
+                self.reports[to.node.index()].push_back((ticket, reply));
+                self.plan(after, Happening::Report { to });
+            } else if !may_lose || !self.chance(self.faults.loss) {
+                let after = self.latency();
+                self.plan(after, Happening::FromStore { to, request, ticket, reply });
+            }
         }
+        self.replies = replies;
+    }
+
+    /// The next report for an agent, when it is due.
+    pub(super) fn next_report(&mut self, node: NodeId) -> Option<(Ticket, StoreReply<M::Value>)> {
+        let reports = &mut self.reports[node.index()];
+        let next = reports.pop_front();
+        if reports.is_empty() && reports.capacity() > REPORTS_KEPT_MAX {
+            *reports = VecDeque::new();
+        }
+        next
     }
 
     /// Writes an entry as somebody outside; those who watch it are told.
@@ -329,29 +286,55 @@ impl<M: StateMachine> Network<M> {
     where
         M::Value: Clone,
     {
-        let outside = AgentId::new("outside");
-        let mut replies = Vec::new();
-        self.store.handle(outside, Ticket(0), StoreRequest::Put { key, value }, &mut replies);
-        for Addressed { to, ticket, reply } in replies {
-            // The answer goes nowhere: there is no such agent.
-            self.reply_from_store(&to, ticket, reply);
+        let mut replies = std::mem::take(&mut self.replies);
+        self.store.handle(OUTSIDE, Ticket(0), StoreRequest::Put { key, value }, &mut replies);
+        // The answer goes nowhere: there is no such agent.
+        self.send_replies(RequestId::NONE, replies, false);
+    }
+
+    /// An agent asks the store.
+    pub(super) fn ask(&mut self, from: NodeId, ticket: Ticket, request: StoreRequest<M::Value>) {
+        let Some(from) = self.life(from) else { return };
+        let is_watch = matches!(request, StoreRequest::Watch { .. });
+        let id = if is_watch { RequestId::NONE } else { self.plan.open_request(self.now, from, ticket) };
+        if is_watch || !self.chance(self.faults.loss) {
+            let after = self.latency();
+            self.plan(after, Happening::ToStore { from, id, ticket, request });
         }
     }
 
-    pub(super) fn serve_store(&mut self, from: &Life, ticket: Ticket, request: StoreRequest<M::Value>)
+    pub(super) fn serve_store(&mut self, from: Life, id: RequestId, ticket: Ticket, request: StoreRequest<M::Value>)
     where
         M::Value: Clone,
     {
-        let mut replies = Vec::new();
-        self.store.handle(from.agent.clone(), ticket, request, &mut replies);
-        for Addressed { to, ticket, reply } in replies {
-            // An answer may be lost, a report of a watch is sent again by the store until it arrives.
-            let report = matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp);
-            let loss = self.faults.loss;
-            if report || !self.chance(loss) {
-                self.reply_from_store(&to, ticket, reply);
-            }
+        let mut replies = std::mem::take(&mut self.replies);
+        self.store.handle(from.node, ticket, request, &mut replies);
+        self.send_replies(id, replies, true);
+    }
+
+    /// Brings a message to one receiver, or loses it.
+    fn send(&mut self, message: AclMessage<M::Content>)
+    where
+        M::Content: Clone,
+    {
+        let Some(to) = message.receivers.first().map(|to| self.node(to)) else { return };
+        if self.plan.len() >= PLANNED_MAX {
+            self.note(|names| {
+                let to = &names[to.index()];
+                format!("{} -> {to}  {} lost: too much is on its way", message.sender, message.performative)
+            });
+            return;
         }
+        if self.chance(self.faults.loss) {
+            self.note(|names| format!("{} -> {}  {} lost", message.sender, names[to.index()], message.performative));
+            return;
+        }
+        if self.chance(self.faults.duplication) {
+            let after = self.latency();
+            self.plan(after, Happening::Message { to, message: message.clone() });
+        }
+        let after = self.latency();
+        self.plan(after, Happening::Message { to, message });
     }
 }
 
@@ -365,26 +348,13 @@ where
 
     fn publish(&mut self, message: AclMessage<M::Content>) {
         self.message_count += message.receivers.len() as u64;
+        if message.receivers.len() < 2 {
+            return self.send(message);
+        }
+        // Each receiver gets a copy of its own, addressed to it alone, as the intended receiver of an envelope is.
         let mut message = message;
         for to in std::mem::take(&mut message.receivers) {
-            if self.plan.len() >= PLANNED_MAX {
-                self.note(|| {
-                    format!("{} -> {to}  {} lost: too much is on its way", message.sender, message.performative)
-                });
-                continue;
-            }
-            let (loss, duplication) = (self.faults.loss, self.faults.duplication);
-            if self.chance(loss) {
-                self.note(|| format!("{} -> {to}  {} lost", message.sender, message.performative));
-                continue;
-            }
-            let copies = if self.chance(duplication) { 2 } else { 1 };
-            for _ in 0..copies {
-                let after = self.latency();
-                // Each receiver gets a copy of its own, addressed to it alone, as the intended receiver of an envelope is.
-                let message = AclMessage { receivers: vec![to.clone()], ..message.clone() };
-                self.plan(after, Happening::Message { to: to.clone(), message });
-            }
+            self.send(AclMessage { receivers: vec![to], ..message.clone() });
         }
     }
 
@@ -401,26 +371,18 @@ where
     }
 
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
-        let Some(from) = self.life(from) else { return };
-        if !matches!(request, StoreRequest::Watch { .. }) {
-            self.open.insert((from.number, ticket));
-            self.plan.push_timeout(self.now, from.clone(), ticket);
-        }
-        let loss = self.faults.loss;
-        if matches!(request, StoreRequest::Watch { .. }) || !self.chance(loss) {
-            let after = self.latency();
-            self.plan(after, Happening::ToStore { from, ticket, request });
-        }
+        let from = self.node(from);
+        self.ask(from, ticket, request);
     }
 
     fn watch_presence(&mut self, from: &AgentId) {
-        self.presence_watchers.insert(from.clone());
+        let from = self.node(from);
+        self.presence_watchers.insert(from);
         let Some(to) = self.life(from) else { return };
-        for agent in self.seen_present.clone() {
-            if agent != *from {
-                let after = self.latency();
-                let event = Event::Presence { agent, present: true };
-                self.plan(after, Happening::Event { to: to.clone(), event });
+        for node in self.seen_present.clone() {
+            if node != from {
+                let (after, agent) = (self.latency(), self.name(node).clone());
+                self.plan(after, Happening::Event { to, event: Event::Presence { agent, present: true } });
             }
         }
     }

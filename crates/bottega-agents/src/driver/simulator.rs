@@ -3,20 +3,20 @@
 //! All chance comes from one seed: the same seed gives the same run, event for event. The store is the one thing that
 //! does not fail, as it is meant to be in the world; but requests and answers on the way to it may be lost.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    fmt::Debug,
-    time::Duration,
-};
+use std::{fmt::Debug, time::Duration};
 
-pub use super::network::{Faults, PLANNED_MAX, PRESENCE_TIMEOUT, STORE_TIMEOUT};
+pub use super::{
+    network::{Faults, PLANNED_MAX, PRESENCE_TIMEOUT},
+    plan::{NodeId, STORE_TIMEOUT},
+};
 use super::{
-    network::{Happening, Life, Network, RETRY_AFTER},
+    network::{Network, RETRY_AFTER},
+    plan::{Happening, Life, RequestId},
     random::Random,
 };
 use crate::{
-    AclMessage, AgentId, Event, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time,
-    bus::{Beyond, Bus, carry_out},
+    AclMessage, Action, AgentId, Event, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time,
+    bus::Bus,
     store::MemoryStore,
 };
 
@@ -67,22 +67,25 @@ struct Node<M> {
     machine: Option<M>,
     make: Box<dyn FnMut() -> M>,
     may_crash: bool,
-    /// The timer that is planned.
+    /// When it wants to be called.
+    deadline: Option<Time>,
+    /// When the next timer of its comes: not later than that. One that comes too early is set again, for most deadlines
+    /// are put off before they come.
     timer: Option<Time>,
 }
 
 /// Runs machines in virtual time.
 pub struct Simulator<M: StateMachine, W> {
-    /// A hash map, for speed; what goes through all agents goes by `names`.
-    nodes: HashMap<AgentId, Node<M>>,
-    names: BTreeSet<AgentId>,
+    /// By [`NodeId`]. `None`: only spoken of, or gone for good.
+    nodes: Vec<Option<Node<M>>>,
     network: Network<M>,
     world: W,
     /// How often each agent has lived.
-    births: u64,
+    births: u32,
+    /// These are kept for their memory.
     actions: Vec<crate::ActionOf<M>>,
-    /// Kept for its memory; empty between two changes of the world.
     reports: Vec<(AgentId, M::Completion)>,
+    begun: Vec<(Duration, M::Completion)>,
 }
 
 impl<M: StateMachine, W: World<M>> Simulator<M, W>
@@ -94,23 +97,38 @@ where
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
         Self {
-            nodes: HashMap::new(),
-            names: BTreeSet::new(),
+            nodes: Vec::new(),
             network,
             world,
             births: 0,
             actions: Vec::new(),
             reports: Vec::new(),
+            begun: Vec::new(),
         }
+    }
+
+    fn node(&self, node: NodeId) -> Option<&Node<M>> {
+        self.nodes.get(node.index())?.as_ref()
+    }
+
+    fn node_mut(&mut self, node: NodeId) -> Option<&mut Node<M>> {
+        self.nodes.get_mut(node.index())?.as_mut()
+    }
+
+    /// All agents that are not gone for good.
+    fn all(&self) -> impl Iterator<Item = (NodeId, &Node<M>)> {
+        let numbered = self.nodes.iter().enumerate();
+        numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
     }
 
     /// Adds an agent, made anew at each of its lives. `may_crash`: whether the faults may kill it.
     pub fn add(&mut self, id: &AgentId, may_crash: bool, make: impl FnMut() -> M + 'static) {
-        let node = Node { machine: None, make: Box::new(make), may_crash, timer: None };
-        let before = self.nodes.insert(id.clone(), node);
-        assert!(before.is_none(), "an agent's name is given once");
-        self.names.insert(id.clone());
-        self.start(id);
+        let node = self.network.node(id);
+        assert!(self.node(node).is_none(), "an agent's name is given once");
+        self.nodes.resize_with(self.nodes.len().max(node.index() + 1), || None);
+        let make = Box::new(make);
+        self.nodes[node.index()] = Some(Node { machine: None, make, may_crash, deadline: None, timer: None });
+        self.begin(node);
     }
 
     /// Writes down from now on what happens.
@@ -130,11 +148,11 @@ where
 
     /// The machine of an agent, while it lives.
     pub fn machine(&self, id: &AgentId) -> Option<&M> {
-        self.nodes.get(id)?.machine.as_ref()
+        self.node(self.network.known(id)?)?.machine.as_ref()
     }
 
     /// The store, as it is.
-    pub fn store(&self) -> &MemoryStore<M::Value, AgentId> {
+    pub fn store(&self) -> &MemoryStore<M::Value, NodeId> {
         &self.network.store
     }
 
@@ -165,55 +183,68 @@ where
 
     /// Kills an agent with all it knows. It stays dead until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
-        self.end(id, "crashes");
+        if let Some(node) = self.network.known(id) {
+            self.end(node, "crashes");
+        }
     }
 
     /// Kills an agent for good.
     pub fn retire(&mut self, id: &AgentId) {
-        self.end(id, "is gone");
-        self.nodes.remove(id);
-        self.names.remove(id);
+        let Some(node) = self.network.known(id) else { return };
+        self.end(node, "is gone");
+        if let Some(node) = self.nodes.get_mut(node.index()) {
+            *node = None;
+        }
     }
 
-    fn end(&mut self, id: &AgentId, how: &str) {
-        let Some(node) = self.nodes.get_mut(id) else { return };
+    fn end(&mut self, id: NodeId, how: &str) {
+        let Some(node) = self.node_mut(id) else { return };
         if node.machine.take().is_none() {
             return;
         }
-        node.timer = None;
+        (node.deadline, node.timer) = (None, None);
         self.network.bury(id, how);
-        self.world.gone(self.network.now, id);
+        self.world.gone(self.network.now, self.network.name(id));
     }
 
     /// Gives a dead agent a new life, without memory.
     pub fn start(&mut self, id: &AgentId) {
-        let Some(node) = self.nodes.get_mut(id) else { return };
+        if let Some(node) = self.network.known(id) {
+            self.begin(node);
+        }
+    }
+
+    fn begin(&mut self, id: NodeId) {
+        let Some(node) = self.node_mut(id) else { return };
         if node.machine.is_some() {
             return;
         }
         node.machine = Some((node.make)());
         self.births += 1;
-        self.network.lives.insert(id.clone(), Some(self.births));
-        self.network.note(|| format!("{id} starts"));
-        self.network.tell_presence(id, true);
+        self.network.bear(id, self.births);
         self.feed(id, Event::Start);
     }
 
     /// Parts these agents from all others and from the store, until [`Self::heal`].
     pub fn cut_off(&mut self, agents: impl IntoIterator<Item = AgentId>) {
-        self.network.cut_off = agents.into_iter().collect();
-        for agent in self.network.cut_off.clone() {
-            self.network.note(|| format!("{agent} cut off"));
-            self.network.plan(PRESENCE_TIMEOUT, Happening::Silent(agent));
+        let parted = agents.into_iter().map(|agent| self.network.node(&agent)).collect();
+        self.part(parted);
+    }
+
+    fn part(&mut self, parted: Vec<NodeId>) {
+        self.network.cut_off = parted.into_iter().collect();
+        for node in self.network.cut_off.clone() {
+            self.network.note(|names| format!("{} cut off", names[node.index()]));
+            self.network.plan(PRESENCE_TIMEOUT, Happening::Silent(node));
         }
     }
 
     /// Ends all cuts.
     pub fn heal(&mut self) {
-        self.network.note(|| "healed".to_owned());
-        for agent in std::mem::take(&mut self.network.cut_off) {
-            if self.network.life(&agent).is_some() {
-                self.network.tell_presence(&agent, true);
+        self.network.note(|_| "healed".to_owned());
+        for node in std::mem::take(&mut self.network.cut_off) {
+            if self.network.life(node).is_some() {
+                self.network.tell_presence(node, true);
             }
         }
     }
@@ -239,7 +270,9 @@ where
         let mut reports = std::mem::take(&mut self.reports);
         self.world.change(at, &mut reports);
         for (agent, completion) in reports.drain(..) {
-            self.feed(&agent, Event::Completed(completion));
+            if let Some(node) = self.network.known(&agent) {
+                self.feed(node, Event::Completed(completion));
+            }
         }
         self.reports = reports;
         assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
@@ -253,81 +286,103 @@ where
 
     fn happen(&mut self, what: Happening<M>) {
         match what {
-            Happening::Message { to, message } => self.arrive(&to, message),
-            Happening::FromStore { to, ticket, reply } => self.arrive_from_store(&to, ticket, reply),
+            Happening::Message { to, message } => self.arrive(to, message),
+            Happening::FromStore { to, request, ticket, reply } => self.arrive_from_store(to, request, ticket, reply),
             Happening::Report { to } => self.arrive_report(to),
-            Happening::ToStore { from, ticket, request } => {
+            Happening::ToStore { from, id, ticket, request } => {
                 let watch = matches!(request, StoreRequest::Watch { .. });
-                if !self.network.is_alive(&from) && watch {
+                if watch && !self.network.is_alive(from) {
                     return;
                 }
-                if !self.network.cut_off.contains(&from.agent) {
-                    self.network.serve_store(&from, ticket, request);
+                if !self.network.is_cut_off(from.node) {
+                    self.network.serve_store(from, id, ticket, request);
                 } else if watch {
-                    self.network.plan(RETRY_AFTER, Happening::ToStore { from, ticket, request });
+                    self.network.plan(RETRY_AFTER, Happening::ToStore { from, id, ticket, request });
                 }
             }
             Happening::Event { to, event } => {
-                if self.network.is_alive(&to) {
-                    self.feed(&to.agent, event);
+                if self.network.is_alive(to) {
+                    self.feed(to.node, event);
                 }
             }
-            Happening::Timer { of, at } => {
-                let Some(node) = self.nodes.get_mut(&of.agent) else { return };
-                if node.timer == Some(at) && self.network.is_alive(&of) {
-                    node.timer = None;
-                    self.feed(&of.agent, Event::Deadline);
-                    let named = self.nodes.get(&of.agent).and_then(|node| node.machine.as_ref()?.next_deadline());
-                    assert!(
-                        named.is_none_or(|named| named > at),
-                        "{} names a deadline again that it was told of",
-                        of.agent
-                    );
-                }
-            }
+            Happening::Timer { of } => self.ring(of),
             Happening::CrashSome => self.crash_some(),
-            Happening::Restart(id) => self.start(&id),
+            Happening::Restart(node) => self.begin(node),
             Happening::PartitionSome => self.partition_some(),
             Happening::Heal => self.heal(),
-            Happening::Silent(id) => {
-                if self.network.life(&id).is_none() || self.network.cut_off.contains(&id) {
-                    self.network.tell_presence(&id, false);
+            Happening::Silent(node) => {
+                if self.network.life(node).is_none() || self.network.is_cut_off(node) {
+                    self.network.tell_presence(node, false);
                 }
             }
         }
     }
 
-    fn arrive(&mut self, to: &AgentId, message: AclMessage<M::Content>) {
-        let (from, word) = (&message.sender, message.performative);
-        let stranger = !self.nodes.contains_key(from);
-        if !stranger && self.network.cut_between(from, to) || self.network.life(to).is_none() {
-            self.network.note(|| format!("{from} -> {to}  {word} lost"));
-            return;
+    fn arrive(&mut self, to: NodeId, message: AclMessage<M::Content>) {
+        let cut = !self.network.cut_off.is_empty()
+            && self.network.known(&message.sender).is_some_and(|from| {
+                let stranger = self.node(from).is_none();
+                !stranger && self.network.cut_between(from, to)
+            });
+        let lost = cut || self.network.life(to).is_none();
+        self.network.note(|names| {
+            let (from, to, word) = (&message.sender, &names[to.index()], message.performative);
+            let conversation = message.conversation_id;
+            if lost { format!("{from} -> {to}  {word} lost") } else { format!("{from} -> {to}  {word} #{conversation}") }
+        });
+        if !lost {
+            self.feed(to, Event::Message(message));
         }
-        let conversation = message.conversation_id;
-        self.network.note(|| format!("{from} -> {to}  {word} #{conversation}"));
-        self.feed(to, Event::Message(message));
     }
 
-    fn arrive_from_store(&mut self, to: &Life, ticket: Ticket, reply: StoreReply<M::Value>) {
+    fn arrive_from_store(&mut self, to: Life, request: RequestId, ticket: Ticket, reply: StoreReply<M::Value>) {
         // That it is unavailable the agent finds out by itself.
-        let cut = !matches!(reply, StoreReply::Unavailable) && self.network.cut_off.contains(&to.agent);
-        if !cut && self.network.is_alive(to) && self.network.open.remove(&(to.number, ticket)) {
-            self.feed(&to.agent, Event::Store { ticket, reply });
+        let cut = !matches!(reply, StoreReply::Unavailable) && self.network.is_cut_off(to.node);
+        if !cut && self.network.plan.close_request(request) && self.network.is_alive(to) {
+            self.feed(to.node, Event::Store { ticket, reply });
         }
     }
 
     fn arrive_report(&mut self, to: Life) {
-        if !self.network.is_alive(&to) {
+        if !self.network.is_alive(to) {
             return;
         }
-        if self.network.cut_off.contains(&to.agent) {
+        if self.network.is_cut_off(to.node) {
             self.network.plan(RETRY_AFTER, Happening::Report { to });
             return;
         }
-        let next = self.network.reports.get_mut(&to.agent).and_then(std::collections::VecDeque::pop_front);
-        let (ticket, reply) = next.expect("a report is planned for each that is on its way");
-        self.feed(&to.agent, Event::Store { ticket, reply });
+        let (ticket, reply) = self.network.next_report(to.node).expect("a report is planned for each on its way");
+        self.feed(to.node, Event::Store { ticket, reply });
+    }
+
+    /// A timer has come: it is time, or too early.
+    fn ring(&mut self, id: NodeId) {
+        let now = self.network.now;
+        let Some(node) = self.node_mut(id).filter(|node| node.timer == Some(now)) else { return };
+        node.timer = None;
+        if node.deadline.is_some_and(|deadline| deadline <= now) {
+            node.deadline = None;
+            self.feed(id, Event::Deadline);
+            let named = self.node(id).and_then(|node| node.machine.as_ref()?.next_deadline());
+            assert!(
+                named.is_none_or(|named| named > now),
+                "{} names a deadline again that it was told of",
+                self.network.name(id)
+            );
+        } else {
+            self.set_timer(id);
+        }
+    }
+
+    /// Sees to it that a timer comes when the agent wants to be called, or before.
+    fn set_timer(&mut self, id: NodeId) {
+        let now = self.network.now;
+        let Some(node) = self.node_mut(id) else { return };
+        let at = node.deadline.map(|deadline| deadline.max(now));
+        if let Some(at) = at.filter(|at| node.timer.is_none_or(|timer| *at < timer)) {
+            node.timer = Some(at);
+            self.network.plan_at(at, Happening::Timer { of: id });
+        }
     }
 
     fn crash_some(&mut self) {
@@ -335,12 +390,11 @@ where
         if !self.network.faulty() {
             return;
         }
-        let is_mortal =
-            |id: &&AgentId| self.nodes.get(*id).is_some_and(|node| node.may_crash && node.machine.is_some());
-        let mortal: Vec<AgentId> = self.names.iter().filter(is_mortal).cloned().collect();
+        let is_mortal = |(_, node): &(NodeId, &Node<M>)| node.may_crash && node.machine.is_some();
+        let mortal: Vec<NodeId> = self.all().filter(is_mortal).map(|(id, _)| id).collect();
         if !mortal.is_empty() {
-            let id = mortal[self.network.random.below(mortal.len())].clone();
-            self.crash(&id);
+            let id = mortal[self.network.random.below(mortal.len())];
+            self.end(id, "crashes");
             let down = self.network.faults.down_max.mul_f64(self.network.random.unit());
             self.network.plan(down, Happening::Restart(id));
         }
@@ -353,14 +407,10 @@ where
         if !self.network.faulty() {
             return;
         }
-        let mut parted = Vec::new();
-        for id in &self.names {
-            if self.network.random.unit() < 0.3 {
-                parted.push(id.clone());
-            }
-        }
+        let mut parted: Vec<NodeId> = self.all().map(|(id, _)| id).collect();
+        parted.retain(|_| self.network.random.unit() < 0.3);
         self.heal();
-        self.cut_off(parted);
+        self.part(parted);
         let lasts = self.network.faults.partition_max.mul_f64(self.network.random.unit());
         self.network.plan(lasts, Happening::Heal);
         let after = self.network.around(mean);
@@ -368,37 +418,52 @@ where
     }
 
     /// Gives a living agent an event and carries out what it wants.
-    fn feed(&mut self, id: &AgentId, event: EventOf<M>) {
-        let Some(node) = self.nodes.get_mut(id) else { return };
+    fn feed(&mut self, id: NodeId, event: EventOf<M>) {
+        let Some(node) = self.nodes.get_mut(id.index()).and_then(Option::as_mut) else { return };
         let Some(machine) = node.machine.as_mut() else { return };
         let now = self.network.now;
         machine.handle(now, event, &mut self.actions);
+        node.deadline = machine.next_deadline();
+        let (deadline, timer) = (node.deadline, node.timer);
         let mut stopped = false;
-        for action in self.actions.drain(..) {
-            match carry_out(&mut self.network, id, action) {
-                Some(Beyond::Effect(effect)) => {
-                    let mut reports = Vec::new();
-                    self.world.perform(now, id, effect, &mut self.network.random, &mut reports);
-                    for (after, completion) in reports {
-                        if let Some(to) = self.network.life(id) {
-                            self.network.plan(after, Happening::Event { to, event: Event::Completed(completion) });
-                        }
-                    }
-                }
-                Some(Beyond::Stop) => stopped = true,
-                None => {}
-            }
+        let mut actions = std::mem::take(&mut self.actions);
+        for action in actions.drain(..) {
+            stopped |= self.carry_out(id, action);
         }
+        self.actions = actions;
         if stopped {
             self.end(id, "stops");
-            return;
+        } else if deadline.is_some_and(|deadline| timer.is_none_or(|timer| deadline < timer)) {
+            self.set_timer(id);
         }
-        let deadline = machine.next_deadline();
-        if deadline != node.timer {
-            node.timer = deadline;
-            if let (Some(at), Some(of)) = (deadline, self.network.life(id)) {
-                self.network.plan_at(at.max(now), Happening::Timer { of, at });
+    }
+
+    /// Carries out an action. Returns whether it was the agent's last.
+    fn carry_out(&mut self, id: NodeId, action: crate::ActionOf<M>) -> bool {
+        match action {
+            Action::Send(message) => self.network.publish(message),
+            Action::Store { ticket, request } => self.network.ask(id, ticket, request),
+            Action::Effect(effect) => self.perform(id, effect),
+            Action::Stop => return true,
+            Action::Enqueue { queue, message } => self.network.enqueue(&queue, message),
+            Action::JoinQueue(queue) => {
+                let name = self.network.name(id).clone();
+                self.network.join(&queue, &name);
             }
+            Action::WatchPresence => {
+                let name = self.network.name(id).clone();
+                self.network.watch_presence(&name);
+            }
+        }
+        false
+    }
+
+    fn perform(&mut self, id: NodeId, effect: M::Effect) {
+        let (now, name) = (self.network.now, &self.network.names[id.index()]);
+        self.world.perform(now, name, effect, &mut self.network.random, &mut self.begun);
+        let Some(to) = self.network.life(id) else { return self.begun.clear() };
+        for (after, completion) in self.begun.drain(..) {
+            self.network.plan(after, Happening::Event { to, event: Event::Completed(completion) });
         }
     }
 }

@@ -1,0 +1,101 @@
+//! The names of entries in the store.
+
+use std::{fmt, sync::Arc};
+
+/// The name of an entry, such as `work/7/zone/12`. Watches go by prefix.
+///
+/// It is kept as a folder, which many entries share, and a name in it. Where that is a number, nothing is written as text,
+/// and the store finds the entry as in a table.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Key {
+    /// All up to the last `/`, and that too.
+    pub(crate) folder: Arc<str>,
+    pub(crate) name: Name,
+}
+
+/// What stands behind the last `/`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) enum Name {
+    /// A number as it is printed, without sign or leading zeros.
+    Number(u64),
+    /// Anything else.
+    Text(Arc<str>),
+}
+
+impl Key {
+    /// The entry of a number in a folder, whose name ends with `/`. Panics when it does not.
+    pub fn numbered(folder: &Arc<str>, number: u64) -> Self {
+        assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
+        Self { folder: Arc::clone(folder), name: Name::Number(number) }
+    }
+
+    /// An entry of a folder, whose name ends with `/`. Panics when it does not.
+    pub fn named(folder: &Arc<str>, name: &Arc<str>) -> Self {
+        assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
+        if name.contains('/') {
+            return Self::from(format!("{folder}{name}"));
+        }
+        let number = number(name).map(Name::Number);
+        Self { folder: Arc::clone(folder), name: number.unwrap_or_else(|| Name::Text(Arc::clone(name))) }
+    }
+
+    /// Whether the name, written as text, begins with that of `prefix`.
+    pub fn starts_with(&self, prefix: &Self) -> bool {
+        match &prefix.name {
+            Name::Text(rest) if rest.is_empty() => self.folder.starts_with(&*prefix.folder),
+            _ => self.to_string().starts_with(&prefix.to_string()),
+        }
+    }
+}
+
+/// Reads a number that is printed again as it was read.
+fn number(text: &str) -> Option<u64> {
+    let first = text.bytes().next()?;
+    let is_canonical = first.is_ascii_digit() && (first != b'0' || text.len() == 1);
+    if is_canonical { text.parse().ok() } else { None }
+}
+
+impl<T: AsRef<str>> From<T> for Key {
+    fn from(name: T) -> Self {
+        let name = name.as_ref();
+        let (folder, name) = name.split_at(name.rfind('/').map_or(0, |stroke| stroke + 1));
+        Self { folder: folder.into(), name: number(name).map_or_else(|| Name::Text(name.into()), Name::Number) }
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.name {
+            Name::Number(number) => write!(f, "{}{number}", self.folder),
+            Name::Text(name) => write!(f, "{}{name}", self.folder),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_the_text_that_it_was_made_of() {
+        for text in ["", "/", "a", "work/7/zone/12", "work/7/zone/012", "7", "0", "00", "a/+3", "a/99999999999999999999"] {
+            assert_eq!(Key::from(text).to_string(), text);
+        }
+        let folder: Arc<str> = "work/1/".into();
+        for name in ["7", "007", "agent-7", "x/7", "x/y", ""] {
+            assert_eq!(Key::named(&folder, &name.into()), Key::from(format!("work/1/{name}")), "{name}");
+        }
+        assert_eq!(Key::numbered(&folder, 7), Key::from("work/1/7"));
+    }
+
+    #[test]
+    fn prefixes_go_by_text() {
+        let key = Key::from("work/1/zone/12");
+        for prefix in ["", "work/", "work/1/zone/", "work/1/zone/1", "work/1/zone/12", "wor"] {
+            assert!(key.starts_with(&prefix.into()), "{prefix}");
+        }
+        for other in ["work/2/", "work/1/zone/2", "work/1/zone/123", "zone"] {
+            assert!(!key.starts_with(&other.into()), "{other}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! A map whose keys are mostly 0, 1, 2, …
+
+use std::collections::BTreeMap;
+
+/// The dense part has so many slots for each entry at most, and a few more.
+const SLOTS_EACH: usize = 2;
+const SLOTS_MORE: usize = 64;
+
+/// A map from numbers, most of which follow each other from 0 on: those are looked up by one access. The others, which lie
+/// far beyond, are kept in a tree, so that no number costs more memory than an entry's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NumberMap<V> {
+    dense: Vec<Option<V>>,
+    /// All are beyond the dense ones.
+    sparse: BTreeMap<u64, V>,
+    len: usize,
+}
+
+impl<V> Default for NumberMap<V> {
+    fn default() -> Self {
+        Self { dense: Vec::new(), sparse: BTreeMap::new(), len: 0 }
+    }
+}
+
+impl<V> NumberMap<V> {
+    /// An empty map with room for 0, 1, … `count` − 1, in whatever order they come.
+    pub fn with_room_for(count: usize) -> Self {
+        Self { dense: std::iter::repeat_with(|| None).take(count).collect(), ..Self::default() }
+    }
+
+    /// How many entries there are.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The value of a number.
+    pub fn get(&self, number: impl Into<u64>) -> Option<&V> {
+        let number = number.into();
+        match self.slot(number) {
+            Some(slot) => self.dense[slot].as_ref(),
+            None if self.sparse.is_empty() => None,
+            None => self.sparse.get(&number),
+        }
+    }
+
+    /// The value of a number, to change it.
+    pub fn get_mut(&mut self, number: impl Into<u64>) -> Option<&mut V> {
+        let number = number.into();
+        match self.slot(number) {
+            Some(slot) => self.dense[slot].as_mut(),
+            None if self.sparse.is_empty() => None,
+            None => self.sparse.get_mut(&number),
+        }
+    }
+
+    /// Whether a number has a value.
+    pub fn contains(&self, number: impl Into<u64>) -> bool {
+        self.get(number).is_some()
+    }
+
+    /// Gives a number a value. Returns the one before.
+    pub fn insert(&mut self, number: impl Into<u64>, value: V) -> Option<V> {
+        let number = number.into();
+        if self.slot(number).is_none() && number < (SLOTS_EACH * self.len + SLOTS_MORE) as u64 {
+            self.grow(number as usize + 1);
+        }
+        let before = match self.slot(number) {
+            Some(slot) => self.dense[slot].replace(value),
+            None => self.sparse.insert(number, value),
+        };
+        self.len += usize::from(before.is_none());
+        before
+    }
+
+    /// Takes the value of a number away.
+    pub fn remove(&mut self, number: impl Into<u64>) -> Option<V> {
+        let number = number.into();
+        let before = match self.slot(number) {
+            Some(slot) => self.dense[slot].take(),
+            None => self.sparse.remove(&number),
+        };
+        self.len -= usize::from(before.is_some());
+        before
+    }
+
+    /// All entries in the order of their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = (u64, &V)> {
+        let dense = self.dense.iter().enumerate().filter_map(|(slot, value)| Some((slot as u64, value.as_ref()?)));
+        dense.chain(self.sparse.iter().map(|(&number, value)| (number, value)))
+    }
+
+    /// All values in the order of their numbers.
+    pub fn values(&self) -> impl Iterator<Item = &V> {
+        self.iter().map(|(_, value)| value)
+    }
+
+    fn slot(&self, number: u64) -> Option<usize> {
+        usize::try_from(number).ok().filter(|&slot| slot < self.dense.len())
+    }
+
+    fn grow(&mut self, slots: usize) {
+        self.dense.resize_with(slots, || None);
+        while let Some(first) = self.sparse.first_entry().filter(|first| *first.key() < slots as u64) {
+            let (number, value) = first.remove_entry();
+            self.dense[number as usize] = Some(value);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_number_far_away_costs_one_entry() {
+        let mut map = NumberMap::default();
+        map.insert(u64::MAX, 1);
+        map.insert(1_u64 << 40, 2);
+        assert!(map.dense.capacity() < 1000);
+        (0..1000_u64).for_each(|number| _ = map.insert(number, 0));
+        assert_eq!((map.sparse.len(), map.len()), (2, 1002));
+    }
+
+    proptest! {
+        #[test]
+        fn it_holds_what_a_tree_would(
+            changes in prop::collection::vec((prop_oneof![0_u64..300, Just(u64::MAX)], any::<Option<u8>>()), 0..500),
+            room in 0_usize..20,
+        ) {
+            let (mut map, mut tree) = (NumberMap::with_room_for(room), BTreeMap::new());
+            for (number, value) in changes {
+                match value {
+                    Some(value) => prop_assert_eq!(map.insert(number, value), tree.insert(number, value)),
+                    None => prop_assert_eq!(map.remove(number), tree.remove(&number)),
+                }
+                prop_assert_eq!(map.get(number), tree.get(&number));
+                prop_assert_eq!(map.len(), tree.len());
+            }
+            prop_assert!(map.iter().eq(tree.iter().map(|(&number, value)| (number, value))));
+        }
+    }
+}
