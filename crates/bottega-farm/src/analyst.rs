@@ -2,14 +2,14 @@
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
+use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, Ticket, Time};
 use bottega_engines::Survey;
 use bottega_image::Rect;
 
 use crate::{
     FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, ImportanceError, ImportanceFunction,
-    ImportanceMap, InputRanges, Partition, PartitionSettings, WorkId, WorkRow, WorkSettings, ZoneRow,
-    contents::message, protocol, work_key, zone_key,
+    ImportanceMap, InputRanges, Partition, PartitionSettings, WorkId, WorkKeys, WorkRow, WorkSettings, ZoneRow,
+    compare_and_set, contents::message, protocol,
 };
 
 /// Cells of the survey at most: a look, not a picture.
@@ -122,14 +122,9 @@ impl Analyst {
     /// Asks the store for all that it has not confirmed. Rows that are there already were written by an earlier life,
     /// and may have been worked on since.
     fn write(&self, actions: &mut Vec<FarmAction>) {
+        let keys = WorkKeys::new(self.config.work);
         for (&ticket, value) in &self.unwritten {
-            let key = match value {
-                FarmValue::Zone(row) => zone_key(row.work, row.zone),
-                FarmValue::Work(row) => work_key(row.work),
-                FarmValue::Agent(_) => continue,
-            };
-            let (expected_revision, value) = (Revision::ABSENT, value.clone());
-            let request = StoreRequest::CompareAndSet { key, expected_revision, value };
+            let request = compare_and_set(&keys, Revision::ABSENT, value.clone());
             actions.push(FarmAction::Store { ticket, request });
         }
     }

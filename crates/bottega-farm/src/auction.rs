@@ -6,9 +6,7 @@
 mod field;
 mod open_zones;
 
-use std::{collections::BTreeMap, time::Duration};
-
-use bottega_agents::AgentId;
+use std::time::Duration;
 
 pub use self::{field::Field, open_zones::OpenZones};
 use crate::{Bid, Offer, ZoneId};
@@ -37,6 +35,19 @@ pub enum AuctionRule {
     FinishingTime,
 }
 
+/// An agent's number on the list of its Master, which it keeps for good.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct MemberId(pub u32);
+
+impl MemberId {
+    const FIRST: Self = Self(0);
+
+    /// As an index into the list.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
 /// What a bidder said.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
@@ -50,7 +61,7 @@ pub struct Proposal {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bidder {
     /// Who.
-    pub agent: AgentId,
+    pub agent: MemberId,
     /// Its credit.
     pub credit: f64,
     /// Its own time for a second of the reference machine's, all its processors together.
@@ -65,7 +76,7 @@ pub struct Award {
     /// Which zone.
     pub zone: ZoneId,
     /// Who.
-    pub agent: AgentId,
+    pub agent: MemberId,
     /// How much of the zone, 0..1; `None`: all of it.
     pub share: Option<f64>,
 }
@@ -97,8 +108,8 @@ pub fn award(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing
 /// A bidder during a round.
 struct Candidate {
     bidder: Bidder,
-    /// By zone, in seconds from now.
-    finish: BTreeMap<ZoneId, f64>,
+    /// In seconds from now, in the order of zones.
+    finish: Vec<(ZoneId, f64)>,
     room: u32,
     /// What it has won in this round, in its own seconds.
     won: f64,
@@ -106,7 +117,9 @@ struct Candidate {
 
 impl Candidate {
     fn new(bidder: Bidder) -> Self {
-        let finish = bidder.proposal.bids.iter().map(|bid| (bid.zone, bid.finish.as_secs_f64())).collect();
+        let bids = bidder.proposal.bids.iter().map(|bid| (bid.zone, bid.finish.as_secs_f64()));
+        let mut finish: Vec<(ZoneId, f64)> = bids.collect();
+        finish.sort_unstable_by_key(|(zone, _)| *zone);
         Self { finish, room: bidder.proposal.room, bidder, won: 0.0 }
     }
 
@@ -116,7 +129,12 @@ impl Candidate {
 
     /// When it would have finished a zone, by its own word and behind what it has won.
     fn finish(&self, offer: &Offer) -> Option<f64> {
-        self.finish.get(&offer.zone).map(|finish| finish + self.won)
+        let found = self.finish.binary_search_by_key(&offer.zone, |(zone, _)| *zone);
+        found.ok().map(|place| self.finish[place].1 + self.won)
+    }
+
+    fn bids_for(&self, offer: &Offer) -> bool {
+        self.finish(offer).is_some()
     }
 
     /// When it would begin one.
@@ -131,12 +149,12 @@ fn by_credit(offers: &[Offer], bidders: &mut [Candidate]) -> Vec<Award> {
     by_complexity.sort_by(|a, b| b.complexity.total_cmp(&a.complexity));
     let mut winners = Vec::new();
     for offer in by_complexity {
-        let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.finish.contains_key(&offer.zone));
-        // Of equal credit the first by name.
+        let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.bids_for(offer));
+        // Of equal credit the one that came first.
         let best = bids.reduce(|best, other| if other.bidder.credit > best.bidder.credit { other } else { best });
         if let Some(winner) = best {
             winner.room -= 1;
-            winners.push(Award { zone: offer.zone, agent: winner.bidder.agent.clone(), share: None });
+            winners.push(Award { zone: offer.zone, agent: winner.bidder.agent, share: None });
         }
     }
     winners
@@ -150,8 +168,6 @@ struct ByTime<'a> {
     standing: &'a Standing<'a>,
     /// When the work as a whole should end, in seconds from now.
     end: f64,
-    /// When those who do not bid would have finished each zone, in seconds from now; as far as asked for.
-    others: BTreeMap<ZoneId, f64>,
 }
 
 /// What a bidder gets.
@@ -164,7 +180,7 @@ impl<'a> ByTime<'a> {
     fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a Standing<'a>) -> Self {
         bidders.retain(|bidder| bidder.room > 0);
         let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
-        Self { open: offers.to_vec(), bidders, standing, end, others: BTreeMap::new() }
+        Self { open: offers.to_vec(), bidders, standing, end }
     }
 
     fn award(mut self) -> Vec<Award> {
@@ -180,7 +196,7 @@ impl<'a> ByTime<'a> {
             };
             let offer = self.open.remove(place);
             let bidder = &mut self.bidders[index];
-            winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent.clone(), share });
+            winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent, share });
             bidder.won += bidder.own(&offer) * share.unwrap_or(1.0);
             bidder.room -= 1;
             if bidder.room == 0 {
@@ -190,7 +206,7 @@ impl<'a> ByTime<'a> {
         winners
     }
 
-    /// Whoever is idle first chooses first; of several the one with more credit, then by name.
+    /// Whoever is idle first chooses first; of several the one with more credit, then who came first.
     fn first(&self) -> Option<usize> {
         (0..self.bidders.len()).min_by(|&a, &b| {
             let (a, b) = (&self.bidders[a], &self.bidders[b]);
@@ -202,12 +218,12 @@ impl<'a> ByTime<'a> {
         })
     }
 
-    fn best_for(&mut self, index: usize) -> Option<Gets> {
+    fn best_for(&self, index: usize) -> Option<Gets> {
         let bidder = &self.bidders[index];
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
         let wanted = if takes_all { left } else { left * SHARE_OF_REST };
-        let bids = |offer: &Offer| bidder.finish.contains_key(&offer.zone);
+        let bids = |offer: &Offer| bidder.bids_for(offer);
         if let Some(place) = self.open.iter().position(|offer| bids(offer) && bidder.own(offer) <= wanted) {
             return Some(Gets::All(place));
         }
@@ -229,24 +245,18 @@ impl<'a> ByTime<'a> {
 
     /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
     /// All are measured alike, by what the Master knows of them: so of all agents one is the soonest.
-    fn nobody_sooner(&mut self, index: usize, place: usize) -> bool {
-        let (offer, now, field) = (self.open[place], self.standing.now, self.standing.field);
+    fn nobody_sooner(&self, index: usize, place: usize) -> bool {
+        let (offer, now, field) = (&self.open[place], self.standing.now, self.standing.field);
         let time = offer.time_estimated.as_secs_f64();
-        let finish = |bidder: &Candidate| field.finish(now, time, &bidder.bidder.agent) + bidder.won;
+        let finish = |bidder: &Candidate| field.finish(now, time, bidder.bidder.agent) + bidder.won;
         let own = &self.bidders[index];
-        if !own.finish.contains_key(&offer.zone) {
+        if !own.bids_for(offer) {
             return false;
         }
-        let bids = self.bidders.iter().filter(|bidder| bidder.finish.contains_key(&offer.zone));
-        if bids.map(finish).any(|other| other < finish(own)) {
-            return false;
-        }
-        let bidders = &self.bidders;
-        let others = self.others.entry(offer.zone).or_insert_with(|| {
-            let bids = |agent: &AgentId| bidders.iter().any(|it| it.bidder.agent == *agent);
-            field.soonest(now, time, bids).map_or(f64::INFINITY, |(finish, _)| finish)
-        });
-        finish(&self.bidders[index]) <= *others
+        let limit = finish(own);
+        let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(offer));
+        let bids_now = |agent: MemberId| self.bidders.iter().any(|it| it.bidder.agent == agent);
+        !bids.any(|other| finish(other) < limit) && !field.anybody_sooner(now, time, limit, bids_now)
     }
 }
 
@@ -257,6 +267,8 @@ pub fn credit_after(credit: f64, estimated: Duration, measured: Duration) -> f64
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use bottega_agents::Time;
     use proptest::prelude::*;
 
@@ -281,8 +293,9 @@ mod tests {
         let offers = waiting.offer(1, 16);
         let mut field = Field::default();
         let bidder = |(i, &(own, load, credit)): (usize, &(f64, f64, f64))| {
-            let agent = AgentId::new(format!("a{i}"));
-            field.set(&agent, Some((own, Time::since_start(Duration::from_secs_f64(load)), load > 0.0)));
+            let agent = MemberId(i as u32);
+            let ready = Time::since_start(Duration::from_secs_f64(load));
+            field.set(agent, Some((own, (load > 0.0).then_some(ready))));
             let finish = |offer: &Offer| offer.time_estimated.mul_f64(own) + Duration::from_secs_f64(load);
             let bids = offers.iter().map(|offer| Bid { zone: offer.zone, finish: finish(offer) }).collect();
             Bidder { agent, credit, own, proposal: Proposal { room, bids } }
@@ -292,32 +305,32 @@ mod tests {
         (offers, winners)
     }
 
-    fn whole(zone: u32, agent: &str) -> Award {
-        Award { zone: ZoneId(zone), agent: AgentId::new(agent), share: None }
+    fn whole(zone: u32, agent: u32) -> Award {
+        Award { zone: ZoneId(zone), agent: MemberId(agent), share: None }
     }
 
     #[test]
     fn credit_decides_in_the_paper() {
         let (_, winners) = round(AuctionRule::Paper, &[(1.0, 0.0, -1.0), (1.0, 0.0, 2.0)], 1, &[3.0, 9.0], None);
-        assert_eq!(winners, [whole(1, "a1"), whole(0, "a0")]);
+        assert_eq!(winners, [whole(1, 1), whole(0, 0)]);
     }
 
     #[test]
     fn a_slow_agent_does_not_take_the_last_big_zone() {
         // The fast one is busy for a second yet, the slow one is idle; the zone takes 2 s here and 20 s there.
         let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0], None);
-        assert_eq!(winners, [whole(0, "a1")]);
+        assert_eq!(winners, [whole(0, 1)]);
         let (_, winners) = round(AuctionRule::Paper, &[(10.0, 0.0, 9.0), (1.0, 1.0, 0.0)], 1, &[2.0], None);
-        assert_eq!(winners, [whole(0, "a0")]);
+        assert_eq!(winners, [whole(0, 0)]);
     }
 
     #[test]
     fn a_slow_agent_gets_the_largest_zone_that_it_finishes_in_time() {
         let times = [9.0, 9.0, 9.0, 4.0, 1.0];
         let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 20.0, 0.0)], 1, &times, None);
-        assert!(winners.contains(&whole(0, "a0")), "{winners:?}");
+        assert!(winners.contains(&whole(0, 0)), "{winners:?}");
         let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 1, &times, None);
-        assert!(winners.contains(&whole(4, "a0")), "{winners:?}");
+        assert!(winners.contains(&whole(4, 0)), "{winners:?}");
     }
 
     #[test]
@@ -326,10 +339,10 @@ mod tests {
         let agents = [(4.0, 0.0, 0.0), (1.0, 0.0, -1.0)];
         let (_, winners) = round(AuctionRule::FinishingTime, &agents, 1, &[6.0, 4.0], Some(&|_| true));
         let share = winners[0].share.unwrap();
-        assert_eq!((winners[0].zone, &*winners[0].agent.name), (ZoneId(0), "a0"));
+        assert_eq!((winners[0].zone, winners[0].agent), (ZoneId(0), MemberId(0)));
         assert!((share * 6.0 - 1.0).abs() < 0.05, "{share}");
         // The fast one takes the other one whole: it is half of what it can do in time.
-        assert_eq!(winners[1], whole(1, "a1"));
+        assert_eq!(winners[1], whole(1, 1));
         let (_, winners) = round(AuctionRule::FinishingTime, &agents, 1, &[6.0, 4.0], Some(&|_| false));
         assert!(winners.iter().all(|award| award.share.is_none()), "{winners:?}");
     }
@@ -344,10 +357,10 @@ mod tests {
             let rule = if paper { AuctionRule::Paper } else { AuctionRule::FinishingTime };
             let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| zone.0 % 3 != 0;
             let (offers, winners) = round(rule, &agents, room, &times, cuts.then_some(can_cut));
-            let mut won: BTreeMap<&AgentId, u32> = BTreeMap::new();
+            let mut won: BTreeMap<MemberId, u32> = BTreeMap::new();
             let mut zones: Vec<ZoneId> = winners.iter().map(|award| award.zone).collect();
             for award in &winners {
-                *won.entry(&award.agent).or_default() += 1;
+                *won.entry(award.agent).or_default() += 1;
                 prop_assert!(award.share.is_none_or(|share| share > 0.0 && share < 1.0 && award.zone.0 % 3 != 0));
             }
             prop_assert!(won.values().all(|&count| count <= room));

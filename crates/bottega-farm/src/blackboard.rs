@@ -3,10 +3,11 @@
 //! Source: MAGarRO, section 3.4, "Blackboard service": IdWork, IdZone, Size, Complexity, T_est, T_real, Agent. Beside
 //! them stands what recovery needs. All times are in reference-machine time.
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Entry, Key, Revision, StoreRequest, bus::BlobId};
+use bottega_agents::{AgentId, Key, NumberMap, Revision, StoreRequest, bus::BlobId};
 use bottega_image::Rect;
+use rustc_hash::FxHashMap;
 
 use crate::{Choice, NeighborDifference, RelativePower, WorkId, WorkSettings, ZoneId};
 
@@ -278,13 +279,10 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// The interval of all values; a point at 0 when there are none.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
-        let join = |found: Option<Self>, value: f64| {
-            let found = found.unwrap_or(Self { min: value, max: value });
-            Some(Self { min: found.min.min(value), max: found.max.max(value) })
-        };
-        values.into_iter().fold(None, join).unwrap_or(Self { min: 0.0, max: 0.0 })
+    /// The interval with one more value in it.
+    fn join(found: Option<Self>, value: f64) -> Self {
+        let found = found.unwrap_or(Self { min: value, max: value });
+        Self { min: found.min.min(value), max: found.max.max(value) }
     }
 }
 
@@ -301,12 +299,18 @@ pub struct InputRanges {
 
 impl InputRanges {
     /// The ranges of these zones.
-    pub fn of(rows: &[ZoneRow]) -> Self {
-        Self {
-            complexity: Interval::of(rows.iter().map(|row| row.complexity / row.size().max(1) as f64)),
-            neighbor_difference: Interval::of(rows.iter().map(|row| row.neighbor_difference.mean)),
-            size: Interval::of(rows.iter().map(|row| row.size() as f64)),
+    pub fn of<R: std::borrow::Borrow<ZoneRow>>(rows: impl IntoIterator<Item = R>) -> Self {
+        let mut ranges = [None; 3];
+        for row in rows {
+            let row = row.borrow();
+            let density = row.complexity / row.size().max(1) as f64;
+            for (range, value) in ranges.iter_mut().zip([density, row.neighbor_difference.mean, row.size() as f64]) {
+                *range = Some(Interval::join(*range, value));
+            }
         }
+        let [complexity, neighbor_difference, size] =
+            ranges.map(|range| range.unwrap_or(Interval { min: 0.0, max: 0.0 }));
+        Self { complexity, neighbor_difference, size }
     }
 }
 
@@ -347,59 +351,90 @@ pub enum FarmValue {
     Agent(AgentRow),
 }
 
-/// How the keys of everything that belongs to a work begin.
-pub fn work_prefix(work: WorkId) -> Key {
-    Key::from(format!("work/{}/", work.0))
+/// The keys of everything that belongs to a work. Made once: an entry's is then made without writing any text.
+#[derive(Clone, Debug)]
+pub struct WorkKeys {
+    folder: Arc<str>,
+    zones: Arc<str>,
+    agents: Arc<str>,
 }
 
-/// The key of a zone's row.
-pub fn zone_key(work: WorkId, zone: ZoneId) -> Key {
-    Key::from(format!("work/{}/zone/{}", work.0, zone.0))
-}
+impl WorkKeys {
+    /// Those of this work.
+    pub fn new(work: WorkId) -> Self {
+        let folder = |rest: &str| Arc::from(format!("work/{}/{rest}", work.0));
+        Self { folder: folder(""), zones: folder("zone/"), agents: folder("agent/") }
+    }
 
-/// The key of a work's row.
-pub fn work_key(work: WorkId) -> Key {
-    Key::from(format!("work/{}/settings", work.0))
-}
+    /// How all of them begin.
+    pub fn prefix(&self) -> Key {
+        Key::from(&*self.folder)
+    }
 
-/// The key of an agent's row.
-pub fn agent_key(work: WorkId, agent: &AgentId) -> Key {
-    Key::from(format!("work/{}/agent/{}", work.0, agent.name))
+    /// The key of a zone's row.
+    pub fn zone(&self, zone: ZoneId) -> Key {
+        Key::numbered(&self.zones, u64::from(zone.0))
+    }
+
+    /// The key of the work's row.
+    pub fn work(&self) -> Key {
+        Key::from(format!("{}settings", self.folder))
+    }
+
+    /// The key of an agent's row.
+    pub fn agent(&self, agent: &AgentId) -> Key {
+        Key::named(&self.agents, &agent.name)
+    }
+
+    /// The key of any row.
+    pub fn of(&self, value: &FarmValue) -> Key {
+        match value {
+            FarmValue::Zone(row) => self.zone(row.zone),
+            FarmValue::Work(_) => self.work(),
+            FarmValue::Agent(row) => self.agent(&row.agent),
+        }
+    }
 }
 
 /// What one reader has seen of the rows of a work.
 #[derive(Clone, Debug, Default)]
 pub struct Blackboard {
     work: Option<Arc<WorkRow>>,
-    zones: BTreeMap<ZoneId, (Revision, Arc<ZoneRow>)>,
+    zones: NumberMap<(Revision, Arc<ZoneRow>)>,
     /// How many of them are the Analyst's.
     root_count: usize,
-    agents: BTreeMap<AgentId, AgentRow>,
+    /// A hash map, for speed: never gone through.
+    agents: FxHashMap<AgentId, AgentRow>,
 }
 
 impl Blackboard {
-    /// Takes in a row as it is, unless a later one is known. Returns the row before where a zone's row is new or has
-    /// changed: `Some(None)` for a new one.
-    pub fn see(&mut self, entry: Entry<FarmValue>) -> Option<Option<Arc<ZoneRow>>> {
-        match entry.value {
+    /// Takes in a row as it is, unless a later one is known. Returns whether a zone's row is new or has changed.
+    pub fn see(&mut self, revision: Revision, value: FarmValue) -> bool {
+        match value {
             FarmValue::Zone(row) => {
-                if self.zones.get(&row.zone).is_some_and(|(seen, _)| *seen >= entry.revision) {
-                    return None;
+                let (zone, is_root) = (row.zone.0, row.root.is_none());
+                match self.zones.get_mut(zone) {
+                    Some((seen, _)) if *seen >= revision => return false,
+                    Some(known) => *known = (revision, row),
+                    None => {
+                        self.zones.insert(zone, (revision, row));
+                        self.root_count += usize::from(is_root);
+                    }
                 }
-                let is_root = row.root.is_none();
-                let before = self.zones.insert(row.zone, (entry.revision, row)).map(|(_, before)| before);
-                self.root_count += usize::from(is_root && before.is_none());
-                Some(before)
+                return true;
             }
-            FarmValue::Work(row) => {
-                self.work = Some(row);
-                None
-            }
-            FarmValue::Agent(row) => {
-                self.agents.insert(row.agent.clone(), row);
-                None
-            }
+            FarmValue::Work(row) => self.work = Some(row),
+            FarmValue::Agent(row) => match self.agents.get_mut(&row.agent) {
+                Some(known) => *known = row,
+                None => _ = self.agents.insert(row.agent.clone(), row),
+            },
         }
+        false
+    }
+
+    /// Whether a zone's row of this revision would be news.
+    pub fn is_news(&self, zone: ZoneId, revision: Revision) -> bool {
+        self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
 
     /// The row of the work, once the Analyst has finished.
@@ -414,12 +449,12 @@ impl Blackboard {
 
     /// A zone with the revision of its row.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
-        self.zones.get(&zone).map(|(revision, row)| (*revision, &**row))
+        self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
     /// A zone as it is shared, with the revision of its row.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
-        self.zones.get(&zone).map(|(revision, row)| (*revision, row))
+        self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
 
     /// How many rows of zones there are, with those of pieces.
@@ -432,17 +467,20 @@ impl Blackboard {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// All agents in the order of their names.
-    pub fn agents(&self) -> impl Iterator<Item = &AgentRow> {
-        self.agents.values()
+    /// What is known of an agent.
+    pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
+        self.agents.get(agent)
     }
 
-    /// The request to write a zone's row only if it is still what was seen.
-    pub fn compare_and_set(&self, row: Arc<ZoneRow>) -> StoreRequest<FarmValue> {
-        let expected_revision = self.zones.get(&row.zone).map_or(Revision::ABSENT, |(revision, _)| *revision);
-        let key = zone_key(row.work, row.zone);
-        StoreRequest::CompareAndSet { key, expected_revision, value: FarmValue::Zone(row) }
+    /// The revision of a zone's row, as far as it was seen.
+    pub fn revision(&self, zone: ZoneId) -> Revision {
+        self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }
+}
+
+/// The request to write a row only if it still has this revision.
+pub fn compare_and_set(keys: &WorkKeys, expected_revision: Revision, value: FarmValue) -> StoreRequest<FarmValue> {
+    StoreRequest::CompareAndSet { key: keys.of(&value), expected_revision, value }
 }
 
 #[cfg(test)]
@@ -453,21 +491,23 @@ mod tests {
         ZoneRow::open(WorkId(1), ZoneId(2), Rect::of_size(4, 4), 16.0, NeighborDifference::default())
     }
 
-    fn entry(revision: u64, row: ZoneRow) -> Entry<FarmValue> {
-        let key = zone_key(row.work, row.zone);
-        Entry { key, revision: Revision(revision), value: FarmValue::Zone(Arc::new(row)) }
-    }
-
     #[test]
     fn an_old_row_does_not_replace_a_new_one() {
         let mut board = Blackboard::default();
-        assert_eq!(board.see(entry(5, ZoneRow { attempt: 1, ..row() })), Some(None));
-        assert_eq!(board.see(entry(4, row())), None);
+        assert!(board.see(Revision(5), FarmValue::Zone(Arc::new(ZoneRow { attempt: 1, ..row() }))));
+        assert!(!board.is_news(ZoneId(2), Revision(5)) && board.is_news(ZoneId(2), Revision(6)));
+        assert!(!board.see(Revision(4), FarmValue::Zone(Arc::new(row()))));
         assert_eq!(board.zone(ZoneId(2)).unwrap().1.attempt, 1);
-        let StoreRequest::CompareAndSet { expected_revision, .. } = board.compare_and_set(Arc::new(row())) else {
-            panic!()
-        };
-        assert_eq!(expected_revision, Revision(5));
+        assert_eq!((board.revision(ZoneId(2)), board.revision(ZoneId(3))), (Revision(5), Revision::ABSENT));
+    }
+
+    #[test]
+    fn the_keys_of_rows_begin_with_that_of_their_work() {
+        let keys = WorkKeys::new(WorkId(7));
+        let agent = AgentId::new("agent-3");
+        let all = [keys.work(), keys.zone(ZoneId(12)), keys.agent(&agent)];
+        assert_eq!(all.each_ref().map(Key::to_string), ["work/7/settings", "work/7/zone/12", "work/7/agent/agent-3"]);
+        assert!(all.iter().all(|key| key.starts_with(&keys.prefix())));
     }
 
     #[test]

@@ -38,10 +38,10 @@ mod wire;
 pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
 pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
-pub use auction::{AuctionRule, Award, Bidder, Field, OpenZones, Proposal, Standing, award, credit_after};
+pub use auction::{AuctionRule, Award, Bidder, Field, MemberId, OpenZones, Proposal, Standing, award, credit_after};
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkRow, ZoneRow,
-    ZoneState, agent_key, work_key, work_prefix, zone_key,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkKeys, WorkRow,
+    ZoneRow, ZoneState, compare_and_set,
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};

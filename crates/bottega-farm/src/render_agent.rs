@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, time::Duration};
 
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, Time};
 use bottega_image::Rect;
+use rustc_hash::FxHashMap;
 
 use crate::{
     Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
@@ -57,7 +58,8 @@ pub struct RenderAgent {
     /// Reports that the Master has not answered, with their conversations.
     unanswered: BTreeMap<ZoneId, (Report, u64)>,
     /// The newest token seen of each zone: an order that arrives late or twice is not taken again.
-    newest: BTreeMap<ZoneId, Revision>,
+    /// A hash map, for speed: never gone through.
+    newest: FxHashMap<ZoneId, Revision>,
     next_heartbeat: Option<Time>,
     /// When it began with the first of what it has in hand.
     since: Time,
@@ -76,7 +78,7 @@ impl RenderAgent {
             fetched: false,
             hands: BTreeMap::new(),
             unanswered: BTreeMap::new(),
-            newest: BTreeMap::new(),
+            newest: FxHashMap::default(),
             next_heartbeat: None,
             since: Time::ZERO,
         }

@@ -1,15 +1,24 @@
 //! How fast and how soon free all agents are: what decides when the work can end.
 
-use std::{cell::Cell, collections::BTreeMap};
+use std::{
+    cell::Cell,
+    collections::{BTreeMap, BTreeSet},
+};
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::Time;
 
-/// All agents that could take a zone. Dense, because each round looks at all of them.
+use super::MemberId;
+
+/// All agents that could take a zone.
 #[derive(Clone, Debug, Default)]
 pub struct Field {
-    slots: BTreeMap<AgentId, usize>,
-    names: Vec<AgentId>,
+    /// By [`MemberId`]: where its pace stands.
+    slots: Vec<Option<usize>>,
+    members: Vec<MemberId>,
+    /// Dense, because now and then all of them are looked at.
     paces: Vec<Pace>,
+    /// The same agents by speed, the fastest first.
+    classes: BTreeMap<u64, Class>,
     /// The end that was computed last.
     known: Cell<Known>,
 }
@@ -30,54 +39,103 @@ const USES_SHARE: usize = 64;
 const USES_TIME: f64 = 0.01;
 
 /// One agent.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Pace {
     /// Its own time for a second of the reference machine's, all its processors together.
     own: f64,
-    /// When it will have painted what it has in hand, in seconds.
-    ready: f64,
-    /// Whether it has anything in hand.
-    laden: bool,
+    /// When it will have painted what it has in hand, in seconds; `None`: that is nothing.
+    ready: Option<f64>,
 }
 
 impl Pace {
     /// How long it will be busy yet. Who should have been ready and is not is taken to need as much again as it is late.
     fn busy(&self, now: f64) -> f64 {
-        let left = self.ready - now;
-        if self.laden { left.abs() } else { left.max(0.0) }
+        self.ready.map_or(0.0, |ready| (ready - now).abs())
     }
 
     fn finish(&self, now: f64, time: f64) -> f64 {
         self.busy(now) + self.own * time
     }
+
+    /// Agents of one class differ in speed by a sixteenth at most. Positive floats order as their bits do.
+    fn class(&self) -> u64 {
+        self.own.to_bits() >> 48
+    }
+}
+
+/// Agents of nearly the same speed.
+#[derive(Clone, Debug)]
+struct Class {
+    /// No agent here is faster.
+    own: f64,
+    /// Those who have nothing in hand, the fastest first.
+    idle: BTreeSet<(u64, MemberId)>,
+    /// The others, by when they will be ready.
+    busy: BTreeSet<(u64, MemberId)>,
 }
 
 impl Field {
     /// What an agent is from now on; `None`: it takes nothing now.
     ///
-    /// - `pace`: its own time for a second of the reference machine's; when it will be ready; whether it has anything in
-    ///   hand.
-    pub fn set(&mut self, agent: &AgentId, pace: Option<(f64, Time, bool)>) {
-        let Some((own, ready, laden)) = pace else { return self.remove(agent) };
-        let pace = Pace { own: own.max(1e-12), ready: ready.elapsed().as_secs_f64(), laden };
-        match self.slots.get(agent) {
-            Some(&slot) => self.paces[slot] = pace,
+    /// - `pace`: its own time for a second of the reference machine's; when it will have painted what it has in hand, if
+    ///   that is anything.
+    pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
+        let Some((own, ready)) = pace else { return self.remove(member) };
+        let pace = Pace { own: own.max(1e-12), ready: ready.map(|ready| ready.elapsed().as_secs_f64()) };
+        if self.slots.len() <= member.index() {
+            self.slots.resize(member.index() + 1, None);
+        }
+        match self.slots[member.index()] {
+            Some(slot) => {
+                let before = std::mem::replace(&mut self.paces[slot], pace);
+                if before == pace {
+                    return;
+                }
+                self.declass(member, &before);
+            }
             None => {
-                self.slots.insert(agent.clone(), self.paces.len());
-                self.names.push(agent.clone());
+                self.slots[member.index()] = Some(self.paces.len());
+                self.members.push(member);
                 self.paces.push(pace);
             }
         }
+        self.class(member, &pace);
     }
 
     /// It is gone.
-    pub fn remove(&mut self, agent: &AgentId) {
-        let Some(slot) = self.slots.remove(agent) else { return };
-        self.names.swap_remove(slot);
-        self.paces.swap_remove(slot);
-        if let Some(moved) = self.names.get(slot) {
-            self.slots.insert(moved.clone(), slot);
+    pub fn remove(&mut self, member: MemberId) {
+        let Some(slot) = self.slots.get_mut(member.index()).and_then(Option::take) else { return };
+        self.members.swap_remove(slot);
+        let pace = self.paces.swap_remove(slot);
+        if let Some(moved) = self.members.get(slot) {
+            self.slots[moved.index()] = Some(slot);
         }
+        self.declass(member, &pace);
+    }
+
+    fn class(&mut self, member: MemberId, pace: &Pace) {
+        let empty = || Class { own: pace.own, idle: BTreeSet::new(), busy: BTreeSet::new() };
+        let class = self.classes.entry(pace.class()).or_insert_with(empty);
+        class.own = class.own.min(pace.own);
+        match pace.ready {
+            None => class.idle.insert((pace.own.to_bits(), member)),
+            Some(ready) => class.busy.insert((ready.to_bits(), member)),
+        };
+    }
+
+    fn declass(&mut self, member: MemberId, pace: &Pace) {
+        let Some(class) = self.classes.get_mut(&pace.class()) else { return };
+        match pace.ready {
+            None => class.idle.remove(&(pace.own.to_bits(), member)),
+            Some(ready) => class.busy.remove(&(ready.to_bits(), member)),
+        };
+        if class.idle.is_empty() && class.busy.is_empty() {
+            self.classes.remove(&pace.class());
+        }
+    }
+
+    fn pace(&self, member: MemberId) -> Option<&Pace> {
+        self.slots.get(member.index()).copied().flatten().map(|slot| &self.paces[slot])
     }
 
     /// Reference-machine seconds that all of them together paint in a second.
@@ -126,29 +184,77 @@ impl Field {
     /// When an agent would have finished a zone, in seconds from now; infinite when it is not here.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
-    pub fn finish(&self, now: f64, time: f64, agent: &AgentId) -> f64 {
-        self.slots.get(agent).map_or(f64::INFINITY, |&slot| self.paces[slot].finish(now, time))
+    pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
+        self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
     }
 
     /// Who would have finished a zone soonest, and when, in seconds from now. `None`: there is nobody.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
+    pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
+        let mut soonest = None;
+        self.look(now, time, f64::INFINITY, |finish, member| {
+            soonest = Some((finish, member));
+            finish
+        });
+        soonest
+    }
+
+    /// Whether anybody would have finished a zone before `limit`, in seconds from now.
+    ///
+    /// - `time`: the zone's, in reference-machine seconds.
     /// - `except`: who is not asked.
-    pub fn soonest(&self, now: f64, time: f64, except: impl Fn(&AgentId) -> bool) -> Option<(f64, &AgentId)> {
-        let mut soonest: Option<(f64, &AgentId)> = None;
-        for (pace, name) in self.paces.iter().zip(&self.names) {
-            let finish = pace.finish(now, time);
-            if soonest.is_none_or(|(best, _)| finish < best) && !except(name) {
-                soonest = Some((finish, name));
+    pub fn anybody_sooner(&self, now: f64, time: f64, limit: f64, except: impl Fn(MemberId) -> bool) -> bool {
+        let mut found = false;
+        self.look(now, time, limit, |_, member| {
+            if except(member) {
+                return limit;
+            }
+            found = true;
+            f64::NEG_INFINITY
+        });
+        found
+    }
+
+    /// Shows `see` all who would have finished a zone before a limit, the likely ones first; it returns the limit from then
+    /// on.
+    fn look(&self, now: f64, time: f64, mut limit: f64, mut see: impl FnMut(f64, MemberId) -> f64) {
+        let moment = now.max(0.0).to_bits();
+        for class in self.classes.values() {
+            let least = class.own * time;
+            if least >= limit {
+                return;
+            }
+            for &(own, member) in &class.idle {
+                let finish = f64::from_bits(own) * time;
+                if finish >= limit {
+                    break;
+                }
+                limit = see(finish, member);
+            }
+            // From now on in both directions: who should have been ready is late.
+            let (coming, late) = ((moment, MemberId::FIRST).., ..(moment, MemberId::FIRST));
+            for members in [&mut class.busy.range(coming) as &mut dyn Iterator<Item = _>, &mut class.busy.range(late).rev()] {
+                for &(ready, member) in members {
+                    let busy = (f64::from_bits(ready) - now).abs();
+                    if busy + least >= limit {
+                        break;
+                    }
+                    let finish = self.finish(now, time, member);
+                    if finish < limit {
+                        limit = see(finish, member);
+                    }
+                }
             }
         }
-        soonest
     }
 }
 
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
+
+    use proptest::prelude::*;
 
     use super::*;
 
@@ -160,20 +266,46 @@ mod tests {
     fn who_is_busy_beyond_the_end_does_not_move_it() {
         let mut field = Field::default();
         assert_eq!(field.end(0.0, 1.0), f64::INFINITY);
-        for (name, own, ready) in [("a", 1.0, 0.0), ("b", 0.5, 2.0), ("c", 1.0, 900.0)] {
-            field.set(&AgentId::new(name), Some((own, at(ready), true)));
+        for (member, own, ready) in [(0, 1.0, 0.0), (1, 0.5, 2.0), (2, 1.0, 900.0)] {
+            field.set(MemberId(member), Some((own, Some(at(ready)))));
         }
         // Two seconds of the first alone, then both: 2 + (11 - 2) / 3.
         assert!((field.end(0.0, 11.0) - 5.0).abs() < 1e-9, "{}", field.end(0.0, 11.0));
-        let soonest =
-            |field: &Field, now: f64, but: &str| field.soonest(now, 3.0, |name| &*name.name == but).unwrap().0;
-        assert_eq!(soonest(&field, 0.0, ""), 3.0);
-        assert_eq!(soonest(&field, 0.0, "a"), 3.5);
+        assert_eq!(field.soonest(0.0, 3.0), Some((3.0, MemberId(0))));
+        assert!(field.anybody_sooner(0.0, 3.0, 3.6, |member| member == MemberId(0)));
+        assert!(!field.anybody_sooner(0.0, 3.0, 3.5, |member| member == MemberId(0)));
         // The first is two seconds late.
-        assert_eq!(soonest(&field, 2.0, ""), 1.5);
-        assert_eq!(soonest(&field, 2.0, "b"), 5.0);
-        field.set(&AgentId::new("a"), None);
-        assert_eq!(soonest(&field, 0.0, ""), 3.5);
+        assert_eq!(field.soonest(2.0, 3.0), Some((1.5, MemberId(1))));
+        field.set(MemberId(0), None);
+        assert_eq!(field.soonest(0.0, 3.0), Some((3.5, MemberId(1))));
         assert!((field.end(0.0, 11.0) - 7.5).abs() < 1e-9);
+    }
+
+    proptest! {
+        #[test]
+        fn the_soonest_of_all_is_found(
+            sets in prop::collection::vec((0_u32..20, prop::option::weighted(0.9, (0.1..4.0, prop::option::of(0.0..20.0)))), 1..100),
+            (now, time) in (0.0..20.0, 0.0..10.0),
+        ) {
+            let (mut field, mut all) = (Field::default(), BTreeMap::new());
+            for (member, pace) in sets {
+                let pace = pace.map(|(own, ready): (f64, Option<f64>)| (own, ready.map(at)));
+                field.set(MemberId(member), pace);
+                match pace {
+                    Some(pace) => _ = all.insert(member, pace),
+                    None => _ = all.remove(&member),
+                }
+            }
+            let busy = |ready: Option<Time>| ready.map_or(0.0, |ready| (ready.elapsed().as_secs_f64() - now).abs());
+            let finish = |&(own, ready): &(f64, Option<Time>)| busy(ready) + own * time;
+            let least = all.values().map(finish).min_by(f64::total_cmp);
+            let found = field.soonest(now, time);
+            prop_assert_eq!(found.map(|(finish, _)| finish), least);
+            if let Some((least, first)) = found {
+                let others = all.iter().filter(|(member, _)| MemberId(**member) != first).map(|(_, pace)| finish(pace));
+                let sooner = others.min_by(f64::total_cmp).is_some_and(|second| second < least + 1.0);
+                prop_assert_eq!(field.anybody_sooner(now, time, least + 1.0, |member| member == first), sooner);
+            }
+        }
     }
 }

@@ -40,7 +40,7 @@ impl Master {
         self.begun = true;
         self.pass_begun = now;
         actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
-        self.introduce(&self.roster.names(), actions);
+        self.introduce(&self.roster.present(), actions);
     }
 
     fn give_out_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
@@ -50,7 +50,8 @@ impl Master {
             if self.writes.contains_key(&zone) {
                 return;
             }
-            let row = ZoneRow { state: ZoneState::Profiling, agent: Some(agent), ..row.clone() };
+            let agent = Some(self.roster.name(agent).clone());
+            let row = ZoneRow { state: ZoneState::Profiling, agent, ..row.clone() };
             let conversation = self.number();
             self.write(now, row, Then::Order(conversation), actions);
         }
@@ -66,25 +67,30 @@ impl Master {
         let offers = self.ledger.open.offer(conversation, bidders.len());
         let deadline = now + self.config.timing.bids;
         let content = FarmContent::Offers(offers.as_slice().into());
-        let cfp =
-            message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, bidders.clone(), content);
+        let to = self.names(&bidders);
+        let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
         actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
-        self.roster.call(conversation, bidders.iter().cloned());
-        let awaited = bidders.into_iter().collect();
-        self.rounds.insert(conversation, Round { deadline, offers, awaited, proposals: BTreeMap::new() });
+        self.roster.call(conversation, &bidders);
+        self.rounds.insert(conversation, Round { deadline, offers, awaited: bidders, proposals: Vec::new() });
         true
     }
 
-    pub(super) fn take_bid(&mut self, message: &FarmMessage, proposal: Option<Proposal>) {
-        let Some(round) = self.rounds.get_mut(&message.conversation_id) else { return };
-        if round.awaited.remove(&message.sender) {
+    fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
+        agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
+    }
+
+    /// Takes the answer of an agent to a call for proposals; `None`: it refuses.
+    pub(super) fn take_bid(&mut self, conversation: u64, agent: Option<MemberId>, proposal: Option<Proposal>) {
+        let Some(round) = self.rounds.get_mut(&conversation) else { return };
+        let place = round.awaited.iter().position(|awaited| Some(*awaited) == agent);
+        if let Some(agent) = place.map(|place| round.awaited.swap_remove(place)) {
             match proposal {
-                Some(proposal) => _ = round.proposals.insert(message.sender.clone(), proposal),
-                None => self.roster.release(&message.sender),
+                Some(proposal) => round.proposals.push((agent, proposal)),
+                None => self.roster.release(agent),
             }
         }
         if round.awaited.is_empty() {
-            self.answered.push(message.conversation_id);
+            self.answered.push(conversation);
         }
     }
 
@@ -102,32 +108,33 @@ impl Master {
     }
 
     fn close_round(&mut self, now: Time, conversation: u64, actions: &mut Vec<FarmAction>) {
-        let Some(round) = self.rounds.remove(&conversation) else { return };
+        let Some(mut round) = self.rounds.remove(&conversation) else { return };
         // Silence is a refusal.
-        for agent in &round.awaited {
+        for &agent in &round.awaited {
             self.roster.release(agent);
             self.roster.rest(agent, now + self.config.timing.heartbeat);
         }
+        round.proposals.sort_unstable_by_key(|(agent, _)| *agent);
         let winners = self.winners(now, &round);
         for offer in round.offers {
             self.ledger.open.give_back(self.config.auction, conversation, offer);
         }
-        let lucky: BTreeSet<&AgentId> = winners.iter().map(|award| &award.agent).collect();
-        let losers: Vec<AgentId> = round.proposals.keys().filter(|agent| !lucky.contains(agent)).cloned().collect();
-        for agent in &losers {
+        let bidders = || round.proposals.iter().map(|(agent, _)| *agent);
+        let is_lucky = |agent: MemberId| winners.iter().any(|award| award.agent == agent);
+        let losers: Vec<MemberId> = bidders().filter(|&agent| !is_lucky(agent)).collect();
+        for &agent in &losers {
             // Asked again when things have changed, and not in a circle.
             self.roster.pass_over(agent);
         }
         if !losers.is_empty() {
-            let me = &self.config.id;
-            let reject =
-                message(Performative::RejectProposal, protocol::CONTRACT_NET, me, losers, FarmContent::Nothing);
+            let (me, to) = (&self.config.id, self.names(&losers));
+            let reject = message(Performative::RejectProposal, protocol::CONTRACT_NET, me, to, FarmContent::Nothing);
             actions.push(FarmAction::Send(asking(reject, conversation, None)));
         }
         for award in &winners {
             self.give(now, award, conversation, actions);
         }
-        for agent in round.proposals.keys() {
+        for agent in bidders() {
             self.roster.release(agent);
         }
         self.recalls = true;
@@ -143,9 +150,9 @@ impl Master {
             return self.roster.ask_again();
         }
         let Some(time) = self.ledger.open.largest_waiting() else { return };
-        let soonest = self.roster.field().soonest(now.elapsed().as_secs_f64(), time.as_secs_f64(), |_| false);
-        if let Some(agent) = soonest.map(|(_, agent)| agent.clone()) {
-            self.roster.reconsider(&agent);
+        let soonest = self.roster.field().soonest(now.elapsed().as_secs_f64(), time.as_secs_f64());
+        if let Some((_, agent)) = soonest {
+            self.roster.reconsider(agent);
         }
     }
 
@@ -156,10 +163,10 @@ impl Master {
             row.is_some_and(|(_, row)| is_open(row)) && !self.writes.contains_key(&offer.zone)
         };
         let offers: Vec<Offer> = round.offers.iter().filter(still_open).copied().collect();
-        let bidder = |(agent, proposal): (&AgentId, &Proposal)| {
-            let member = self.roster.get(agent)?;
+        let bidder = |(agent, proposal): &(MemberId, Proposal)| {
+            let member = self.roster.get(*agent)?;
             let (credit, own) = (member.row.credit, member.own());
-            Some(Bidder { agent: agent.clone(), credit, own, proposal: proposal.clone() })
+            Some(Bidder { agent: *agent, credit, own, proposal: proposal.clone() })
         };
         let bidders = round.proposals.iter().filter_map(bidder).collect();
         let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| self.can_cut(zone);
@@ -181,7 +188,8 @@ impl Master {
                 None => return,
             },
         };
-        let row = ZoneRow { state: ZoneState::Awarded, agent: Some(award.agent.clone()), ..row };
+        let agent = Some(self.roster.name(award.agent).clone());
+        let row = ZoneRow { state: ZoneState::Awarded, agent, ..row };
         self.write(now, row, Then::Order(conversation), actions);
     }
 
@@ -207,7 +215,7 @@ impl Master {
         }
         self.finished = true;
         actions.push(FarmAction::Effect(FarmEffect::Finish { failed }));
-        let to = self.roster.names();
+        let to = self.roster.present();
         if !to.is_empty() {
             let end = FarmContent::LifeCycle(LifeCycle::Terminate);
             let request = message(Performative::Request, protocol::REQUEST, &self.config.id, to, end);

@@ -3,8 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bottega_image::Sides;
+use rustc_hash::FxHashSet;
 
 use crate::{Blackboard, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
+
+/// So many of the zones that wait are checked after each event.
+const READY_CHECKED: usize = 4;
 
 /// Which zones are in the film. Each is put there once, and each piece of a zone in its place among the zones.
 #[derive(Clone, Debug, Default)]
@@ -13,8 +17,9 @@ pub(super) struct Composition {
     ready: BTreeSet<(ZoneId, ZoneId)>,
     /// Handed to the film, which has not answered.
     composing: BTreeSet<ZoneId>,
-    composed: BTreeSet<ZoneId>,
-    /// Known when the bands of all zones are.
+    /// A hash set, for speed: never gone through.
+    composed: FxHashSet<ZoneId>,
+    /// Where there are bands; known when those of all zones are.
     masks: Option<Vec<Mask>>,
     /// With bands, all zones before this one are in the film.
     cursor: u32,
@@ -52,14 +57,18 @@ impl Composition {
             return None;
         }
         let settled = |row: &ZoneRow| row.choice.is_some() || row.state == ZoneState::Failed;
-        if self.masks.is_none() && (plain || all_chosen && board.zones().all(settled)) {
-            let zones = || board.zones().filter(|row| row.root.is_none());
-            let rects = zones().map(|row| row.rect).collect();
-            let bands: Vec<Sides<u32>> =
-                zones().map(|row| row.choice.map_or(Sides::all(0), |choice| choice.bands)).collect();
-            self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &bands));
-        }
-        let mask = self.masks.as_ref()?[root.index()].clone();
+        let mask = if plain {
+            Mask::without_band(board.zone(root)?.1.rect, work.settings.frame)
+        } else {
+            if self.masks.is_none() && all_chosen && board.zones().all(settled) {
+                let zones = || board.zones().filter(|row| row.root.is_none());
+                let rects = zones().map(|row| row.rect).collect();
+                let bands: Vec<Sides<u32>> =
+                    zones().map(|row| row.choice.map_or(Sides::all(0), |choice| choice.bands)).collect();
+                self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &bands));
+            }
+            self.masks.as_ref()?[root.index()].clone()
+        };
         self.ready.remove(&(root, zone));
         self.composing.insert(zone);
         Some((zone, mask))
@@ -104,7 +113,9 @@ impl Composition {
 
     pub(super) fn assert_invariants(&self) {
         let handed = |zone: &ZoneId| self.composing.contains(zone) || self.composed.contains(zone);
-        debug_assert!(!self.ready.iter().any(|(_, zone)| handed(zone)));
-        debug_assert!(self.composing.is_disjoint(&self.composed), "no zone goes into the film twice");
+        // The next ones: all of them would be too many to look at after each event.
+        assert!(!self.ready.iter().take(READY_CHECKED).any(|(_, zone)| handed(zone)), "a zone waits that was handed over");
+        let twice = self.composing.iter().any(|zone| self.composed.contains(zone));
+        assert!(!twice, "no zone goes into the film twice");
     }
 }

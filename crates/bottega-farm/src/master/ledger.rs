@@ -1,27 +1,26 @@
 //! What the rows of the Blackboard mean for the Master, kept in step with them so that no event costs a look at all.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet},
-    time::Duration,
-};
+use std::{cmp::Reverse, collections::BTreeSet, time::Duration};
 
-use bottega_agents::AgentId;
+use bottega_agents::NumberMap;
 
-use crate::{AuctionRule, Offer, ZoneId, ZoneRow, ZoneState, auction::OpenZones};
+use crate::{AuctionRule, MemberId, Offer, ZoneId, ZoneRow, ZoneState, auction::OpenZones};
+
+/// Who has a zone in hand: two agents at most.
+pub(super) type Holders = [Option<MemberId>; 2];
 
 /// The zones by what is to be done with them. A zone whose row is being written counts as already written.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ledger {
     rule: AuctionRule,
     /// As they are counted now.
-    zones: BTreeMap<ZoneId, Counted>,
+    zones: NumberMap<Counted>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
     /// Waiting for an auction, or offered in one.
     pub(super) open: OpenZones,
-    /// Zones by agent with T_est.
-    hands: BTreeMap<AgentId, BTreeMap<ZoneId, Duration>>,
+    /// By the number of their agent, zones with T_est in the order of their ids. There are few for each.
+    hands: Vec<Vec<(ZoneId, Duration)>>,
     in_hand: usize,
     /// Profiled or further, and waiting for the next pass.
     waiting: usize,
@@ -30,14 +29,14 @@ pub(super) struct Ledger {
 }
 
 /// What is remembered of a zone: as much as is needed to count it off again.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Counted {
     state: ZoneState,
     waiting: bool,
     complexity: f64,
     time_estimated: Duration,
     chosen: bool,
-    holders: [Option<AgentId>; 2],
+    holders: Holders,
 }
 
 impl Ledger {
@@ -45,21 +44,25 @@ impl Ledger {
         Self { rule, ..Self::default() }
     }
 
-    /// Counts a zone as `row` says from now on. Returns the agents whose hands have changed.
-    pub(super) fn count(&mut self, row: &ZoneRow) -> Vec<AgentId> {
-        let mut changed = Vec::new();
-        if let Some(before) = self.zones.remove(&row.zone) {
-            self.uncount(row.zone, before, &mut changed);
-        }
-        let mut holders = row.holders().cloned();
+    /// Counts a zone as `row` says from now on. Appends the agents whose hands have changed.
+    ///
+    /// - `holders`: the row's.
+    pub(super) fn count(&mut self, row: &ZoneRow, holders: Holders, changed: &mut Vec<MemberId>) {
         let counted = Counted {
             state: row.state,
             waiting: row.is_waiting(),
             complexity: row.complexity,
             time_estimated: row.time_estimated.unwrap_or_default(),
             chosen: row.choice.is_some() || row.state == ZoneState::Failed,
-            holders: [holders.next(), holders.next()],
+            holders,
         };
+        if let Some(before) = self.zones.get(row.zone.0) {
+            if *before == counted {
+                return;
+            }
+            let before = before.clone();
+            self.uncount(row.zone, &before, changed);
+        }
         match row.state {
             ZoneState::Open => _ = self.unseen.insert(counted.rank(row.zone)),
             ZoneState::Profiled if counted.waiting => self.waiting += 1,
@@ -67,18 +70,17 @@ impl Ledger {
             ZoneState::Done | ZoneState::Failed => self.settled += 1,
             ZoneState::Profiling | ZoneState::Awarded => {
                 self.in_hand += 1;
-                for agent in counted.holders.iter().flatten() {
-                    self.hands.entry(agent.clone()).or_default().insert(row.zone, counted.time_estimated);
-                    changed.push(agent.clone());
+                for &agent in counted.holders.iter().flatten() {
+                    self.take(agent, row.zone, counted.time_estimated);
+                    changed.push(agent);
                 }
             }
         }
         self.chosen += usize::from(counted.chosen);
-        self.zones.insert(row.zone, counted);
-        changed
+        self.zones.insert(row.zone.0, counted);
     }
 
-    fn uncount(&mut self, zone: ZoneId, before: Counted, changed: &mut Vec<AgentId>) {
+    fn uncount(&mut self, zone: ZoneId, before: &Counted, changed: &mut Vec<MemberId>) {
         match before.state {
             ZoneState::Open => _ = self.unseen.remove(&before.rank(zone)),
             ZoneState::Profiled if before.waiting => self.waiting -= 1,
@@ -86,10 +88,8 @@ impl Ledger {
             ZoneState::Done | ZoneState::Failed => self.settled -= 1,
             ZoneState::Profiling | ZoneState::Awarded => {
                 self.in_hand -= 1;
-                for agent in before.holders.into_iter().flatten() {
-                    if let Some(hands) = self.hands.get_mut(&agent) {
-                        hands.remove(&zone);
-                    }
+                for &agent in before.holders.iter().flatten() {
+                    self.hands[agent.index()].retain(|(other, _)| *other != zone);
                     changed.push(agent);
                 }
             }
@@ -97,19 +97,30 @@ impl Ledger {
         self.chosen -= usize::from(before.chosen);
     }
 
+    fn take(&mut self, agent: MemberId, zone: ZoneId, time: Duration) {
+        if self.hands.len() <= agent.index() {
+            self.hands.resize_with(agent.index() + 1, Vec::new);
+        }
+        let hands = &mut self.hands[agent.index()];
+        let place = hands.partition_point(|(other, _)| *other < zone);
+        hands.insert(place, (zone, time));
+    }
+
     /// How many zones an agent has in hand, and T_est of all of them.
-    pub(super) fn load(&self, agent: &AgentId) -> (usize, Duration) {
-        self.hands.get(agent).map_or((0, Duration::ZERO), |hands| (hands.len(), hands.values().sum()))
+    pub(super) fn load(&self, agent: MemberId) -> (usize, Duration) {
+        let hands = self.hands.get(agent.index()).map_or(&[][..], Vec::as_slice);
+        (hands.len(), hands.iter().map(|(_, time)| *time).sum())
     }
 
     /// The zones that an agent has in hand.
-    pub(super) fn hands(&self, agent: &AgentId) -> Vec<ZoneId> {
-        self.hands.get(agent).map_or_else(Vec::new, |hands| hands.keys().copied().collect())
+    pub(super) fn hands(&self, agent: MemberId) -> impl DoubleEndedIterator<Item = ZoneId> {
+        self.hands.get(agent.index()).into_iter().flatten().map(|(zone, _)| *zone)
     }
 
     /// All agents that have zones in hand.
-    pub(super) fn holders(&self) -> impl Iterator<Item = &AgentId> {
-        self.hands.iter().filter(|(_, zones)| !zones.is_empty()).map(|(agent, _)| agent)
+    pub(super) fn holders(&self) -> impl Iterator<Item = MemberId> {
+        let holders = self.hands.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
+        holders.map(|(index, _)| MemberId(index as u32))
     }
 
     /// The most complex zone that nobody has seen.

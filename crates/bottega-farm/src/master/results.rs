@@ -19,6 +19,7 @@ impl Master {
             return;
         }
         let (zone, fence) = (report.zone, report.fence);
+        let received = || answer(message, &self.config.id, Performative::Confirm, FarmContent::Received { zone, fence });
         let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
         let Some((revision, row)) = self.board.zone(zone) else {
             return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);
@@ -30,7 +31,7 @@ impl Master {
         let valid = row.fence_of(&message.sender, revision) == Some(fence);
         if !valid && row.result.is_some_and(|result| result.fence == fence) {
             // It is on the blackboard already; the confirmation was lost.
-            return self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
+            return actions.push(FarmAction::Send(received()));
         }
         if !valid {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
@@ -44,7 +45,8 @@ impl Master {
                 self.pass_painted += row.time_measured.unwrap_or_default();
                 // Whoever painted it is responsible for it.
                 let row = ZoneRow { agent: Some(message.sender.clone()), rival: None, ..row };
-                self.write(now, row, Then::Receive(Box::new(message.clone())), actions);
+                let then = Then::Receive(Box::new(received()));
+                self.write(now, row, then, actions);
             }
             Err(reason) => {
                 tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
@@ -55,9 +57,10 @@ impl Master {
                         self.write(now, row, Then::TakenBack, actions);
                     }
                 } else if let Some(row) = after {
-                    self.write(now, row, Then::Receive(Box::new(message.clone())), actions);
+                    let then = Then::Receive(Box::new(received()));
+                    self.write(now, row, then, actions);
                 } else {
-                    self.answer(message, Performative::Confirm, FarmContent::Received { zone, fence }, actions);
+                    actions.push(FarmAction::Send(received()));
                 }
             }
         }

@@ -1,13 +1,11 @@
 //! The agents of a Master, in the orders in which they are asked.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    time::Duration,
-};
+use std::{collections::BTreeSet, time::Duration};
 
 use bottega_agents::{AgentId, Time};
+use rustc_hash::FxHashMap;
 
-use crate::{AgentRow, auction::Field};
+use crate::{AgentRow, MemberId, auction::Field};
 
 /// Agents that a Master takes at most.
 pub(super) const MEMBERS_MAX: usize = 1 << 14;
@@ -17,6 +15,7 @@ const PROFILE_WINDOW: usize = 4;
 /// One agent.
 #[derive(Clone, Debug)]
 pub(super) struct Member {
+    pub(super) id: MemberId,
     pub(super) row: AgentRow,
     /// When it last said something.
     pub(super) heard: Time,
@@ -49,15 +48,20 @@ struct Places {
 pub(super) struct Roster {
     /// Zones that an agent has in hand before it is asked no more.
     window: usize,
-    members: BTreeMap<AgentId, Member>,
+    /// By number. Who has gone keeps its number; its place is empty.
+    members: Vec<Option<Member>>,
+    count: usize,
+    names: Vec<AgentId>,
+    /// A hash map, for speed: never gone through.
+    numbers: FxHashMap<AgentId, MemberId>,
     /// Those who may bid, the first to be idle first.
-    free: BTreeSet<(Time, AgentId)>,
+    free: BTreeSet<(Time, MemberId)>,
     /// Those who may profile, by how soon they would be through.
-    profiling: BTreeSet<(u64, AgentId)>,
+    profiling: BTreeSet<(u64, MemberId)>,
     /// Those who have zones in hand, by when they will have painted them.
-    laden: BTreeSet<(Time, AgentId)>,
-    resting: BTreeSet<(Time, AgentId)>,
-    passed_over: BTreeSet<AgentId>,
+    laden: BTreeSet<(Time, MemberId)>,
+    resting: BTreeSet<(Time, MemberId)>,
+    passed_over: BTreeSet<MemberId>,
     /// Speed and readiness of all, for the auction.
     field: Field,
 }
@@ -70,58 +74,75 @@ impl Roster {
         Self { window, ..Self::default() }
     }
 
-    /// Takes an agent, or what is new of it. Returns whether it was not here. `None`: there is no room.
-    pub(super) fn join(&mut self, now: Time, row: AgentRow) -> Option<bool> {
-        let agent = row.agent.clone();
-        if let Some(member) = self.members.get_mut(&agent) {
-            member.heard = now;
-            member.row = row;
-            self.place(&agent);
-            return Some(false);
-        }
-        if self.members.len() >= MEMBERS_MAX {
-            return None;
-        }
-        let member = Member {
-            row,
-            heard: now,
-            rests_until: None,
-            passed_over: false,
-            round: None,
-            hands: 0,
-            load: Duration::ZERO,
-            ready: now,
-            places: Places::default(),
-        };
-        self.members.insert(agent.clone(), member);
-        self.place(&agent);
-        Some(true)
+    /// The number of an agent that is here, or was, or that a row names.
+    pub(super) fn find(&self, agent: &AgentId) -> Option<MemberId> {
+        self.numbers.get(agent).copied()
     }
 
-    pub(super) fn leave(&mut self, agent: &AgentId) -> Option<Member> {
-        let member = self.members.remove(agent)?;
-        self.unplace(agent, member.places);
-        self.resting.retain(|(_, other)| other != agent);
-        self.passed_over.remove(agent);
-        self.field.remove(agent);
+    /// The same; the agent gets a number if it has none.
+    pub(super) fn number(&mut self, agent: &AgentId) -> MemberId {
+        self.find(agent).unwrap_or_else(|| {
+            let id = MemberId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
+            self.names.push(agent.clone());
+            self.members.push(None);
+            self.numbers.insert(agent.clone(), id);
+            id
+        })
+    }
+
+    /// The name of a number that was given.
+    pub(super) fn name(&self, id: MemberId) -> &AgentId {
+        &self.names[id.index()]
+    }
+
+    /// Takes an agent, or what is new of it. `None`: there is no room.
+    pub(super) fn join(&mut self, now: Time, row: AgentRow) -> Option<MemberId> {
+        let known = self.find(&row.agent).filter(|id| self.members[id.index()].is_some());
+        if known.is_none() && self.count >= MEMBERS_MAX {
+            return None;
+        }
+        let id = self.number(&row.agent);
+        match &mut self.members[id.index()] {
+            Some(member) => {
+                member.heard = now;
+                member.row = row;
+            }
+            member => {
+                self.count += 1;
+                *member = Some(Member::new(id, now, row));
+            }
+        }
+        self.place(id);
+        Some(id)
+    }
+
+    pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
+        let member = self.members[id.index()].take()?;
+        self.count -= 1;
+        self.unplace(id, member.places);
+        if let Some(until) = member.rests_until {
+            self.resting.remove(&(until, id));
+        }
+        self.passed_over.remove(&id);
+        self.field.remove(id);
         Some(member)
     }
 
-    fn unplace(&mut self, agent: &AgentId, places: Places) {
+    fn unplace(&mut self, id: MemberId, places: Places) {
         if let Some(key) = places.free {
-            self.free.remove(&(key, agent.clone()));
+            self.free.remove(&(key, id));
         }
         if let Some(key) = places.profiling {
-            self.profiling.remove(&(key, agent.clone()));
+            self.profiling.remove(&(key, id));
         }
         if let Some(key) = places.laden {
-            self.laden.remove(&(key, agent.clone()));
+            self.laden.remove(&(key, id));
         }
     }
 
     /// Puts an agent into the orders where it belongs now.
-    fn place(&mut self, agent: &AgentId) {
-        let Some(member) = self.members.get_mut(agent) else { return };
+    fn place(&mut self, id: MemberId) {
+        let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
         let willing = member.rests_until.is_none();
         let may_bid = member.hands < self.window && willing && !member.passed_over && member.round.is_none();
@@ -131,46 +152,50 @@ impl Roster {
             laden: (member.hands > 0).then_some(member.ready),
         };
         let before = std::mem::replace(&mut member.places, places);
-        self.field.set(agent, willing.then_some((own, member.ready, !member.load.is_zero())));
+        self.field.set(id, willing.then_some((own, (!member.load.is_zero()).then_some(member.ready))));
         if places == before {
             return;
         }
-        self.unplace(agent, before);
+        self.unplace(id, before);
         if let Some(key) = places.free {
-            self.free.insert((key, agent.clone()));
+            self.free.insert((key, id));
         }
         if let Some(key) = places.profiling {
-            self.profiling.insert((key, agent.clone()));
+            self.profiling.insert((key, id));
         }
         if let Some(key) = places.laden {
-            self.laden.insert((key, agent.clone()));
+            self.laden.insert((key, id));
         }
     }
 
-    pub(super) fn get(&self, agent: &AgentId) -> Option<&Member> {
-        self.members.get(agent)
+    /// An agent that is here.
+    pub(super) fn get(&self, id: MemberId) -> Option<&Member> {
+        self.members[id.index()].as_ref()
+    }
+
+    /// An agent that is here, by name.
+    pub(super) fn get_by_name(&self, agent: &AgentId) -> Option<&Member> {
+        self.find(agent).and_then(|id| self.get(id))
     }
 
     /// An agent has spoken.
-    pub(super) fn hear(&mut self, now: Time, agent: &AgentId) {
-        if let Some(member) = self.members.get_mut(agent) {
+    pub(super) fn hear(&mut self, now: Time, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut() {
             member.heard = now;
         }
     }
 
     /// Changes what an agent's row says. Returns the row.
-    pub(super) fn update(&mut self, agent: &AgentId, change: impl FnOnce(&mut AgentRow)) -> Option<AgentRow> {
-        let member = self.members.get_mut(agent)?;
-        change(&mut member.row);
-        let row = member.row.clone();
-        self.place(agent);
-        Some(row)
+    pub(super) fn update(&mut self, id: MemberId, change: impl FnOnce(&mut AgentRow)) -> Option<&AgentRow> {
+        change(&mut self.members[id.index()].as_mut()?.row);
+        self.place(id);
+        self.get(id).map(|member| &member.row)
     }
 
     /// What an agent has in hand from now on. What is new begins behind what it had; when something is finished it is
     /// taken to begin with the rest.
-    pub(super) fn set_hands(&mut self, now: Time, agent: &AgentId, (hands, load): (usize, Duration)) {
-        let Some(member) = self.members.get_mut(agent) else { return };
+    pub(super) fn set_hands(&mut self, now: Time, id: MemberId, (hands, load): (usize, Duration)) {
+        let Some(member) = self.members[id.index()].as_mut() else { return };
         if (hands, load) == (member.hands, member.load) {
             return;
         }
@@ -184,94 +209,100 @@ impl Roster {
             member.ready
         };
         (member.hands, member.load) = (hands, load);
-        self.place(agent);
+        self.place(id);
     }
 
     /// The bid of these agents is awaited in a round.
-    pub(super) fn call(&mut self, round: u64, agents: impl IntoIterator<Item = AgentId>) {
-        for agent in agents {
-            if let Some(member) = self.members.get_mut(&agent) {
+    pub(super) fn call(&mut self, round: u64, agents: &[MemberId]) {
+        for &id in agents {
+            if let Some(member) = self.members[id.index()].as_mut() {
                 member.round = Some(round);
-                self.place(&agent);
+                self.place(id);
             }
         }
     }
 
     /// An agent's round is over.
-    pub(super) fn release(&mut self, agent: &AgentId) {
-        if let Some(member) = self.members.get_mut(agent) {
+    pub(super) fn release(&mut self, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut() {
             member.round = None;
-            self.place(agent);
+            self.place(id);
         }
     }
 
     /// An agent refused or said nothing: it is not asked before `until`.
-    pub(super) fn rest(&mut self, agent: &AgentId, until: Time) {
-        if let Some(member) = self.members.get_mut(agent) {
+    pub(super) fn rest(&mut self, id: MemberId, until: Time) {
+        if let Some(member) = self.members[id.index()].as_mut() {
             if let Some(before) = member.rests_until.replace(until) {
-                self.resting.remove(&(before, agent.clone()));
+                self.resting.remove(&(before, id));
             }
-            self.resting.insert((until, agent.clone()));
-            self.place(agent);
+            self.resting.insert((until, id));
+            self.place(id);
         }
     }
 
     /// An agent bid and won nothing.
-    pub(super) fn pass_over(&mut self, agent: &AgentId) {
-        if let Some(member) = self.members.get_mut(agent) {
+    pub(super) fn pass_over(&mut self, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut() {
             member.passed_over = true;
-            self.passed_over.insert(agent.clone());
-            self.place(agent);
+            self.passed_over.insert(id);
+            self.place(id);
         }
     }
 
     /// An agent that was passed over may bid again.
-    pub(super) fn reconsider(&mut self, agent: &AgentId) {
-        if let Some(member) = self.members.get_mut(agent).filter(|member| member.passed_over) {
+    pub(super) fn reconsider(&mut self, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut().filter(|member| member.passed_over) {
             member.passed_over = false;
-            self.passed_over.remove(agent);
-            self.place(agent);
+            self.passed_over.remove(&id);
+            self.place(id);
         }
     }
 
     /// Something has changed: who was passed over may bid again.
     pub(super) fn ask_again(&mut self) {
-        for agent in std::mem::take(&mut self.passed_over) {
-            if let Some(member) = self.members.get_mut(&agent) {
+        for id in std::mem::take(&mut self.passed_over) {
+            if let Some(member) = self.members[id.index()].as_mut() {
                 member.passed_over = false;
-                self.place(&agent);
+                self.place(id);
             }
         }
     }
 
     /// Who has rested long enough may bid again.
     pub(super) fn wake(&mut self, now: Time) {
-        while let Some((until, agent)) = self.resting.first().filter(|(until, _)| *until <= now).cloned() {
-            self.resting.remove(&(until, agent.clone()));
-            if let Some(member) = self.members.get_mut(&agent) {
+        while let Some((until, id)) = self.resting.first().filter(|(until, _)| *until <= now).copied() {
+            self.resting.remove(&(until, id));
+            if let Some(member) = self.members[id.index()].as_mut() {
                 member.rests_until = None;
-                self.place(&agent);
+                self.place(id);
             }
         }
     }
 
-    pub(super) fn names(&self) -> Vec<AgentId> {
-        self.members.keys().cloned().collect()
+    /// All who are here.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Member> {
+        self.members.iter().flatten()
+    }
+
+    /// Their names.
+    pub(super) fn present(&self) -> Vec<AgentId> {
+        self.iter().map(|member| member.row.agent.clone()).collect()
     }
 
     /// Agents that have said nothing since `since`.
-    pub(super) fn silent(&self, since: Time) -> Vec<AgentId> {
-        self.members.values().filter(|member| member.heard < since).map(|member| member.row.agent.clone()).collect()
+    pub(super) fn silent(&self, since: Time) -> Vec<MemberId> {
+        self.iter().filter(|member| member.heard < since).map(|member| member.id).collect()
     }
 
     /// Of those who have room for a zone to profile the one that would be through first.
-    pub(super) fn freest(&self) -> Option<AgentId> {
-        self.profiling.first().map(|(_, agent)| agent.clone())
+    pub(super) fn freest(&self) -> Option<MemberId> {
+        self.profiling.first().map(|(_, id)| *id)
     }
 
     /// Who may bid, the first to be idle first; `count_max` of them.
-    pub(super) fn bidders(&self, count_max: usize) -> Vec<AgentId> {
-        self.free.iter().take(count_max).map(|(_, agent)| agent.clone()).collect()
+    pub(super) fn bidders(&self, count_max: usize) -> Vec<MemberId> {
+        self.free.iter().take(count_max).map(|(_, id)| *id).collect()
     }
 
     /// Whether anybody was passed over and not asked again since.
@@ -285,16 +316,16 @@ impl Roster {
     }
 
     /// Some of those who have nothing at all to do.
-    pub(super) fn idle(&self, count_max: usize) -> Vec<AgentId> {
-        let free = self.free.iter().filter_map(|(_, agent)| self.members.get(agent));
-        free.filter(|member| member.is_idle()).take(count_max).map(|member| member.row.agent.clone()).collect()
+    pub(super) fn idle(&self, count_max: usize) -> Vec<MemberId> {
+        let free = self.free.iter().filter_map(|(_, id)| self.get(*id));
+        free.filter(|member| member.is_idle()).take(count_max).map(|member| member.id).collect()
     }
 
     /// Those who will need longest, and those who need longer than was expected.
     pub(super) fn laggards(&self, now: Time, count_max: usize) -> impl Iterator<Item = &Member> {
         let late = self.laden.iter().take_while(move |(ready, _)| *ready < now).take(count_max);
         let last = self.laden.iter().rev().take_while(move |(ready, _)| *ready >= now).take(count_max);
-        late.chain(last).filter_map(|(_, agent)| self.members.get(agent))
+        late.chain(last).filter_map(|(_, id)| self.get(*id))
     }
 
     /// Speed and readiness of all who could take a zone.
@@ -304,6 +335,21 @@ impl Roster {
 }
 
 impl Member {
+    fn new(id: MemberId, now: Time, row: AgentRow) -> Self {
+        Self {
+            id,
+            row,
+            heard: now,
+            rests_until: None,
+            passed_over: false,
+            round: None,
+            hands: 0,
+            load: Duration::ZERO,
+            ready: now,
+            places: Places::default(),
+        }
+    }
+
     /// Whether it has nothing at all to do, and would do something.
     pub(super) fn is_idle(&self) -> bool {
         self.hands == 0 && self.rests_until.is_none() && self.round.is_none()

@@ -31,15 +31,15 @@ impl Master {
         self.owed.remove(&row.zone);
         if let Some(cut) = row.cut.filter(|cut| self.board.zone(cut.zone).is_none()) {
             self.owed.insert(cut.zone, row.zone);
+            self.due.push(cut.zone);
         }
     }
 
     /// Writes the rows of what was cut off. The row of the zone that was cut is the word that counts: a Master that dies
     /// in between is followed by one that finds it.
     pub(super) fn write_offcuts(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let missing = self.owed.iter().filter(|(piece, _)| !self.writes.contains_key(piece));
-        let zones: Vec<ZoneId> = missing.map(|(_, &zone)| zone).collect();
-        for zone in zones {
+        while let Some(piece) = self.due.pop() {
+            let Some(&zone) = self.owed.get(&piece).filter(|_| !self.writes.contains_key(&piece)) else { continue };
             if let Some(row) = self.board.zone(zone).and_then(|(_, row)| row.offcut()) {
                 self.write(now, row, Then::TakenBack, actions);
             }
@@ -48,7 +48,7 @@ impl Master {
 
     /// An agent has just finished something. If there is nothing for it to do, it may take over what another is too slow
     /// with.
-    pub(super) fn help_out(&mut self, now: Time, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+    pub(super) fn help_out(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
         if !self.config.shares_tail
             || self.stopping
             || !self.ledger.open.is_empty()
@@ -57,7 +57,7 @@ impl Master {
             return;
         }
         let Some(helper) = self.roster.get(agent).filter(|member| member.is_idle()) else { return };
-        let own = helper.own();
+        let (own, name) = (helper.own(), self.roster.name(agent));
         let worth_it = |zone: ZoneId, ready: Time| {
             let (_, row) = self.board.zone(zone)?;
             let is_free = row.state == ZoneState::Awarded && row.rival.is_none() && !self.writes.contains_key(&zone);
@@ -69,19 +69,17 @@ impl Master {
             };
             let takes = own * row.time_estimated?.as_secs_f64();
             let gain = takes < WORTH_IT * left.as_secs_f64();
-            (is_free && gain && row.agent.as_ref() != Some(agent)).then(|| row.clone())
+            (is_free && gain && row.agent.as_ref() != Some(name)).then_some(zone)
         };
         let zones = self.roster.laggards(now, LAGGARDS_MAX).flat_map(|member| {
-            let hands = self.ledger.hands(&member.row.agent);
             // The last one it will come to last.
-            hands.into_iter().rev().map(|zone| (zone, member.ready))
+            self.ledger.hands(member.id).rev().map(|zone| (zone, member.ready))
         });
         let found = zones.into_iter().find_map(|(zone, ready)| worth_it(zone, ready));
-        let Some(row) = found else { return };
-        let Some((revision, _)) = self.board.zone(row.zone) else { return };
+        let Some((revision, row)) = found.and_then(|zone| self.board.zone(zone)) else { return };
         let rival = row.agent.clone().map(|agent| Rival { agent, fence: revision });
-        tracing::info!(zone = row.zone.0, %agent, "takes a zone over");
-        let row = ZoneRow { agent: Some(agent.clone()), rival, ..row };
+        tracing::info!(zone = row.zone.0, agent = %name, "takes a zone over");
+        let row = ZoneRow { agent: Some(name.clone()), rival, ..row.clone() };
         let conversation = self.number();
         self.write(now, row, Then::Order(conversation), actions);
     }
@@ -90,20 +88,20 @@ impl Master {
     pub(super) fn help_all(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         if self.begun && self.config.shares_tail && self.ledger.open.is_empty() {
             for agent in self.roster.idle(HELPERS_MAX) {
-                self.help_out(now, &agent, actions);
+                self.help_out(now, agent, actions);
             }
         }
     }
 
     /// Of a zone that two agents have and that `row` says to be painted: who has it in vain, under which token.
-    pub(super) fn rivals(&self, row: &ZoneRow) -> Option<(ZoneId, Vec<(AgentId, Revision)>)> {
+    pub(super) fn rivals(&self, row: &ZoneRow) -> Option<Vec<(AgentId, Revision)>> {
         let (revision, before) = self.board.zone(row.zone)?;
         if before.rival.is_none() || !row.is_settled() {
             return None;
         }
         let vain = before.holders().filter(|agent| row.agent.as_ref() != Some(agent));
         let vain = vain.filter_map(|agent| Some((agent.clone(), before.fence_of(agent, revision)?)));
-        Some((row.zone, vain.collect()))
+        Some(vain.collect())
     }
 
     /// A zone that two agents had is painted: the other one may stop.

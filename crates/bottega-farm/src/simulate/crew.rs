@@ -140,8 +140,8 @@ impl Crew {
     pub fn least_time(&self, start: Duration, work: f64) -> Option<Duration> {
         // The speed of all together changes at some moments only, and adds up to work in between.
         let mut changes: Vec<(f64, f64)> = Vec::new();
-        for (index, machine) in self.machines.iter().enumerate() {
-            changes.extend(self.speed_changes(index, machine));
+        for (machine, marks) in self.machines.iter().zip(self.marks()) {
+            changes.extend(speed_changes(machine, marks));
         }
         changes.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (mut now, mut speed, mut left) = (start.as_secs_f64(), 0.0, work);
@@ -158,31 +158,56 @@ impl Crew {
         (speed > 1e-12).then(|| Duration::try_from_secs_f64(now + left / speed).ok()).flatten()
     }
 
-    /// When a machine's speed changes by how much: it counts while one of its agents is there.
-    fn speed_changes(&self, index: usize, machine: &MachineSpec) -> Vec<(f64, f64)> {
-        let mut marks: Vec<(f64, i32, f64)> = Vec::new();
-        for (number, agent) in self.agents.iter().enumerate().filter(|(_, agent)| agent.machine == index) {
-            marks.push((agent.joins.as_secs_f64(), 1, 1.0));
-            let own = self.incidents.iter().filter(|incident| incident.agent == number);
-            let gone = own.clone().filter(|incident| !matches!(incident.kind, IncidentKind::Slow(_)));
-            marks.extend(gone.map(|incident| incident.at).min().map(|at| (at.as_secs_f64(), -1, 1.0)));
-            marks.extend(own.filter_map(|incident| match incident.kind {
-                IncidentKind::Slow(factor) => Some((incident.at.as_secs_f64(), 0, factor.recip())),
-                _ => None,
-            }));
+    /// Of each machine when what happens to it.
+    fn marks(&self) -> Vec<Vec<Mark>> {
+        let mut marks: Vec<Vec<Mark>> = vec![Vec::new(); self.machines.len()];
+        let mut gone: Vec<Option<Duration>> = vec![None; self.agents.len()];
+        for agent in &self.agents {
+            marks[agent.machine].push(Mark { at: agent.joins.as_secs_f64(), come: 1, factor: 1.0 });
         }
-        marks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);
-        let mut changes = Vec::new();
-        for (at, come, factor) in marks {
-            present += come;
-            speed *= factor;
-            let counts = if present > 0 { speed } else { 0.0 };
-            changes.push((at, counts - counted));
-            counted = counts;
+        for incident in &self.incidents {
+            match incident.kind {
+                IncidentKind::Slow(factor) => {
+                    let mark = Mark { at: incident.at.as_secs_f64(), come: 0, factor: factor.recip() };
+                    marks[self.agents[incident.agent].machine].push(mark);
+                }
+                IncidentKind::Fail | IncidentKind::Leave => {
+                    let first = &mut gone[incident.agent];
+                    *first = Some(first.map_or(incident.at, |first| first.min(incident.at)));
+                }
+            }
         }
-        changes
+        for (agent, gone) in self.agents.iter().zip(gone) {
+            marks[agent.machine].extend(gone.map(|at| Mark { at: at.as_secs_f64(), come: -1, factor: 1.0 }));
+        }
+        marks
     }
+}
+
+/// Something that happens to a machine.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    /// In seconds.
+    at: f64,
+    /// How many of its agents come.
+    come: i32,
+    /// By how much it becomes faster.
+    factor: f64,
+}
+
+/// When a machine's speed changes by how much: it counts while one of its agents is there.
+fn speed_changes(machine: &MachineSpec, mut marks: Vec<Mark>) -> Vec<(f64, f64)> {
+    marks.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);
+    let mut changes = Vec::new();
+    for Mark { at, come, factor } in marks {
+        present += come;
+        speed *= factor;
+        let counts = if present > 0 { speed } else { 0.0 };
+        changes.push((at, counts - counted));
+        counted = counts;
+    }
+    changes
 }
 
 impl FromStr for Crew {

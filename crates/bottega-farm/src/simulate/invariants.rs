@@ -3,8 +3,8 @@
 use bottega_agents::driver::Simulator;
 use bottega_image::Rect;
 
-use super::studio::Studio;
-use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, work_prefix};
+use super::{film::BROKEN_MAX, studio::Studio};
+use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
 /// Checks a run that has ended. Returns what does not hold; nothing, when all is well.
 ///
@@ -20,23 +20,23 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
     let film = &studio.film;
     let mut broken = film.broken.clone();
     let mut must = |holds: bool, what: &dyn Fn() -> String| {
-        if !holds && broken.len() < 2 * super::studio::BROKEN_MAX {
+        if !holds && broken.len() < 2 * BROKEN_MAX {
             broken.push(what());
         }
     };
     let Some((_, failed)) = &film.finished else { return broken };
     let mut zones: Vec<&ZoneRow> = Vec::with_capacity(work.zone_count as usize);
     let mut given_up: Vec<ZoneId> = Vec::new();
-    let prefix = work_prefix(work.work);
+    let prefix = WorkKeys::new(work.work).prefix();
     for entry in simulator.store().with_prefix(&prefix) {
         match &entry.value {
             FarmValue::Zone(row) => {
                 zones.push(row);
                 match (row.state, row.result) {
                     (ZoneState::Done, Some(ResultRef { fence, .. })) => {
-                        must(film.composed.contains(&row.zone), &|| format!("{} is done and not composed", row.zone));
+                        must(film.is_composed(row.zone), &|| format!("{} is done and not composed", row.zone));
                         must(film.is_valid(row.zone, fence), &|| format!("{} is done under {fence:?}", row.zone));
-                        let whose = film.orders.get(&(row.zone, fence)).map(|agent| &studio.names[*agent]);
+                        let whose = film.whose(row.zone, fence).map(|agent| &studio.names[agent]);
                         must(whose == row.agent.as_ref(), &|| format!("{} was painted by {whose:?}", row.zone));
                     }
                     (ZoneState::Failed, _) => given_up.push(row.zone),
@@ -52,7 +52,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
     given_up.sort_unstable();
     must(given_up == *failed, &|| format!("{given_up:?} were given up, and {failed:?} are told"));
     let done = zones.len() - given_up.len();
-    must(done == film.composed.len(), &|| format!("{done} zones are done, and {} composed", film.composed.len()));
+    must(done == film.composed_count(), &|| format!("{done} zones are done, and {} composed", film.composed_count()));
     let rects: Vec<Rect> = zones.iter().filter(|row| row.root.is_none()).map(|row| row.rect).collect();
     must(Partition::covers(work.settings.frame, &rects), &|| "the zones do not cover the frame once".to_owned());
     for root in torn(&mut zones, &work.settings.frame) {
@@ -61,7 +61,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
     for name in &studio.names {
         let Some(FarmAgent::Render(agent)) = simulator.machine(name) else { continue };
         for (zone, fence) in agent.hands() {
-            let valid = film.is_valid(zone, fence) && !film.is_taken_over(zone) && film.composed.contains(&zone);
+            let valid = film.is_valid(zone, fence) && !film.is_taken_over(zone) && film.is_composed(zone);
             must(!valid, &|| format!("{name} still has {zone} in hand under a valid order"));
         }
     }

@@ -6,6 +6,7 @@
 //! painted twice or taken from one who had no right to it any more.
 
 mod crew;
+mod film;
 mod invariants;
 mod machines;
 mod record;
@@ -32,7 +33,7 @@ pub use self::{
 };
 use crate::{
     AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
-    RelativePower, RenderAgent, RenderAgentConfig, Timing, contents::message, protocol, work_key, zone_key,
+    RelativePower, RenderAgent, RenderAgentConfig, Timing, WorkKeys, contents::message, protocol,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -198,7 +199,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
         return Err(SimulationError::Abandoned { reason: reason.clone() });
     }
     let Some((end, failed)) = film.finished.clone() else {
-        let painted = film.composed.len();
+        let painted = film.composed_count();
         return Err(SimulationError::Unfinished { after: limit, painted, zones: piece.zone_count() });
     };
     play.simulator.run_until(end + AFTERWARDS);
@@ -323,11 +324,12 @@ impl<'a> Play<'a> {
         let name = |index: usize| self.simulator.world().names[index].clone();
         match what {
             Happening::Analyzed => {
-                for row in &self.piece.rows {
-                    self.simulator.put(zone_key(row.work, row.zone), FarmValue::Zone(Arc::new(row.clone())));
+                let work = FarmValue::Work(Arc::new(self.piece.work.clone()));
+                let zones = self.piece.rows().map(|row| FarmValue::Zone(Arc::new(row)));
+                let keys = WorkKeys::new(self.piece.work.work);
+                for value in zones.chain([work]) {
+                    self.simulator.put(keys.of(&value), value);
                 }
-                let work = self.piece.work.clone();
-                self.simulator.put(work_key(work.work), FarmValue::Work(Arc::new(work)));
             }
             Happening::Joins(index) => {
                 let (plan, id) = (self.plan, name(index));

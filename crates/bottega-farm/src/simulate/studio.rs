@@ -1,18 +1,15 @@
 //! The world of a simulation: machines that paint, and the film.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-    time::Duration,
-};
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
-    AgentId, Revision, Time,
-    bus::BlobId,
+    AgentId, Time,
     driver::{Random, World},
 };
+use rustc_hash::FxHashMap;
 
 use super::{
+    film::{FilmLog, digest},
     machines::{Job, Machines},
     workpiece::Workpiece,
 };
@@ -22,8 +19,6 @@ use crate::{FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, Rela
 const BENCHMARK: Duration = Duration::from_millis(6);
 /// Spans that are kept at most; more is counted, not shown.
 pub const SPANS_MAX: usize = 1 << 22;
-/// Broken invariants that are told.
-pub(super) const BROKEN_MAX: usize = 16;
 
 /// A piece of an agent's time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +64,8 @@ pub(super) struct Seat {
 pub(super) struct Studio {
     piece: Arc<Workpiece>,
     machines: Machines,
-    index: BTreeMap<AgentId, usize>,
+    /// A hash map, for speed: never gone through.
+    index: FxHashMap<AgentId, usize>,
     pub(super) names: Vec<AgentId>,
     pub(super) seats: Vec<Seat>,
     /// Share of orders that fail.
@@ -83,69 +79,13 @@ pub(super) struct Studio {
     pub(super) film: FilmLog,
 }
 
-/// What the film of the present Master has been told.
-#[derive(Debug, Default)]
-pub(super) struct FilmLog {
-    /// Films that were begun: one for each life of a Master that got so far.
-    pub(super) films: u32,
-    pub(super) composed: BTreeSet<ZoneId>,
-    /// The orders that were begun, and whose they were, by index.
-    pub(super) orders: BTreeMap<(ZoneId, Revision), usize>,
-    /// Orders that count though there are later ones, because a zone was taken over.
-    rivals: BTreeSet<(ZoneId, Revision)>,
-    pub(super) finished: Option<(Time, Vec<ZoneId>)>,
-    pub(super) abandoned: Option<String>,
-    pub(super) broken: Vec<String>,
-}
-
-impl FilmLog {
-    pub(super) fn is_over(&self) -> bool {
-        self.finished.is_some() || self.abandoned.is_some()
-    }
-
-    pub(super) fn must(&mut self, holds: bool, what: impl FnOnce() -> String) {
-        if !holds && self.broken.len() < BROKEN_MAX {
-            self.broken.push(what());
-        }
-    }
-
-    fn compose(&mut self, zone: ZoneId, result: &ResultRef) {
-        let fresh = self.composed.insert(zone);
-        self.must(fresh, || format!("{zone} is composed twice"));
-        let painted = result.digest == digest(zone, result.samples, result.fence);
-        self.must(painted, || format!("{zone} is composed of samples that nobody painted"));
-        let valid = self.is_valid(zone, result.fence);
-        self.must(valid, || format!("{zone} is composed under {:?}, and there is a later order", result.fence));
-    }
-
-    /// Whether two agents had a valid order for a zone at a time.
-    pub(super) fn is_taken_over(&self, zone: ZoneId) -> bool {
-        self.rivals.range((zone, Revision(0))..=(zone, Revision(u64::MAX))).next().is_some()
-    }
-
-    /// Whether samples of this order may be used: it is the latest that was begun, or counts beside that.
-    pub(super) fn is_valid(&self, zone: ZoneId, fence: Revision) -> bool {
-        let mut orders = self.orders.range((zone, Revision(0))..=(zone, Revision(u64::MAX)));
-        let newest = orders.next_back().map(|((_, newest), _)| *newest);
-        newest == Some(fence) || self.rivals.contains(&(zone, fence))
-    }
-}
-
-/// Stands for the samples that were painted under an order.
-fn digest(zone: ZoneId, samples: u32, fence: Revision) -> BlobId {
-    let mut digest = [0; 32];
-    digest[..4].copy_from_slice(&zone.0.to_le_bytes());
-    digest[4..8].copy_from_slice(&samples.to_le_bytes());
-    digest[8..16].copy_from_slice(&fence.0.to_le_bytes());
-    BlobId(digest)
-}
-
 impl Studio {
     pub(super) fn new(piece: Arc<Workpiece>, fetch: Duration, failures: f64, seed: u64) -> Self {
         Self {
+            film: FilmLog::new(piece.zone_count()),
             piece,
             machines: Machines::default(),
-            index: BTreeMap::new(),
+            index: FxHashMap::default(),
             names: Vec::new(),
             seats: Vec::new(),
             failures,
@@ -154,7 +94,6 @@ impl Studio {
             done: Vec::new(),
             spans: Vec::new(),
             spans_left_out: 0,
-            film: FilmLog::default(),
         }
     }
 
@@ -174,7 +113,7 @@ impl Studio {
     }
 
     fn begin(&mut self, now: Time, agent: usize, order: &PaintOrder) {
-        self.film.orders.insert((order.zone, order.fence), agent);
+        self.film.order(order.zone, order.fence, agent);
         let (left, width) = self.piece.cost(order);
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
@@ -232,20 +171,17 @@ impl World<FarmAgent> for Studio {
             }
             (FarmEffect::Paint(order), Some(index)) => self.begin(now, index, &order),
             (FarmEffect::BeginFilm(_), _) => {
-                self.film.films += 1;
-                self.film.composed.clear();
+                self.film.begin();
             }
             (FarmEffect::Compose { zone, result, .. }, _) => {
                 self.film.compose(zone, &result);
                 // A piece takes as long as its zone at most.
-                let pixels = self.piece.rows.get(zone.index()).map_or(0, crate::ZoneRow::size);
+                let pixels = self.piece.rect(zone).map_or(0, |rect| rect.area());
                 let time = Duration::from_secs_f64(self.piece.composition_per_pixel * pixels as f64);
                 reports.push((time, FarmCompletion::Composed { zone, outcome: Ok(()) }));
             }
             (FarmEffect::Finish { failed }, _) => {
-                let first = self.film.finished.is_none();
-                self.film.must(first, || "the work ends twice".to_owned());
-                self.film.finished = Some((now, failed));
+                self.film.finish(now, failed);
             }
             (FarmEffect::Abandon { reason }, _) => self.film.abandoned = Some(reason),
             (FarmEffect::Survey { .. }, _) => {
@@ -260,7 +196,9 @@ impl World<FarmAgent> for Studio {
                 }
             }
             (FarmEffect::ZoneChanged(row), _) => {
-                self.film.rivals.extend(row.rival.as_ref().map(|rival| (row.zone, rival.fence)));
+                if let Some(rival) = &row.rival {
+                    self.film.take_over(row.zone, rival.fence);
+                }
             }
             (FarmEffect::Analyzed { .. }, _)
             | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. }, None) => {}

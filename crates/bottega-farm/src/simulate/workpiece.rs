@@ -22,7 +22,8 @@ const SIDE: u32 = 64;
 #[derive(Clone, Debug)]
 pub struct Workpiece {
     pub(super) work: WorkRow,
-    pub(super) rows: Vec<ZoneRow>,
+    /// By id.
+    zones: Vec<Zone>,
     costs: Costs,
     /// How long the work is looked at before there are zones.
     pub(super) survey: Duration,
@@ -32,6 +33,20 @@ pub struct Workpiece {
     pub(super) composition_per_pixel: f64,
     /// V_cp of the machine whose speed counts as 1.
     pub(super) relative_power: f64,
+}
+
+/// What the Analyst says of a zone.
+#[derive(Clone, Copy, Debug)]
+struct Zone {
+    rect: Rect,
+    complexity: f64,
+    difference: NeighborDifference,
+}
+
+impl Zone {
+    fn row(&self, index: usize) -> ZoneRow {
+        ZoneRow::open(WORK, ZoneId::of_index(index), self.rect, self.complexity, self.difference)
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -91,17 +106,18 @@ impl Workpiece {
         for zone in &record.zones {
             for rect in parts(zone.rect, scale) {
                 let share = rect.area() as f64 / zone.rect.area() as f64;
-                zones.push((rect, zone.complexity * share, zone.neighbor_difference));
+                let complexity = zone.complexity * share;
+                zones.push(Zone { rect, complexity, difference: zone.neighbor_difference });
             }
         }
-        zones.sort_unstable_by_key(|(rect, ..)| (rect.y0, rect.x0));
+        zones.sort_unstable_by_key(|zone| (zone.rect.y0, zone.rect.x0));
         let pixels = record.work.frame.area() as f64;
         Ok(Self {
             composition_per_pixel: record.composition.as_secs_f64() / pixels,
             survey: record.survey,
             preparation: record.preparation,
             relative_power: record.relative_power,
-            ..Self::new(record.work, &zones, Costs::Recorded(Box::new(record.clone())))
+            ..Self::new(record.work, zones, Costs::Recorded(Box::new(record.clone())))
         })
     }
 
@@ -125,7 +141,8 @@ impl Workpiece {
             }
             let mut log_normal = |spread: f64| (spread * normal(&mut random) - spread * spread / 2.0).exp();
             let seconds = spread.mean_seconds * log_normal(spread.zones) / f64::from(SAMPLES);
-            zones.push((rect, seconds * log_normal(spread.prediction), NeighborDifference::default()));
+            let complexity = seconds * log_normal(spread.prediction);
+            zones.push(Zone { rect, complexity, difference: NeighborDifference::default() });
             let profiling = (seconds * log_normal(spread.profiling)) as f32;
             costs.push(SyntheticCost { profiling, painting: seconds as f32 });
         }
@@ -138,19 +155,14 @@ impl Workpiece {
             tunables,
             optimization: Optimization::Off,
         };
-        Ok(Self::new(settings, &zones, Costs::Synthetic(costs, columns)))
+        Ok(Self::new(settings, zones, Costs::Synthetic(costs, columns)))
     }
 
-    /// - `zones`: rectangle, complexity and Neighbor Difference, by id.
-    fn new(settings: WorkSettings, zones: &[(Rect, f64, NeighborDifference)], costs: Costs) -> Self {
-        let row = |(index, &(rect, complexity, difference)): (usize, &(Rect, f64, NeighborDifference))| {
-            ZoneRow::open(WORK, ZoneId::of_index(index), rect, complexity, difference)
-        };
-        let rows: Vec<ZoneRow> = zones.iter().enumerate().map(row).collect();
-        let work = WorkRow { work: WORK, settings, zone_count: rows.len() as u32, ranges: InputRanges::of(&rows) };
+    fn new(settings: WorkSettings, zones: Vec<Zone>, costs: Costs) -> Self {
+        let ranges = InputRanges::of(zones.iter().enumerate().map(|(index, zone)| zone.row(index)));
         Self {
-            work,
-            rows,
+            work: WorkRow { work: WORK, settings, zone_count: zones.len() as u32, ranges },
+            zones,
             costs,
             survey: Duration::ZERO,
             preparation: Duration::ZERO,
@@ -166,7 +178,17 @@ impl Workpiece {
 
     /// How many zones it has.
     pub fn zone_count(&self) -> usize {
-        self.rows.len()
+        self.zones.len()
+    }
+
+    /// The rows of all zones as the Analyst puts them on the Blackboard.
+    pub(super) fn rows(&self) -> impl Iterator<Item = ZoneRow> {
+        self.zones.iter().enumerate().map(|(index, zone)| zone.row(index))
+    }
+
+    /// The pixels of a zone, without its band; `None`: it is none of the Analyst's.
+    pub(super) fn rect(&self, zone: ZoneId) -> Option<Rect> {
+        self.zones.get(zone.index()).map(|zone| zone.rect)
     }
 
     /// Processor time of an order at speed 1, in seconds, and the processors that it can keep busy.
@@ -174,7 +196,7 @@ impl Workpiece {
         match &self.costs {
             Costs::Recorded(record) => {
                 // With its band a zone's middle may lie in another one.
-                let own = self.rows.get(order.zone.index()).map(|row| row.rect);
+                let own = self.rect(order.zone);
                 let own = own.filter(|own| order.rect.encloses(own)).unwrap_or(order.rect);
                 recorded_cost(record, &own, order)
             }
@@ -183,7 +205,7 @@ impl Workpiece {
                 let index = (order.rect.y0 / SIDE) as usize * columns + (order.rect.x0 / SIDE) as usize;
                 let index = index.min(costs.len() - 1);
                 let SyntheticCost { profiling, painting } = costs[index];
-                let share = order.rect.area() as f64 / self.rows[index].rect.area() as f64;
+                let share = order.rect.area() as f64 / self.zones[index].rect.area() as f64;
                 let early = self.profile_samples().min(order.samples.end).saturating_sub(order.samples.start);
                 let all = order.samples.end.saturating_sub(order.samples.start);
                 let seconds = f64::from(early) * f64::from(profiling) + f64::from(all - early) * f64::from(painting);
@@ -199,14 +221,14 @@ impl Workpiece {
     /// Processor time of each zone at speed 1, in seconds, if it is painted as it was.
     pub fn zone_seconds(&self) -> impl Iterator<Item = f64> {
         let samples = self.work.settings.samples;
-        self.rows.iter().map(move |row| match &self.costs {
-            Costs::Recorded(record) => share_of_recorded(record, &row.rect, &row.rect)
+        self.zones.iter().enumerate().map(move |(index, zone)| match &self.costs {
+            Costs::Recorded(record) => share_of_recorded(record, &zone.rect, &zone.rect)
                 .map_or(0.0, |(zone, share)| zone.total().as_secs_f64() * share),
             Costs::Synthetic(..) => {
                 let order = PaintOrder {
-                    zone: row.zone,
+                    zone: ZoneId::of_index(index),
                     fence: bottega_agents::Revision::ABSENT,
-                    rect: row.rect,
+                    rect: zone.rect,
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
                     from: None,
@@ -284,7 +306,7 @@ mod tests {
         for scale in [1, 2, 3, 7] {
             let piece = Workpiece::recorded(&record, scale).unwrap();
             assert_eq!(piece.zone_count(), 2 * scale as usize);
-            let rects: Vec<Rect> = piece.rows.iter().map(|row| row.rect).collect();
+            let rects: Vec<Rect> = piece.rows().map(|row| row.rect).collect();
             assert!(Partition::covers(record.work.frame, &rects));
             let all: f64 = piece.zone_seconds().sum();
             assert!((all - 3.0).abs() < 1e-6, "{scale}: {all}");
@@ -296,7 +318,7 @@ mod tests {
     fn synthetic_zones_cover_their_frame_and_have_the_mean_asked_for() {
         for count in [1, 2, 7, 5000] {
             let piece = Workpiece::synthetic(count, &SyntheticSpread::default(), 3).unwrap();
-            let rects: Vec<Rect> = piece.rows.iter().map(|row| row.rect).collect();
+            let rects: Vec<Rect> = piece.rows().map(|row| row.rect).collect();
             assert!(Partition::covers(piece.settings().frame, &rects), "{count}");
             if count == 5000 {
                 let mean = piece.zone_seconds().sum::<f64>() / count as f64;

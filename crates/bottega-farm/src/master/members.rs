@@ -1,0 +1,191 @@
+//! What agents say to the Master, how it knows that they live, and what it does when they do not.
+
+use super::*;
+
+impl Master {
+    pub(super) fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+        let sender = self.roster.find(&message.sender);
+        if let Some(sender) = sender {
+            self.roster.hear(now, sender);
+        }
+        match (message.performative, &message.content) {
+            (Performative::Subscribe, FarmContent::Subscription { power, lanes }) => {
+                let member = sender.and_then(|sender| self.roster.get(sender)).map(|member| &member.row);
+                let credit = member.or_else(|| self.board.agent(&message.sender)).map_or(0.0, |row| row.credit);
+                let lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
+                self.subscribe(
+                    now,
+                    message,
+                    AgentRow { agent: message.sender.clone(), power: *power, lanes, credit },
+                    actions,
+                );
+            }
+            (Performative::Cancel, FarmContent::Unsubscription) => {
+                if let Some(sender) = sender {
+                    self.dismiss(now, sender, actions);
+                }
+            }
+            (Performative::Inform, FarmContent::Alive { power, hands }) => {
+                let known = sender.filter(|&id| self.roster.update(id, |row| row.power = *power).is_some());
+                let Some(sender) = known else {
+                    return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
+                };
+                self.repeat_orders(now, sender, hands, actions);
+            }
+            (Performative::Propose, FarmContent::Bids { room, bids }) => {
+                let proposal = Proposal { room: (*room).min(self.config.prefetch), bids: bids.clone() };
+                self.take_bid(message.conversation_id, sender, Some(proposal));
+            }
+            (Performative::Refuse, FarmContent::Nothing) => {
+                if let Some(sender) = sender {
+                    self.roster.rest(sender, now + self.config.timing.heartbeat);
+                }
+                self.take_bid(message.conversation_id, sender, None);
+            }
+            (Performative::Inform | Performative::Failure, FarmContent::Report(report)) => {
+                self.take_report(now, message, report, actions);
+            }
+            (Performative::Inform, FarmContent::Analyzed(_)) | (Performative::NotUnderstood, _) => {}
+            _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
+        }
+    }
+
+    /// Workflow, steps 1 and 4: the agent is on the list, and is told of the scene when there is one.
+    fn subscribe(&mut self, now: Time, message: &FarmMessage, row: AgentRow, actions: &mut Vec<FarmAction>) {
+        let Some(id) = self.roster.join(now, row.clone()) else {
+            return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
+        };
+        self.refresh_hands(now, id);
+        self.answer(message, Performative::Agree, FarmContent::Subscribed, actions);
+        self.introduce(std::slice::from_ref(&row.agent), actions);
+        self.put_agent(row, actions);
+    }
+
+    pub(super) fn introduce(&self, agents: &[AgentId], actions: &mut Vec<FarmAction>) {
+        if let Some(work) = self.board.work().filter(|_| self.begun && !agents.is_empty()) {
+            let scene = FarmContent::Scene(work.clone());
+            let to = agents.to_vec();
+            let inform = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, scene);
+            actions.push(FarmAction::Send(inform));
+        }
+    }
+
+    /// An agent is gone: what it had in hand is open again, or its rival's.
+    fn dismiss(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+        let round = self.roster.leave(agent).and_then(|member| member.round);
+        if let Some(round) = round.and_then(|round| self.rounds.get_mut(&round)) {
+            round.awaited.retain(|other| *other != agent);
+            round.proposals.retain(|(other, _)| *other != agent);
+        }
+        self.take_all_back(now, agent, actions);
+    }
+
+    fn take_all_back(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+        let (zones, name) = (self.ledger.hands(agent).collect::<Vec<_>>(), self.roster.name(agent).clone());
+        for zone in zones {
+            self.take_back(now, zone, &name, actions);
+        }
+    }
+
+    /// A zone is no longer in this agent's hand.
+    fn take_back(&mut self, now: Time, zone: ZoneId, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+        if let Some((_, row)) = self.board.zone(zone)
+            && row.is_in_hand()
+            && !self.writes.contains_key(&zone)
+        {
+            let is_here = |other: &AgentId| other != agent && self.roster.get_by_name(other).is_some();
+            let row = match (&row.agent, &row.rival) {
+                // The other one goes on, under the token that it has.
+                (Some(other), _) if is_here(other) => return,
+                (Some(_), Some(rival)) if is_here(&rival.agent) => ZoneRow { agent: None, ..row.clone() },
+                _ => row.taken_back(),
+            };
+            self.write(now, row, Then::TakenBack, actions);
+        }
+    }
+
+    /// An agent does not know of an order that it should have: it was lost on the way, or with the agent's memory.
+    fn repeat_orders(
+        &mut self,
+        now: Time,
+        agent: MemberId,
+        known: &[(ZoneId, Revision)],
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let missing = |zone: &ZoneId| self.board.zone(*zone).is_some_and(|(_, row)| {
+            let revision = self.board.revision(*zone);
+            let fence = row.fence_of(self.roster.name(agent), revision);
+            let is_known = fence.is_none_or(|fence| known.contains(&(*zone, fence)));
+            let being_written = self.writes.contains_key(zone);
+            let on_its_way = self.sent.get(zone).is_some_and(|&sent| now < sent + self.config.timing.heartbeat);
+            !is_known && !being_written && !on_its_way
+        });
+        let zones: Vec<ZoneId> = self.ledger.hands(agent).filter(missing).collect();
+        for zone in zones {
+            let Some((revision, row)) = self.board.shared(zone) else { continue };
+            match &row.agent {
+                Some(other) if other == self.roster.name(agent) => {
+                    let (row, conversation) = (Arc::clone(row), self.number());
+                    self.send_order(now, &row, revision, conversation, actions);
+                }
+                // Another has taken it over.
+                Some(_) => {}
+                // Its order is older than the row, so it cannot be given again.
+                None => {
+                    let row = row.taken_back();
+                    self.write(now, row, Then::TakenBack, actions);
+                }
+            }
+        }
+    }
+
+    pub(super) fn send_order(
+        &mut self,
+        now: Time,
+        row: &Arc<ZoneRow>,
+        fence: Revision,
+        conversation: u64,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
+        let order = Order { work: work.clone(), row: row.clone(), fence };
+        let (performative, protocol, content) = if row.state == ZoneState::Profiling {
+            (Performative::Request, protocol::REQUEST, FarmContent::Profile(order))
+        } else {
+            (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
+        };
+        let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
+        actions.push(FarmAction::Send(asking(order, conversation, None)));
+        self.sent.insert(row.zone, now);
+    }
+
+    pub(super) fn answer(
+        &self,
+        to: &FarmMessage,
+        performative: Performative,
+        content: FarmContent,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        actions.push(FarmAction::Send(answer(to, &self.config.id, performative, content)));
+    }
+
+    /// Looks for those who have fallen silent.
+    pub(super) fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        self.next_look = Some(now + self.config.timing.heartbeat);
+        self.roster.wake(now);
+        self.roster.ask_again();
+        let lease = self.config.timing.lease;
+        if now.elapsed() > lease {
+            for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {
+                tracing::info!(agent = %self.roster.name(agent), "agent fell silent");
+                self.dismiss(now, agent, actions);
+            }
+        }
+        let strangers: Vec<MemberId> =
+            self.ledger.holders().filter(|&agent| self.roster.get(agent).is_none()).collect();
+        for agent in strangers {
+            self.take_all_back(now, agent, actions);
+        }
+        self.help_all(now, actions);
+    }
+}

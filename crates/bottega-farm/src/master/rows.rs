@@ -1,0 +1,185 @@
+//! What the Master reads of the Blackboard, and what it writes there.
+
+use bottega_agents::Entry;
+
+use super::{ledger::Holders, *};
+use crate::compare_and_set;
+
+impl Master {
+    pub(super) fn start(&mut self, actions: &mut Vec<FarmAction>) {
+        for (&ticket, value) in &self.kept {
+            actions.push(self.put_kept(ticket, value));
+        }
+        let prefix = self.keys.prefix();
+        actions.push(FarmAction::Store { ticket: WATCH, request: StoreRequest::Watch { prefix } });
+    }
+
+    fn put_kept(&self, ticket: Ticket, value: &FarmValue) -> FarmAction {
+        FarmAction::Store { ticket, request: compare_and_set(&self.keys, Revision::ABSENT, value.clone()) }
+    }
+
+    pub(super) fn handle_store(&mut self, now: Time, ticket: Ticket, reply: StoreReply<FarmValue>, actions: &mut Vec<FarmAction>) {
+        if let Some(value) = self.kept.remove(&ticket) {
+            // Written, or there already; the watch reports it.
+            if reply == StoreReply::Unavailable {
+                actions.push(self.put_kept(ticket, &value));
+                self.kept.insert(ticket, value);
+            }
+            return;
+        }
+        match reply {
+            StoreReply::Changed(Entry { revision, value, .. }) => self.see(now, revision, value, actions),
+            StoreReply::CaughtUp => self.caught_up = true,
+            StoreReply::Written { revision, .. } => {
+                if let Some(write) = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone)) {
+                    let value = FarmValue::Zone(Arc::clone(&write.row));
+                    self.see(now, revision, value, actions);
+                }
+            }
+            StoreReply::Conflict { entry, .. } => {
+                let Some(zone) = self.tickets.get(&ticket).copied() else { return };
+                if let Some(Entry { revision, value, .. }) = entry {
+                    self.see(now, revision, value, actions);
+                }
+                // Somebody else wrote this row, and not what was to be written.
+                self.end_write(now, zone);
+            }
+            StoreReply::Unavailable => self.repeat_write(ticket, actions),
+            StoreReply::Got { .. } => {}
+        }
+    }
+
+    /// Takes in a row. It may be the one that is being written, seen by the watch before the answer or instead of it.
+    fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) {
+        match value {
+            FarmValue::Zone(row) => self.see_zone(now, revision, row, actions),
+            FarmValue::Agent(row) => {
+                // Known from an earlier life of this Master; its lease begins anew.
+                if self.roster.get_by_name(&row.agent).is_none()
+                    && let Some(id) = self.roster.join(now, row.clone())
+                {
+                    self.refresh_hands(now, id);
+                }
+                self.board.see(revision, FarmValue::Agent(row));
+            }
+            work @ FarmValue::Work(_) => _ = self.board.see(revision, work),
+        }
+    }
+
+    fn see_zone(&mut self, now: Time, revision: Revision, row: Arc<ZoneRow>, actions: &mut Vec<FarmAction>) {
+        let zone = row.zone;
+        if !self.board.is_news(zone, revision) {
+            return;
+        }
+        let rivals = self.rivals(&row);
+        self.board.see(revision, FarmValue::Zone(Arc::clone(&row)));
+        if let Some(rivals) = rivals {
+            self.withdraw(zone, rivals, actions);
+        }
+        actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(&row))));
+        self.sent.remove(&zone);
+        self.composition.see(&row);
+        self.note_cut(&row);
+        self.recalls |= row.state == ZoneState::Profiled;
+        match self.writes.get(&zone) {
+            Some(write) if revision > write.expected_revision => {
+                let is_written = Arc::ptr_eq(&write.row, &row) || write.row == row;
+                if let Some(write) = self.end_write(now, zone).filter(|_| is_written) {
+                    self.after_write(now, write, revision, actions);
+                }
+            }
+            _ => self.count(now, &row),
+        }
+    }
+
+    fn count(&mut self, now: Time, row: &ZoneRow) {
+        let mut holders: Holders = [None; 2];
+        for (place, agent) in holders.iter_mut().zip(row.holders()) {
+            *place = Some(self.roster.number(agent));
+        }
+        let mut changed = std::mem::take(&mut self.changed);
+        self.ledger.count(row, holders, &mut changed);
+        for agent in changed.drain(..) {
+            self.refresh_hands(now, agent);
+        }
+        self.changed = changed;
+    }
+
+    pub(super) fn refresh_hands(&mut self, now: Time, agent: MemberId) {
+        self.roster.set_hands(now, agent, self.ledger.load(agent));
+    }
+
+    /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
+    pub(super) fn write(&mut self, now: Time, row: impl Into<Arc<ZoneRow>>, then: Then, actions: &mut Vec<FarmAction>) {
+        let row = row.into();
+        let (zone, expected_revision) = (row.zone, self.board.revision(row.zone));
+        let ticket = Ticket(self.number());
+        let request = compare_and_set(&self.keys, expected_revision, FarmValue::Zone(Arc::clone(&row)));
+        actions.push(FarmAction::Store { ticket, request });
+        self.count(now, &row);
+        self.tickets.insert(ticket, zone);
+        let before = self.writes.insert(zone, Write { ticket, row, expected_revision, then });
+        assert!(before.is_none(), "there is one write for a zone at a time");
+    }
+
+    /// The store did not answer, and may have written or not. The same write again finds out.
+    fn repeat_write(&mut self, ticket: Ticket, actions: &mut Vec<FarmAction>) {
+        let Some(zone) = self.tickets.remove(&ticket) else { return };
+        let again = Ticket(self.number());
+        let Some(write) = self.writes.get_mut(&zone) else { return };
+        write.ticket = again;
+        self.tickets.insert(again, zone);
+        let request = compare_and_set(&self.keys, write.expected_revision, FarmValue::Zone(Arc::clone(&write.row)));
+        actions.push(FarmAction::Store { ticket: again, request });
+    }
+
+    /// A write has ended, well or not: from now on the zone counts as the Blackboard has it.
+    fn end_write(&mut self, now: Time, zone: ZoneId) -> Option<Write> {
+        let write = self.writes.remove(&zone);
+        if let Some(write) = &write {
+            self.tickets.remove(&write.ticket);
+        }
+        if let Some(row) = self.board.shared(zone).map(|(_, row)| Arc::clone(row)) {
+            self.count(now, &row);
+        } else if self.owed.contains_key(&zone) {
+            self.due.push(zone);
+        }
+        write
+    }
+
+    fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
+        match write.then {
+            Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
+            Then::Receive(confirmation) => {
+                let agent = confirmation.receivers.first().and_then(|agent| self.roster.find(agent));
+                actions.push(FarmAction::Send(*confirmation));
+                if write.row.state == ZoneState::Done {
+                    self.credit(&write.row, actions);
+                }
+                if let Some(agent) = agent {
+                    self.help_out(now, agent, actions);
+                }
+            }
+            Then::TakenBack => {}
+        }
+    }
+
+    /// Credit rises or falls in proportion to T_est − T.
+    fn credit(&mut self, row: &ZoneRow, actions: &mut Vec<FarmAction>) {
+        let (Some(estimated), Some(measured), Some(agent)) = (row.time_estimated, row.time_measured, &row.agent) else {
+            return;
+        };
+        let Some(id) = self.roster.find(agent) else { return };
+        if let Some(row) = self.roster.update(id, |row| row.credit = credit_after(row.credit, estimated, measured)) {
+            let row = row.clone();
+            self.put_agent(row, actions);
+        }
+    }
+
+    /// An agent's credit, power or lanes are on the Blackboard.
+    pub(super) fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
+        let (key, ticket) = (self.keys.agent(&row.agent), Ticket(self.number()));
+        let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
+        actions.push(FarmAction::Store { ticket, request });
+    }
+}
