@@ -78,7 +78,9 @@ mod tests {
 
     #[test]
     fn a_key_is_the_text_that_it_was_made_of() {
-        for text in ["", "/", "a", "work/7/zone/12", "work/7/zone/012", "7", "0", "00", "a/+3", "a/99999999999999999999"] {
+        for text in
+            ["", "/", "a", "work/7/zone/12", "work/7/zone/012", "7", "0", "00", "a/+3", "a/99999999999999999999"]
+        {
             assert_eq!(Key::from(text).to_string(), text);
         }
         let folder: Arc<str> = "work/1/".into();

@@ -98,7 +98,7 @@ pub struct Standing<'a> {
 ///
 /// - `offers`: largest first.
 pub fn award(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &Standing<'_>) -> Vec<Award> {
-    let mut bidders: Vec<Candidate> = bidders.into_iter().map(Candidate::new).collect();
+    let mut bidders: Vec<Candidate> = bidders.into_iter().map(|bidder| Candidate::new(bidder, offers)).collect();
     match rule {
         AuctionRule::Paper => by_credit(offers, &mut bidders),
         AuctionRule::FinishingTime => ByTime::new(offers, bidders, standing).award(),
@@ -108,53 +108,78 @@ pub fn award(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing
 /// A bidder during a round.
 struct Candidate {
     bidder: Bidder,
-    /// In seconds from now, in the order of zones.
-    finish: Vec<(ZoneId, f64)>,
+    /// When it would have finished each of the offers, in their order, by its own word; in seconds from now. `None`: it does
+    /// not bid for that one.
+    finish: Vec<Option<f64>>,
     room: u32,
     /// What it has won in this round, in its own seconds.
     won: f64,
 }
 
 impl Candidate {
-    fn new(bidder: Bidder) -> Self {
-        let bids = bidder.proposal.bids.iter().map(|bid| (bid.zone, bid.finish.as_secs_f64()));
-        let mut finish: Vec<(ZoneId, f64)> = bids.collect();
-        finish.sort_unstable_by_key(|(zone, _)| *zone);
+    fn new(bidder: Bidder, offers: &[Offer]) -> Self {
+        let bids = &bidder.proposal.bids;
+        let bid_for = |(place, offer): (usize, &Offer)| {
+            // They come in the order of the offers, unless something was taken away meanwhile.
+            let likely = bids.get(place).filter(|bid| bid.zone == offer.zone);
+            likely.or_else(|| bids.iter().find(|bid| bid.zone == offer.zone)).map(|bid| bid.finish.as_secs_f64())
+        };
+        let finish = offers.iter().enumerate().map(bid_for).collect();
         Self { finish, room: bidder.proposal.room, bidder, won: 0.0 }
     }
 
-    fn own(&self, offer: &Offer) -> f64 {
-        self.bidder.own * offer.time_estimated.as_secs_f64()
+    fn own(&self, lot: &Lot) -> f64 {
+        self.bidder.own * lot.time
     }
 
     /// When it would have finished a zone, by its own word and behind what it has won.
-    fn finish(&self, offer: &Offer) -> Option<f64> {
-        let found = self.finish.binary_search_by_key(&offer.zone, |(zone, _)| *zone);
-        found.ok().map(|place| self.finish[place].1 + self.won)
+    fn finish(&self, lot: &Lot) -> Option<f64> {
+        self.finish[lot.place].map(|finish| finish + self.won)
     }
 
-    fn bids_for(&self, offer: &Offer) -> bool {
-        self.finish(offer).is_some()
+    fn bids_for(&self, lot: &Lot) -> bool {
+        self.finish[lot.place].is_some()
     }
 
     /// When it would begin one.
-    fn ready(&self, offers: &[Offer]) -> f64 {
-        let begin = |offer: &Offer| Some((self.finish(offer)? - self.own(offer)).max(self.won));
-        offers.iter().find_map(begin).unwrap_or(self.won)
+    fn ready(&self, open: &[Lot]) -> f64 {
+        let begin = |lot: &Lot| Some((self.finish(lot)? - self.own(lot)).max(self.won));
+        open.iter().find_map(begin).unwrap_or(self.won)
+    }
+}
+
+/// An offer during a round.
+#[derive(Clone, Copy, Debug)]
+struct Lot {
+    zone: ZoneId,
+    /// Among all offers.
+    place: usize,
+    /// T_est, in seconds.
+    time: f64,
+    complexity: f64,
+}
+
+impl Lot {
+    fn all(offers: &[Offer]) -> Vec<Self> {
+        let lot = |(place, offer): (usize, &Offer)| {
+            let (time, complexity) = (offer.time_estimated.as_secs_f64(), offer.complexity);
+            Self { zone: offer.zone, place, time, complexity }
+        };
+        offers.iter().enumerate().map(lot).collect()
     }
 }
 
 fn by_credit(offers: &[Offer], bidders: &mut [Candidate]) -> Vec<Award> {
-    let mut by_complexity: Vec<&Offer> = offers.iter().collect();
+    let mut by_complexity = Lot::all(offers);
     by_complexity.sort_by(|a, b| b.complexity.total_cmp(&a.complexity));
     let mut winners = Vec::new();
-    for offer in by_complexity {
-        let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.bids_for(offer));
+    for lot in by_complexity {
+        let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.bids_for(&lot));
         // Of equal credit the one that came first.
         let best = bids.reduce(|best, other| if other.bidder.credit > best.bidder.credit { other } else { best });
         if let Some(winner) = best {
             winner.room -= 1;
-            winners.push(Award { zone: offer.zone, agent: winner.bidder.agent, share: None });
+            winners.push(Award { zone: lot.zone, agent: winner.bidder.agent, share: None });
         }
     }
     winners
@@ -163,7 +188,7 @@ fn by_credit(offers: &[Offer], bidders: &mut [Candidate]) -> Vec<Award> {
 /// A round that is decided by when zones would be finished.
 struct ByTime<'a> {
     /// Not given away, largest first.
-    open: Vec<Offer>,
+    open: Vec<Lot>,
     bidders: Vec<Candidate>,
     standing: &'a Standing<'a>,
     /// When the work as a whole should end, in seconds from now.
@@ -180,7 +205,7 @@ impl<'a> ByTime<'a> {
     fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a Standing<'a>) -> Self {
         bidders.retain(|bidder| bidder.room > 0);
         let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
-        Self { open: offers.to_vec(), bidders, standing, end }
+        Self { open: Lot::all(offers), bidders, standing, end }
     }
 
     fn award(mut self) -> Vec<Award> {
@@ -223,20 +248,20 @@ impl<'a> ByTime<'a> {
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
         let wanted = if takes_all { left } else { left * SHARE_OF_REST };
-        let bids = |offer: &Offer| bidder.bids_for(offer);
-        if let Some(place) = self.open.iter().position(|offer| bids(offer) && bidder.own(offer) <= wanted) {
+        let bids = |lot: &Lot| bidder.bids_for(lot);
+        if let Some(place) = self.open.iter().position(|lot| bids(lot) && bidder.own(lot) <= wanted) {
             return Some(Gets::All(place));
         }
         // All are larger. The largest that can be cut gives it what it can do in time.
-        let can_cut = |offer: &Offer| {
-            let rest = bidder.own(offer) - wanted;
+        let can_cut = |lot: &Lot| {
+            let rest = bidder.own(lot) - wanted;
             let is_worth_it = wanted >= PIECE_TIME_MIN && rest >= PIECE_TIME_MIN;
-            bids(offer) && is_worth_it && self.standing.can_cut.is_some_and(|can_cut| can_cut(offer.zone))
+            bids(lot) && is_worth_it && self.standing.can_cut.is_some_and(|can_cut| can_cut(lot.zone))
         };
         if let Some(place) = self.open.iter().position(can_cut) {
             return Some(Gets::Part(place, wanted / bidder.own(&self.open[place])));
         }
-        let in_time = |offer: &Offer| bidder.finish(offer).is_some_and(|finish| finish <= self.end);
+        let in_time = |lot: &Lot| bidder.finish(lot).is_some_and(|finish| finish <= self.end);
         if let Some(place) = self.open.iter().position(in_time) {
             return Some(Gets::All(place));
         }
@@ -246,15 +271,15 @@ impl<'a> ByTime<'a> {
     /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
     /// All are measured alike, by what the Master knows of them: so of all agents one is the soonest.
     fn nobody_sooner(&self, index: usize, place: usize) -> bool {
-        let (offer, now, field) = (&self.open[place], self.standing.now, self.standing.field);
-        let time = offer.time_estimated.as_secs_f64();
+        let (lot, now, field) = (&self.open[place], self.standing.now, self.standing.field);
+        let time = lot.time;
         let finish = |bidder: &Candidate| field.finish(now, time, bidder.bidder.agent) + bidder.won;
         let own = &self.bidders[index];
-        if !own.bids_for(offer) {
+        if !own.bids_for(lot) {
             return false;
         }
         let limit = finish(own);
-        let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(offer));
+        let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(lot));
         let bids_now = |agent: MemberId| self.bidders.iter().any(|it| it.bidder.agent == agent);
         !bids.any(|other| finish(other) < limit) && !field.anybody_sooner(now, time, limit, bids_now)
     }

@@ -57,9 +57,9 @@ pub struct RenderAgent {
     hands: BTreeMap<ZoneId, Hand>,
     /// Reports that the Master has not answered, with their conversations.
     unanswered: BTreeMap<ZoneId, (Report, u64)>,
-    /// The newest token seen of each zone: an order that arrives late or twice is not taken again.
-    /// A hash map, for speed: never gone through.
-    newest: FxHashMap<ZoneId, Revision>,
+    /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
+    /// taken again. A hash map, for speed: never gone through.
+    past: FxHashMap<ZoneId, Revision>,
     next_heartbeat: Option<Time>,
     /// When it began with the first of what it has in hand.
     since: Time,
@@ -78,7 +78,7 @@ impl RenderAgent {
             fetched: false,
             hands: BTreeMap::new(),
             unanswered: BTreeMap::new(),
-            newest: FxHashMap::default(),
+            past: FxHashMap::default(),
             next_heartbeat: None,
             since: Time::ZERO,
         }
@@ -107,7 +107,7 @@ impl RenderAgent {
             (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
                 if self.answered(*zone, *fence) {
                     // Should the order come again, the Master wants the zone after all.
-                    self.newest.remove(zone);
+                    self.past.remove(zone);
                 }
             }
             (Performative::Cancel, FarmContent::Withdrawn { zone, fence }) => self.drop_order(*zone, *fence, actions),
@@ -126,8 +126,16 @@ impl RenderAgent {
         let waits = self.unanswered.get(&zone).is_some_and(|(report, _)| report.fence == fence);
         if waits {
             self.unanswered.remove(&zone);
+            self.past.insert(zone, fence);
         }
         waits
+    }
+
+    /// The newest token seen of a zone.
+    fn newest(&self, zone: ZoneId) -> Option<Revision> {
+        let in_hand = self.hands.get(&zone).map(|hand| hand.order.fence);
+        let reported = || self.unanswered.get(&zone).map(|(report, _)| report.fence);
+        in_hand.or_else(reported).or_else(|| self.past.get(&zone).copied())
     }
 
     /// Workflow, step 5: each agent gets the 3D model from the repository.
@@ -137,7 +145,7 @@ impl RenderAgent {
             self.fetched = false;
             self.hands.clear();
             self.unanswered.clear();
-            self.newest.clear();
+            self.past.clear();
             actions.push(FarmAction::Effect(FarmEffect::Fetch(work.work)));
         }
     }
@@ -157,7 +165,7 @@ impl RenderAgent {
 
     /// How long so much reference-machine time takes it, all its processors together.
     fn own(&self, reference: Duration) -> Duration {
-        scaled(self.power().to_own(reference), 1.0 / self.lanes)
+        scaled(reference, self.power().get() / self.lanes)
     }
 
     fn propose(&self, now: Time, message: &FarmMessage, offers: &[Offer], actions: &mut Vec<FarmAction>) {
@@ -176,9 +184,11 @@ impl RenderAgent {
     fn drop_order(&mut self, zone: ZoneId, fence: Revision, actions: &mut Vec<FarmAction>) {
         if self.hands.get(&zone).is_some_and(|hand| hand.order.fence == fence)
             && let Some(hand) = self.hands.remove(&zone)
-            && hand.begun
         {
-            actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence }));
+            self.past.insert(zone, fence);
+            if hand.begun {
+                actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence }));
+            }
         }
         self.answered(zone, fence);
     }
@@ -189,9 +199,9 @@ impl RenderAgent {
             return self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
         }
         self.get_scene(&order.work, actions);
-        match self.newest.get(&zone) {
-            Some(newest) if *newest > order.fence => return,
-            Some(newest) if *newest == order.fence => {
+        match self.newest(zone) {
+            Some(newest) if newest > order.fence => return,
+            Some(newest) if newest == order.fence => {
                 // The report was lost, or this order was doubled on the way.
                 if let Some((report, conversation)) = self.unanswered.get(&zone) {
                     actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
@@ -200,7 +210,6 @@ impl RenderAgent {
             }
             _ => {}
         }
-        self.newest.insert(zone, order.fence);
         self.unanswered.remove(&zone);
         // A zone that was profiled keeps its settings, whoever paints it.
         let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
@@ -300,7 +309,6 @@ impl RenderAgent {
 
     fn assert_invariants(&self) {
         for (zone, hand) in &self.hands {
-            assert_eq!(self.newest.get(zone), Some(&hand.order.fence), "the newest order of a zone is in hand");
             assert!(!self.unanswered.contains_key(zone), "a zone in hand is not reported");
             assert!(hand.begun || !self.fetched, "what can be painted is begun");
         }

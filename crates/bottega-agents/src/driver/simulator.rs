@@ -15,8 +15,7 @@ use super::{
     random::Random,
 };
 use crate::{
-    AclMessage, Action, AgentId, Event, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time,
-    bus::Bus,
+    AclMessage, Action, AgentId, Event, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time, bus::Bus,
     store::MemoryStore,
 };
 
@@ -328,7 +327,11 @@ where
         self.network.note(|names| {
             let (from, to, word) = (&message.sender, &names[to.index()], message.performative);
             let conversation = message.conversation_id;
-            if lost { format!("{from} -> {to}  {word} lost") } else { format!("{from} -> {to}  {word} #{conversation}") }
+            if lost {
+                format!("{from} -> {to}  {word} lost")
+            } else {
+                format!("{from} -> {to}  {word} #{conversation}")
+            }
         });
         if !lost {
             self.feed(to, Event::Message(message));

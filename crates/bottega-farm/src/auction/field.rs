@@ -1,7 +1,7 @@
 //! How fast and how soon free all agents are: what decides when the work can end.
 
 use std::{
-    cell::Cell,
+    cell::{Cell, RefCell},
     collections::{BTreeMap, BTreeSet},
 };
 
@@ -17,8 +17,8 @@ pub struct Field {
     members: Vec<MemberId>,
     /// Dense, because now and then all of them are looked at.
     paces: Vec<Pace>,
-    /// The same agents by speed, the fastest first.
-    classes: BTreeMap<u64, Class>,
+    /// The same agents by speed, while somebody asks for it.
+    classes: RefCell<Classes>,
     /// The end that was computed last.
     known: Cell<Known>,
 }
@@ -63,6 +63,14 @@ impl Pace {
     }
 }
 
+/// All agents by speed, the fastest first.
+#[derive(Clone, Debug, Default)]
+struct Classes {
+    all: BTreeMap<u64, Class>,
+    is_kept: bool,
+    was_asked_for: bool,
+}
+
 /// Agents of nearly the same speed.
 #[derive(Clone, Debug)]
 struct Class {
@@ -72,6 +80,32 @@ struct Class {
     idle: BTreeSet<(u64, MemberId)>,
     /// The others, by when they will be ready.
     busy: BTreeSet<(u64, MemberId)>,
+}
+
+impl Classes {
+    fn insert(&mut self, member: MemberId, pace: &Pace) {
+        if !self.is_kept {
+            return;
+        }
+        let empty = || Class { own: pace.own, idle: BTreeSet::new(), busy: BTreeSet::new() };
+        let class = self.all.entry(pace.class()).or_insert_with(empty);
+        class.own = class.own.min(pace.own);
+        match pace.ready {
+            None => class.idle.insert((pace.own.to_bits(), member)),
+            Some(ready) => class.busy.insert((ready.to_bits(), member)),
+        };
+    }
+
+    fn remove(&mut self, member: MemberId, pace: &Pace) {
+        let Some(class) = self.all.get_mut(&pace.class()) else { return };
+        match pace.ready {
+            None => class.idle.remove(&(pace.own.to_bits(), member)),
+            Some(ready) => class.busy.remove(&(ready.to_bits(), member)),
+        };
+        if class.idle.is_empty() && class.busy.is_empty() {
+            self.all.remove(&pace.class());
+        }
+    }
 }
 
 impl Field {
@@ -91,7 +125,7 @@ impl Field {
                 if before == pace {
                     return;
                 }
-                self.declass(member, &before);
+                self.classes.get_mut().remove(member, &before);
             }
             None => {
                 self.slots[member.index()] = Some(self.paces.len());
@@ -99,7 +133,7 @@ impl Field {
                 self.paces.push(pace);
             }
         }
-        self.class(member, &pace);
+        self.classes.get_mut().insert(member, &pace);
     }
 
     /// It is gone.
@@ -110,27 +144,14 @@ impl Field {
         if let Some(moved) = self.members.get(slot) {
             self.slots[moved.index()] = Some(slot);
         }
-        self.declass(member, &pace);
+        self.classes.get_mut().remove(member, &pace);
     }
 
-    fn class(&mut self, member: MemberId, pace: &Pace) {
-        let empty = || Class { own: pace.own, idle: BTreeSet::new(), busy: BTreeSet::new() };
-        let class = self.classes.entry(pace.class()).or_insert_with(empty);
-        class.own = class.own.min(pace.own);
-        match pace.ready {
-            None => class.idle.insert((pace.own.to_bits(), member)),
-            Some(ready) => class.busy.insert((ready.to_bits(), member)),
-        };
-    }
-
-    fn declass(&mut self, member: MemberId, pace: &Pace) {
-        let Some(class) = self.classes.get_mut(&pace.class()) else { return };
-        match pace.ready {
-            None => class.idle.remove(&(pace.own.to_bits(), member)),
-            Some(ready) => class.busy.remove(&(ready.to_bits(), member)),
-        };
-        if class.idle.is_empty() && class.busy.is_empty() {
-            self.classes.remove(&pace.class());
+    /// Lets go of what nobody has asked for since the last time.
+    pub fn rest(&mut self) {
+        let classes = self.classes.get_mut();
+        if !std::mem::take(&mut classes.was_asked_for) && std::mem::take(&mut classes.is_kept) {
+            classes.all.clear();
         }
     }
 
@@ -220,7 +241,12 @@ impl Field {
     /// on.
     fn look(&self, now: f64, time: f64, mut limit: f64, mut see: impl FnMut(f64, MemberId) -> f64) {
         let moment = now.max(0.0).to_bits();
-        for class in self.classes.values() {
+        let mut classes = self.classes.borrow_mut();
+        classes.was_asked_for = true;
+        if !std::mem::replace(&mut classes.is_kept, true) {
+            self.members.iter().zip(&self.paces).for_each(|(&member, pace)| classes.insert(member, pace));
+        }
+        for class in classes.all.values() {
             let least = class.own * time;
             if least >= limit {
                 return;
@@ -234,7 +260,9 @@ impl Field {
             }
             // From now on in both directions: who should have been ready is late.
             let (coming, late) = ((moment, MemberId::FIRST).., ..(moment, MemberId::FIRST));
-            for members in [&mut class.busy.range(coming) as &mut dyn Iterator<Item = _>, &mut class.busy.range(late).rev()] {
+            for members in
+                [&mut class.busy.range(coming) as &mut dyn Iterator<Item = _>, &mut class.busy.range(late).rev()]
+            {
                 for &(ready, member) in members {
                     let busy = (f64::from_bits(ready) - now).abs();
                     if busy + least >= limit {
@@ -296,7 +324,7 @@ mod tests {
                     None => _ = all.remove(&member),
                 }
             }
-            let busy = |ready: Option<Time>| ready.map_or(0.0, |ready| (ready.elapsed().as_secs_f64() - now).abs());
+            let busy = |ready: Option<Time>| ready.map_or(0.0, |ready| f64::abs(ready.elapsed().as_secs_f64() - now));
             let finish = |&(own, ready): &(f64, Option<Time>)| busy(ready) + own * time;
             let least = all.values().map(finish).min_by(f64::total_cmp);
             let found = field.soonest(now, time);

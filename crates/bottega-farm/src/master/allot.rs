@@ -115,13 +115,13 @@ impl Master {
             self.roster.rest(agent, now + self.config.timing.heartbeat);
         }
         round.proposals.sort_unstable_by_key(|(agent, _)| *agent);
-        let winners = self.winners(now, &round);
+        let bidders: Vec<MemberId> = round.proposals.iter().map(|(agent, _)| *agent).collect();
+        let winners = self.winners(now, &round.offers, round.proposals);
         for offer in round.offers {
             self.ledger.open.give_back(self.config.auction, conversation, offer);
         }
-        let bidders = || round.proposals.iter().map(|(agent, _)| *agent);
         let is_lucky = |agent: MemberId| winners.iter().any(|award| award.agent == agent);
-        let losers: Vec<MemberId> = bidders().filter(|&agent| !is_lucky(agent)).collect();
+        let losers: Vec<MemberId> = bidders.iter().copied().filter(|&agent| !is_lucky(agent)).collect();
         for &agent in &losers {
             // Asked again when things have changed, and not in a circle.
             self.roster.pass_over(agent);
@@ -134,7 +134,7 @@ impl Master {
         for award in &winners {
             self.give(now, award, conversation, actions);
         }
-        for agent in bidders() {
+        for agent in bidders {
             self.roster.release(agent);
         }
         self.recalls = true;
@@ -156,19 +156,18 @@ impl Master {
         }
     }
 
-    fn winners(&self, now: Time, round: &Round) -> Vec<Award> {
+    fn winners(&self, now: Time, offers: &[Offer], proposals: Vec<(MemberId, Proposal)>) -> Vec<Award> {
         let still_open = |offer: &&Offer| {
             let row = self.board.zone(offer.zone);
             let is_open = |row: &ZoneRow| row.state == ZoneState::Profiled && !row.is_waiting();
             row.is_some_and(|(_, row)| is_open(row)) && !self.writes.contains_key(&offer.zone)
         };
-        let offers: Vec<Offer> = round.offers.iter().filter(still_open).copied().collect();
-        let bidder = |(agent, proposal): &(MemberId, Proposal)| {
-            let member = self.roster.get(*agent)?;
-            let (credit, own) = (member.row.credit, member.own());
-            Some(Bidder { agent: *agent, credit, own, proposal: proposal.clone() })
+        let offers: Vec<Offer> = offers.iter().filter(still_open).copied().collect();
+        let bidder = |(agent, proposal): (MemberId, Proposal)| {
+            let member = self.roster.get(agent)?;
+            Some(Bidder { agent, credit: member.row.credit, own: member.own(), proposal })
         };
-        let bidders = round.proposals.iter().filter_map(bidder).collect();
+        let bidders = proposals.into_iter().filter_map(bidder).collect();
         let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| self.can_cut(zone);
         let standing = Standing {
             field: self.roster.field(),

@@ -114,7 +114,10 @@ impl Composition {
     pub(super) fn assert_invariants(&self) {
         let handed = |zone: &ZoneId| self.composing.contains(zone) || self.composed.contains(zone);
         // The next ones: all of them would be too many to look at after each event.
-        assert!(!self.ready.iter().take(READY_CHECKED).any(|(_, zone)| handed(zone)), "a zone waits that was handed over");
+        assert!(
+            !self.ready.iter().take(READY_CHECKED).any(|(_, zone)| handed(zone)),
+            "a zone waits that was handed over"
+        );
         let twice = self.composing.iter().any(|zone| self.composed.contains(zone));
         assert!(!twice, "no zone goes into the film twice");
     }

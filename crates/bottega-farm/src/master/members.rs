@@ -112,14 +112,16 @@ impl Master {
         known: &[(ZoneId, Revision)],
         actions: &mut Vec<FarmAction>,
     ) {
-        let missing = |zone: &ZoneId| self.board.zone(*zone).is_some_and(|(_, row)| {
-            let revision = self.board.revision(*zone);
-            let fence = row.fence_of(self.roster.name(agent), revision);
-            let is_known = fence.is_none_or(|fence| known.contains(&(*zone, fence)));
-            let being_written = self.writes.contains_key(zone);
-            let on_its_way = self.sent.get(zone).is_some_and(|&sent| now < sent + self.config.timing.heartbeat);
-            !is_known && !being_written && !on_its_way
-        });
+        let missing = |zone: &ZoneId| {
+            self.board.zone(*zone).is_some_and(|(_, row)| {
+                let revision = self.board.revision(*zone);
+                let fence = row.fence_of(self.roster.name(agent), revision);
+                let is_known = fence.is_none_or(|fence| known.contains(&(*zone, fence)));
+                let being_written = self.writes.contains_key(zone);
+                let on_its_way = self.sent.get(zone).is_some_and(|&sent| now < sent + self.config.timing.heartbeat);
+                !is_known && !being_written && !on_its_way
+            })
+        };
         let zones: Vec<ZoneId> = self.ledger.hands(agent).filter(missing).collect();
         for zone in zones {
             let Some((revision, row)) = self.board.shared(zone) else { continue };
@@ -174,6 +176,7 @@ impl Master {
         self.next_look = Some(now + self.config.timing.heartbeat);
         self.roster.wake(now);
         self.roster.ask_again();
+        self.roster.rest_orders();
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {

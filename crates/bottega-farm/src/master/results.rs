@@ -19,7 +19,8 @@ impl Master {
             return;
         }
         let (zone, fence) = (report.zone, report.fence);
-        let received = || answer(message, &self.config.id, Performative::Confirm, FarmContent::Received { zone, fence });
+        let received =
+            || answer(message, &self.config.id, Performative::Confirm, FarmContent::Received { zone, fence });
         let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
         let Some((revision, row)) = self.board.zone(zone) else {
             return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);

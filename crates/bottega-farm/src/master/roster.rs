@@ -43,6 +43,42 @@ struct Places {
     laden: Option<Time>,
 }
 
+/// Agents by a key. It is kept only while somebody asks for it: most of the time nobody does.
+#[derive(Clone, Debug, Default)]
+struct Order<K> {
+    agents: BTreeSet<(K, MemberId)>,
+    is_kept: bool,
+    was_asked_for: bool,
+}
+
+impl<K: Copy + Ord> Order<K> {
+    fn alter(&mut self, id: MemberId, before: Option<K>, after: Option<K>) {
+        if !self.is_kept || before == after {
+            return;
+        }
+        if let Some(key) = before {
+            self.agents.remove(&(key, id));
+        }
+        self.agents.extend(after.map(|key| (key, id)));
+    }
+
+    /// Somebody will ask.
+    fn keep(&mut self, all: impl Iterator<Item = (K, MemberId)>) {
+        self.was_asked_for = true;
+        if !self.is_kept {
+            self.is_kept = true;
+            self.agents.extend(all);
+        }
+    }
+
+    /// Ends it unless somebody has asked since the last time.
+    fn rest(&mut self) {
+        if !std::mem::take(&mut self.was_asked_for) && std::mem::take(&mut self.is_kept) {
+            self.agents.clear();
+        }
+    }
+}
+
 /// All agents that are here.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Roster {
@@ -57,9 +93,9 @@ pub(super) struct Roster {
     /// Those who may bid, the first to be idle first.
     free: BTreeSet<(Time, MemberId)>,
     /// Those who may profile, by how soon they would be through.
-    profiling: BTreeSet<(u64, MemberId)>,
+    profiling: Order<u64>,
     /// Those who have zones in hand, by when they will have painted them.
-    laden: BTreeSet<(Time, MemberId)>,
+    laden: Order<Time>,
     resting: BTreeSet<(Time, MemberId)>,
     passed_over: BTreeSet<MemberId>,
     /// Speed and readiness of all, for the auction.
@@ -119,25 +155,13 @@ impl Roster {
     pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
         let member = self.members[id.index()].take()?;
         self.count -= 1;
-        self.unplace(id, member.places);
+        self.alter(id, member.places, Places::default());
         if let Some(until) = member.rests_until {
             self.resting.remove(&(until, id));
         }
         self.passed_over.remove(&id);
         self.field.remove(id);
         Some(member)
-    }
-
-    fn unplace(&mut self, id: MemberId, places: Places) {
-        if let Some(key) = places.free {
-            self.free.remove(&(key, id));
-        }
-        if let Some(key) = places.profiling {
-            self.profiling.remove(&(key, id));
-        }
-        if let Some(key) = places.laden {
-            self.laden.remove(&(key, id));
-        }
     }
 
     /// Puts an agent into the orders where it belongs now.
@@ -153,19 +177,25 @@ impl Roster {
         };
         let before = std::mem::replace(&mut member.places, places);
         self.field.set(id, willing.then_some((own, (!member.load.is_zero()).then_some(member.ready))));
-        if places == before {
-            return;
+        self.alter(id, before, places);
+    }
+
+    fn alter(&mut self, id: MemberId, before: Places, after: Places) {
+        self.profiling.alter(id, before.profiling, after.profiling);
+        self.laden.alter(id, before.laden, after.laden);
+        if before.free != after.free {
+            if let Some(key) = before.free {
+                self.free.remove(&(key, id));
+            }
+            self.free.extend(after.free.map(|key| (key, id)));
         }
-        self.unplace(id, before);
-        if let Some(key) = places.free {
-            self.free.insert((key, id));
-        }
-        if let Some(key) = places.profiling {
-            self.profiling.insert((key, id));
-        }
-        if let Some(key) = places.laden {
-            self.laden.insert((key, id));
-        }
+    }
+
+    /// Lets go of the orders that nobody has asked for since the last time.
+    pub(super) fn rest_orders(&mut self) {
+        self.profiling.rest();
+        self.laden.rest();
+        self.field.rest();
     }
 
     /// An agent that is here.
@@ -296,8 +326,10 @@ impl Roster {
     }
 
     /// Of those who have room for a zone to profile the one that would be through first.
-    pub(super) fn freest(&self) -> Option<MemberId> {
-        self.profiling.first().map(|(_, id)| *id)
+    pub(super) fn freest(&mut self) -> Option<MemberId> {
+        let all = self.members.iter().flatten();
+        self.profiling.keep(all.filter_map(|member| Some((member.places.profiling?, member.id))));
+        self.profiling.agents.first().map(|(_, id)| *id)
     }
 
     /// Who may bid, the first to be idle first; `count_max` of them.
@@ -321,10 +353,16 @@ impl Roster {
         free.filter(|member| member.is_idle()).take(count_max).map(|member| member.id).collect()
     }
 
+    /// To be called before [`Self::laggards`].
+    pub(super) fn keep_laggards(&mut self) {
+        let all = self.members.iter().flatten();
+        self.laden.keep(all.filter_map(|member| Some((member.places.laden?, member.id))));
+    }
+
     /// Those who will need longest, and those who need longer than was expected.
     pub(super) fn laggards(&self, now: Time, count_max: usize) -> impl Iterator<Item = &Member> {
-        let late = self.laden.iter().take_while(move |(ready, _)| *ready < now).take(count_max);
-        let last = self.laden.iter().rev().take_while(move |(ready, _)| *ready >= now).take(count_max);
+        let late = self.laden.agents.iter().take_while(move |(ready, _)| *ready < now).take(count_max);
+        let last = self.laden.agents.iter().rev().take_while(move |(ready, _)| *ready >= now).take(count_max);
         late.chain(last).filter_map(|(_, id)| self.get(*id))
     }
 

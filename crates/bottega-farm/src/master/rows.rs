@@ -18,7 +18,13 @@ impl Master {
         FarmAction::Store { ticket, request: compare_and_set(&self.keys, Revision::ABSENT, value.clone()) }
     }
 
-    pub(super) fn handle_store(&mut self, now: Time, ticket: Ticket, reply: StoreReply<FarmValue>, actions: &mut Vec<FarmAction>) {
+    pub(super) fn handle_store(
+        &mut self,
+        now: Time,
+        ticket: Ticket,
+        reply: StoreReply<FarmValue>,
+        actions: &mut Vec<FarmAction>,
+    ) {
         if let Some(value) = self.kept.remove(&ticket) {
             // Written, or there already; the watch reports it.
             if reply == StoreReply::Unavailable {

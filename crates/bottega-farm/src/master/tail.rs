@@ -56,6 +56,7 @@ impl Master {
         {
             return;
         }
+        self.roster.keep_laggards();
         let Some(helper) = self.roster.get(agent).filter(|member| member.is_idle()) else { return };
         let (own, name) = (helper.own(), self.roster.name(agent));
         let worth_it = |zone: ZoneId, ready: Time| {
