@@ -348,7 +348,7 @@ pub enum FarmValue {
     /// Of a work.
     Work(Arc<WorkRow>),
     /// Of an agent.
-    Agent(AgentRow),
+    Agent(Arc<AgentRow>),
 }
 
 /// The keys of everything that belongs to a work. Made once: an entry's is then made without writing any text.
@@ -404,7 +404,7 @@ pub struct Blackboard {
     /// How many of them are the Analyst's.
     root_count: usize,
     /// A hash map, for speed: never gone through.
-    agents: FxHashMap<AgentId, AgentRow>,
+    agents: FxHashMap<AgentId, Arc<AgentRow>>,
 }
 
 impl Blackboard {
@@ -469,7 +469,7 @@ impl Blackboard {
 
     /// What is known of an agent.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
-        self.agents.get(agent)
+        self.agents.get(agent).map(|row| &**row)
     }
 
     /// The revision of a zone's row, as far as it was seen.

@@ -122,8 +122,8 @@ pub enum FarmContent {
     },
     /// *accept-proposal*: paint this zone.
     Award(Order),
-    /// *inform* when it was painted, *failure* when not.
-    Report(Report),
+    /// *inform* when it was painted, *failure* when not. Shared, for it is kept until it is answered.
+    Report(Arc<Report>),
     /// *confirm*: the report of this order is on the blackboard.
     Received {
         /// Which zone.

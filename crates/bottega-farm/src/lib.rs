@@ -30,6 +30,7 @@ mod partition;
 mod prediction;
 mod render_agent;
 mod settings;
+mod short_map;
 pub mod simulate;
 mod technique;
 mod vocabulary;

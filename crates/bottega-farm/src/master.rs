@@ -222,13 +222,14 @@ impl StateMachine for Master {
     type Completion = FarmCompletion;
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        let mut news = true;
         match event {
             FarmEvent::Start => {
                 self.start(actions);
                 self.next_look = Some(now + self.config.timing.heartbeat);
             }
             FarmEvent::Message(message) => self.handle_message(now, &message, actions),
-            FarmEvent::Store { ticket, reply } => self.handle_store(now, ticket, reply, actions),
+            FarmEvent::Store { ticket, reply } => news = self.handle_store(now, ticket, reply, actions),
             FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => {
                 self.composed(now, zone, outcome, actions);
             }
@@ -240,9 +241,12 @@ impl StateMachine for Master {
         }
         if self.next_look.is_some_and(|at| at <= now) {
             self.look(now, actions);
+            news = true;
         }
-        self.advance(now, actions);
-        self.assert_invariants();
+        if news {
+            self.advance(now, actions);
+            self.assert_invariants();
+        }
     }
 
     fn next_deadline(&self) -> Option<Time> {

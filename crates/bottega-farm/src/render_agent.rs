@@ -1,6 +1,6 @@
 //! The Render Agent: measures itself, bids for zones, asks its rules what a zone is worth, and has it painted.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, Time};
 use bottega_image::Rect;
@@ -13,6 +13,7 @@ use crate::{
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
+    short_map::ShortMap,
 };
 
 /// What an agent is told when it is made.
@@ -54,9 +55,9 @@ pub struct RenderAgent {
     suspended: bool,
     work: Option<WorkRow>,
     fetched: bool,
-    hands: BTreeMap<ZoneId, Hand>,
+    hands: ShortMap<Hand>,
     /// Reports that the Master has not answered, with their conversations.
-    unanswered: BTreeMap<ZoneId, (Report, u64)>,
+    unanswered: ShortMap<(Arc<Report>, u64)>,
     /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
     /// taken again. A hash map, for speed: never gone through.
     past: FxHashMap<ZoneId, Revision>,
@@ -76,8 +77,8 @@ impl RenderAgent {
             suspended: false,
             work: None,
             fetched: false,
-            hands: BTreeMap::new(),
-            unanswered: BTreeMap::new(),
+            hands: ShortMap::default(),
+            unanswered: ShortMap::default(),
             past: FxHashMap::default(),
             next_heartbeat: None,
             since: Time::ZERO,
@@ -91,7 +92,7 @@ impl RenderAgent {
 
     /// The zones in hand and the tokens of their orders.
     pub fn hands(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
-        self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence))
+        self.hands.iter().map(|(zone, hand)| (zone, hand.order.fence))
     }
 
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
@@ -123,9 +124,9 @@ impl RenderAgent {
 
     /// Whether this answers a report that waits for one.
     fn answered(&mut self, zone: ZoneId, fence: Revision) -> bool {
-        let waits = self.unanswered.get(&zone).is_some_and(|(report, _)| report.fence == fence);
+        let waits = self.unanswered.get(zone).is_some_and(|(report, _)| report.fence == fence);
         if waits {
-            self.unanswered.remove(&zone);
+            self.unanswered.remove(zone);
             self.past.insert(zone, fence);
         }
         waits
@@ -133,8 +134,8 @@ impl RenderAgent {
 
     /// The newest token seen of a zone.
     fn newest(&self, zone: ZoneId) -> Option<Revision> {
-        let in_hand = self.hands.get(&zone).map(|hand| hand.order.fence);
-        let reported = || self.unanswered.get(&zone).map(|(report, _)| report.fence);
+        let in_hand = self.hands.get(zone).map(|hand| hand.order.fence);
+        let reported = || self.unanswered.get(zone).map(|(report, _)| report.fence);
         in_hand.or_else(reported).or_else(|| self.past.get(&zone).copied())
     }
 
@@ -182,8 +183,8 @@ impl RenderAgent {
 
     /// Another agent has painted a zone that was taken over.
     fn drop_order(&mut self, zone: ZoneId, fence: Revision, actions: &mut Vec<FarmAction>) {
-        if self.hands.get(&zone).is_some_and(|hand| hand.order.fence == fence)
-            && let Some(hand) = self.hands.remove(&zone)
+        if self.hands.get(zone).is_some_and(|hand| hand.order.fence == fence)
+            && let Some(hand) = self.hands.remove(zone)
         {
             self.past.insert(zone, fence);
             if hand.begun {
@@ -203,14 +204,14 @@ impl RenderAgent {
             Some(newest) if newest > order.fence => return,
             Some(newest) if newest == order.fence => {
                 // The report was lost, or this order was doubled on the way.
-                if let Some((report, conversation)) = self.unanswered.get(&zone) {
+                if let Some((report, conversation)) = self.unanswered.get(zone) {
                     actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
                 }
                 return;
             }
             _ => {}
         }
-        self.unanswered.remove(&zone);
+        self.unanswered.remove(zone);
         // A zone that was profiled keeps its settings, whoever paints it.
         let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
         let mut hand = Hand { order: order.clone(), choice, begun: false, conversation: message.conversation_id };
@@ -232,10 +233,10 @@ impl RenderAgent {
         actions: &mut Vec<FarmAction>,
     ) {
         // The order may have been taken back and given again since.
-        if self.hands.get(&zone).is_none_or(|hand| hand.order.fence != fence) {
+        if self.hands.get(zone).is_none_or(|hand| hand.order.fence != fence) {
             return;
         }
-        let Some(hand) = self.hands.remove(&zone) else { return };
+        let Some(hand) = self.hands.remove(zone) else { return };
         self.since = now;
         let outcome = outcome.map(|painted| {
             let power = self.power();
@@ -259,12 +260,12 @@ impl RenderAgent {
                 time_left: power.to_reference(scaled(painted.busy, left / taken)),
             }
         });
-        let report = Report { zone, fence, outcome };
+        let report = Arc::new(Report { zone, fence, outcome });
         actions.push(FarmAction::Send(self.report_message(report.clone(), hand.conversation)));
         self.unanswered.insert(zone, (report, hand.conversation));
     }
 
-    fn report_message(&self, report: Report, conversation: u64) -> FarmMessage {
+    fn report_message(&self, report: Arc<Report>, conversation: u64) -> FarmMessage {
         let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
         let to = vec![self.config.master.clone()];
         let report = FarmContent::Report(report);
@@ -286,8 +287,8 @@ impl RenderAgent {
         if !self.subscribed {
             return self.subscribe(actions);
         }
-        let in_hand = self.hands.iter().map(|(&zone, hand)| (zone, hand.order.fence));
-        let reported = self.unanswered.iter().map(|(&zone, (report, _))| (zone, report.fence));
+        let in_hand = self.hands.iter().map(|(zone, hand)| (zone, hand.order.fence));
+        let reported = self.unanswered.iter().map(|(zone, (report, _))| (zone, report.fence));
         let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
         let to = vec![self.config.master.clone()];
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
@@ -308,8 +309,8 @@ impl RenderAgent {
     }
 
     fn assert_invariants(&self) {
-        for (zone, hand) in &self.hands {
-            assert!(!self.unanswered.contains_key(zone), "a zone in hand is not reported");
+        for (zone, hand) in self.hands.iter() {
+            assert!(self.unanswered.get(zone).is_none(), "a zone in hand is not reported");
             assert!(hand.begun || !self.fetched, "what can be painted is begun");
         }
     }

@@ -3,7 +3,7 @@
 #[path = "common/survey.rs"]
 mod survey;
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
     AclMessage, Action, AgentId, Event, Performative, Revision, StateMachine, Time, bus::BlobId, store::MemoryStore,
@@ -132,7 +132,7 @@ fn painting(order: &Order, samples: u32) -> Painting {
 }
 
 fn report(order: &Order, painting: Painting) -> FarmContent {
-    FarmContent::Report(Report { zone: order.row.zone, fence: order.fence, outcome: Ok(painting) })
+    FarmContent::Report(Arc::new(Report { zone: order.row.zone, fence: order.fence, outcome: Ok(painting) }))
 }
 
 #[test]
@@ -234,7 +234,7 @@ fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
             let (zone, fence) = (ZoneId(zone), Revision(fence));
             let order = Order { fence, ..order.clone() };
             let outcome = if well { Ok(painting(&order, samples)) } else { Err("no".to_owned()) };
-            FarmContent::Report(Report { zone, fence, outcome })
+            FarmContent::Report(Arc::new(Report { zone, fence, outcome }))
         }),
         prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|hands| FarmContent::Alive {
             power: RelativePower::REFERENCE,

@@ -44,15 +44,16 @@ fn troubled(seed: u64) -> Plan {
     Plan { benchmark_error: 0.25, fetch: Duration::from_millis(50), ..trouble }
 }
 
+/// What goes wrong with agents that come back, over a thousand seeds, is in `sim`; here are those who do not.
 #[test]
-fn nothing_is_lost_or_painted_twice_over_a_thousand_seeds() {
+fn who_goes_for_good_takes_nothing_along() {
     let mut films = 0;
-    for seed in 0..1000 {
+    for seed in 0..240 {
         let outcome = run(&piece(16, 1.0, seed), &troubled(seed));
         assert_eq!(outcome.failed, 0, "seed {seed}");
         films += outcome.films;
     }
-    assert!(films > 1050, "Masters died and were followed by others: {films} films");
+    assert!(films > 250, "Masters died and were followed by others: {films} films");
 }
 
 #[test]
@@ -63,25 +64,17 @@ fn the_same_seed_gives_the_same_run() {
 }
 
 #[test]
-#[ignore = "says how well a thousand agents do; takes some seconds a line"]
-fn a_thousand_unequal_agents_of_whom_some_fail() {
-    for (zones, mean_seconds, share) in
-        [(8000, 4.0, 0.0), (8000, 4.0, 0.05), (8000, 40.0, 0.0), (8000, 40.0, 0.05), (32000, 10.0, 0.05)]
-    {
-        for seed in 0..2 {
-            let mut crew: Crew = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
-            let piece = piece(zones, mean_seconds, seed);
-            let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
-            crew.fail_some(share, until, seed);
-            let plan = Plan { benchmark_error: 0.25, ..Plan::calm(crew, seed) };
-            let outcome = run(&piece, &plan);
-            eprintln!(
-                "{zones} zones of {mean_seconds} s, {share} fail, seed {seed}: {:.1} s, efficiency {:.3}, {:.1} messages a zone",
-                outcome.makespan.as_secs_f64(),
-                outcome.efficiency(),
-                outcome.messages_per_zone(),
-            );
-        }
+fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
+    for seed in 0..2 {
+        let mut crew: Crew = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
+        let piece = piece(16_000, 20.0, seed);
+        let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
+        crew.fail_some(0.05, until, seed);
+        let outcome = run(&piece, &Plan { benchmark_error: 0.25, ..Plan::calm(crew, seed) });
+        let (efficiency, messages) = (outcome.efficiency(), outcome.messages_per_zone());
+        eprintln!("seed {seed}: {:?}, efficiency {efficiency:.3}, {messages:.1} messages a zone", outcome.makespan);
+        assert_eq!(outcome.failed, 0);
+        assert!(efficiency >= 0.9, "seed {seed}: {efficiency}");
     }
 }
 

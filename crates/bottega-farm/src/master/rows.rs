@@ -18,64 +18,69 @@ impl Master {
         FarmAction::Store { ticket, request: compare_and_set(&self.keys, Revision::ABSENT, value.clone()) }
     }
 
+    /// Takes an answer of the store. Returns whether it was news: most writes are told of twice, by the answer and by the watch.
     pub(super) fn handle_store(
         &mut self,
         now: Time,
         ticket: Ticket,
         reply: StoreReply<FarmValue>,
         actions: &mut Vec<FarmAction>,
-    ) {
+    ) -> bool {
         if let Some(value) = self.kept.remove(&ticket) {
             // Written, or there already; the watch reports it.
             if reply == StoreReply::Unavailable {
                 actions.push(self.put_kept(ticket, &value));
                 self.kept.insert(ticket, value);
             }
-            return;
+            return false;
         }
         match reply {
-            StoreReply::Changed(Entry { revision, value, .. }) => self.see(now, revision, value, actions),
-            StoreReply::CaughtUp => self.caught_up = true,
+            StoreReply::Changed(Entry { revision, value, .. }) => return self.see(now, revision, value, actions),
             StoreReply::Written { revision, .. } => {
-                if let Some(write) = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone)) {
-                    let value = FarmValue::Zone(Arc::clone(&write.row));
-                    self.see(now, revision, value, actions);
-                }
+                let write = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone));
+                let Some(row) = write.map(|write| Arc::clone(&write.row)) else { return false };
+                return self.see_zone(now, revision, row, actions);
             }
             StoreReply::Conflict { entry, .. } => {
-                let Some(zone) = self.tickets.get(&ticket).copied() else { return };
+                let Some(zone) = self.tickets.get(&ticket).copied() else { return false };
                 if let Some(Entry { revision, value, .. }) = entry {
                     self.see(now, revision, value, actions);
                 }
                 // Somebody else wrote this row, and not what was to be written.
                 self.end_write(now, zone);
             }
+            StoreReply::CaughtUp => self.caught_up = true,
             StoreReply::Unavailable => self.repeat_write(ticket, actions),
-            StoreReply::Got { .. } => {}
+            StoreReply::Got { .. } => return false,
         }
+        true
     }
 
-    /// Takes in a row. It may be the one that is being written, seen by the watch before the answer or instead of it.
-    fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) {
+    /// Takes in a row. It may be the one that is being written, seen by the watch before the answer or instead of it. Returns
+    /// whether it was news.
+    fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) -> bool {
         match value {
             FarmValue::Zone(row) => self.see_zone(now, revision, row, actions),
             FarmValue::Agent(row) => {
-                // Known from an earlier life of this Master; its lease begins anew.
-                if self.roster.get_by_name(&row.agent).is_none()
-                    && let Some(id) = self.roster.join(now, row.clone())
-                {
+                // If it is not here it is known from an earlier life of this Master; its lease begins anew.
+                let is_new = self.roster.get_by_name(&row.agent).is_none();
+                if is_new && let Some(id) = self.roster.join(now, (*row).clone()) {
                     self.refresh_hands(now, id);
                 }
                 self.board.see(revision, FarmValue::Agent(row));
+                is_new
             }
-            work @ FarmValue::Work(_) => _ = self.board.see(revision, work),
+            work @ FarmValue::Work(_) => {
+                self.board.see(revision, work);
+                true
+            }
         }
     }
 
-    fn see_zone(&mut self, now: Time, revision: Revision, row: Arc<ZoneRow>, actions: &mut Vec<FarmAction>) {
+    fn see_zone(&mut self, now: Time, revision: Revision, row: Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
         let zone = row.zone;
         if !self.board.is_news(zone, revision) {
-            return;
+            return false;
         }
         let rivals = self.rivals(&row);
         self.board.see(revision, FarmValue::Zone(Arc::clone(&row)));
@@ -96,6 +101,7 @@ impl Master {
             }
             _ => self.count(now, &row),
         }
+        true
     }
 
     fn count(&mut self, now: Time, row: &ZoneRow) {
@@ -185,7 +191,7 @@ impl Master {
     /// An agent's credit, power or lanes are on the Blackboard.
     pub(super) fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
         let (key, ticket) = (self.keys.agent(&row.agent), Ticket(self.number()));
-        let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
+        let request = StoreRequest::Put { key, value: FarmValue::Agent(Arc::new(row)) };
         actions.push(FarmAction::Store { ticket, request });
     }
 }
