@@ -150,53 +150,53 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   107.000] master -> agent-0  request #3
         [   107.000] master -> agent-0  request #5
         [   107.000] master -> agent-1  request #7
-        [   215.765] agent-0 -> master  inform #5
-        [   216.765] master -> agent-1  cfp #10
-        [   216.765] master -> agent-0  cfp #10
-        [   217.765] agent-1 -> master  propose #10
-        [   217.765] agent-0 -> master  propose #10
-        [   218.765] master -> agent-0  confirm #5
-        [   218.765] master -> agent-0  reject-proposal #10
-        [   220.765] master -> agent-1  accept-proposal #10
-        [   222.765] master -> agent-0  cfp #13
-        [   223.765] agent-0 -> master  propose #13
-        [   226.765] master -> agent-0  accept-proposal #13
-        [   295.059] agent-0 -> master  inform #3
-        [   296.059] master -> agent-0  cfp #16
-        [   297.059] agent-0 -> master  propose #16
-        [   298.059] master -> agent-0  confirm #3
-        [   300.059] master -> agent-0  accept-proposal #16
-        [   394.117] agent-1 -> master  inform #7
-        [   395.117] master -> agent-1  cfp #20
-        [   396.117] agent-1 -> master  propose #20
-        [   397.117] master -> agent-1  confirm #7
-        [   399.117] master -> agent-1  accept-proposal #20
-        [   561.398] agent-1 -> master  inform #10
-        [   562.398] master -> agent-1  cfp #23
-        [   563.398] agent-1 -> master  propose #23
-        [   564.398] master -> agent-1  confirm #10
-        [   566.398] master -> agent-1  accept-proposal #23
-        [   647.512] agent-0 -> master  inform #13
-        [   648.512] master -> agent-0  cfp #28
-        [   649.512] agent-0 -> master  propose #28
-        [   650.512] master -> agent-0  confirm #13
-        [   652.512] master -> agent-0  accept-proposal #28
-        [   989.822] agent-0 -> master  inform #16
-        [   990.822] master -> agent-0  cfp #33
-        [   991.822] agent-0 -> master  propose #33
-        [   992.822] master -> agent-0  confirm #16
-        [   993.481] agent-1 -> master  inform #20
-        [   994.822] master -> agent-0  accept-proposal #33
-        [   996.481] master -> agent-1  confirm #20
+        [   218.781] agent-0 -> master  inform #5
+        [   219.781] master -> agent-1  cfp #10
+        [   219.781] master -> agent-0  cfp #10
+        [   220.781] agent-1 -> master  propose #10
+        [   220.781] agent-0 -> master  propose #10
+        [   221.781] master -> agent-0  confirm #5
+        [   221.781] master -> agent-1  reject-proposal #10
+        [   223.781] master -> agent-0  accept-proposal #10
+        [   225.781] master -> agent-1  cfp #13
+        [   226.781] agent-1 -> master  propose #13
+        [   229.781] master -> agent-1  accept-proposal #13
+        [   294.815] agent-0 -> master  inform #3
+        [   295.815] master -> agent-0  cfp #16
+        [   296.815] agent-0 -> master  propose #16
+        [   297.815] master -> agent-0  confirm #3
+        [   299.815] master -> agent-0  accept-proposal #16
+        [   395.812] agent-1 -> master  inform #7
+        [   396.812] master -> agent-1  cfp #20
+        [   397.812] agent-1 -> master  propose #20
+        [   398.812] master -> agent-1  confirm #7
+        [   400.812] master -> agent-1  accept-proposal #20
+        [   518.123] agent-0 -> master  inform #10
+        [   519.123] master -> agent-0  cfp #23
+        [   520.123] agent-0 -> master  propose #23
+        [   521.123] master -> agent-0  confirm #10
+        [   523.123] master -> agent-0  accept-proposal #23
+        [   725.992] agent-1 -> master  inform #13
+        [   726.992] master -> agent-1  cfp #28
+        [   727.992] agent-1 -> master  propose #28
+        [   728.992] master -> agent-1  confirm #13
+        [   730.992] master -> agent-1  accept-proposal #28
+        [   833.332] agent-0 -> master  inform #16
+        [   834.332] master -> agent-0  cfp #33
+        [   835.332] agent-0 -> master  propose #33
+        [   836.332] master -> agent-0  confirm #16
+        [   838.332] master -> agent-0  accept-proposal #33
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
-        [  1173.372] agent-0 -> master  inform #28
-        [  1176.372] master -> agent-0  confirm #28
-        [  1316.565] agent-1 -> master  inform #23
-        [  1319.565] master -> agent-1  confirm #23
-        [  1625.298] agent-0 -> master  inform #33
-        [  1628.298] master -> agent-0  confirm #33
-        [  1628.298] master stops"#]]
+        [  1160.686] agent-1 -> master  inform #20
+        [  1163.686] master -> agent-1  confirm #20
+        [  1166.937] agent-0 -> master  inform #23
+        [  1169.937] master -> agent-0  confirm #23
+        [  1435.503] agent-1 -> master  inform #28
+        [  1438.503] master -> agent-1  confirm #28
+        [  1462.512] agent-0 -> master  inform #33
+        [  1465.512] master -> agent-0  confirm #33
+        [  1465.512] master stops"#]]
     .assert_eq(&trace);
 }
 
