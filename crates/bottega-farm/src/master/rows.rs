@@ -39,7 +39,7 @@ impl Master {
             StoreReply::Written { revision, .. } => {
                 let write = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone));
                 let Some(row) = write.map(|write| Arc::clone(&write.row)) else { return false };
-                return self.see_zone(now, revision, row, actions);
+                return self.see_zone(now, revision, &row, actions);
             }
             StoreReply::Conflict { entry, .. } => {
                 let Some(zone) = self.tickets.get(&ticket).copied() else { return false };
@@ -60,7 +60,7 @@ impl Master {
     /// whether it was news.
     fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) -> bool {
         match value {
-            FarmValue::Zone(row) => self.see_zone(now, revision, row, actions),
+            FarmValue::Zone(row) => self.see_zone(now, revision, &row, actions),
             FarmValue::Agent(row) => {
                 // If it is not here it is known from an earlier life of this Master; its lease begins anew.
                 let is_new = self.roster.get_by_name(&row.agent).is_none();
@@ -77,29 +77,29 @@ impl Master {
         }
     }
 
-    fn see_zone(&mut self, now: Time, revision: Revision, row: Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
+    fn see_zone(&mut self, now: Time, revision: Revision, row: &Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
         let zone = row.zone;
         if !self.board.is_news(zone, revision) {
             return false;
         }
-        let rivals = self.rivals(&row);
-        self.board.see(revision, FarmValue::Zone(Arc::clone(&row)));
+        let rivals = self.rivals(row);
+        self.board.see(revision, FarmValue::Zone(Arc::clone(row)));
         if let Some(rivals) = rivals {
             self.withdraw(zone, rivals, actions);
         }
-        actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(&row))));
+        actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
         self.sent.remove(&zone);
-        self.composition.see(&row);
-        self.note_cut(&row);
+        self.composition.see(row);
+        self.note_cut(row);
         self.recalls |= row.state == ZoneState::Profiled;
         match self.writes.get(&zone) {
             Some(write) if revision > write.expected_revision => {
-                let is_written = Arc::ptr_eq(&write.row, &row) || write.row == row;
+                let is_written = Arc::ptr_eq(&write.row, row) || write.row == *row;
                 if let Some(write) = self.end_write(now, zone).filter(|_| is_written) {
                     self.after_write(now, write, revision, actions);
                 }
             }
-            _ => self.count(now, &row),
+            _ => self.count(now, row),
         }
         true
     }
