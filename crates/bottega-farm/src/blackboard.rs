@@ -5,7 +5,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Key, NumberMap, Revision, StoreRequest, bus::BlobId};
+use bottega_agents::{AgentId, NumberMap, Revision, bus::BlobId};
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
@@ -351,51 +351,6 @@ pub enum FarmValue {
     Agent(Arc<AgentRow>),
 }
 
-/// The keys of everything that belongs to a work. Made once: an entry's is then made without writing any text.
-#[derive(Clone, Debug)]
-pub struct WorkKeys {
-    folder: Arc<str>,
-    zones: Arc<str>,
-    agents: Arc<str>,
-}
-
-impl WorkKeys {
-    /// Those of this work.
-    pub fn new(work: WorkId) -> Self {
-        let folder = |rest: &str| Arc::from(format!("work/{}/{rest}", work.0));
-        Self { folder: folder(""), zones: folder("zone/"), agents: folder("agent/") }
-    }
-
-    /// How all of them begin.
-    pub fn prefix(&self) -> Key {
-        Key::from(&*self.folder)
-    }
-
-    /// The key of a zone's row.
-    pub fn zone(&self, zone: ZoneId) -> Key {
-        Key::numbered(&self.zones, u64::from(zone.0))
-    }
-
-    /// The key of the work's row.
-    pub fn work(&self) -> Key {
-        Key::from(format!("{}settings", self.folder))
-    }
-
-    /// The key of an agent's row.
-    pub fn agent(&self, agent: &AgentId) -> Key {
-        Key::named(&self.agents, &agent.name)
-    }
-
-    /// The key of any row.
-    pub fn of(&self, value: &FarmValue) -> Key {
-        match value {
-            FarmValue::Zone(row) => self.zone(row.zone),
-            FarmValue::Work(_) => self.work(),
-            FarmValue::Agent(row) => self.agent(&row.agent),
-        }
-    }
-}
-
 /// What one reader has seen of the rows of a work.
 #[derive(Clone, Debug, Default)]
 pub struct Blackboard {
@@ -478,11 +433,6 @@ impl Blackboard {
     }
 }
 
-/// The request to write a row only if it still has this revision.
-pub fn compare_and_set(keys: &WorkKeys, expected_revision: Revision, value: FarmValue) -> StoreRequest<FarmValue> {
-    StoreRequest::CompareAndSet { key: keys.of(&value), expected_revision, value }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -499,15 +449,6 @@ mod tests {
         assert!(!board.see(Revision(4), FarmValue::Zone(Arc::new(row()))));
         assert_eq!(board.zone(ZoneId(2)).unwrap().1.attempt, 1);
         assert_eq!((board.revision(ZoneId(2)), board.revision(ZoneId(3))), (Revision(5), Revision::ABSENT));
-    }
-
-    #[test]
-    fn the_keys_of_rows_begin_with_that_of_their_work() {
-        let keys = WorkKeys::new(WorkId(7));
-        let agent = AgentId::new("agent-3");
-        let all = [keys.work(), keys.zone(ZoneId(12)), keys.agent(&agent)];
-        assert_eq!(all.each_ref().map(Key::to_string), ["work/7/settings", "work/7/zone/12", "work/7/agent/agent-3"]);
-        assert!(all.iter().all(|key| key.starts_with(&keys.prefix())));
     }
 
     #[test]

@@ -35,14 +35,15 @@ pub mod simulate;
 mod technique;
 mod vocabulary;
 mod wire;
+mod work_keys;
 
 pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
 pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{AuctionRule, Award, Bidder, Field, MemberId, OpenZones, Proposal, Standing, award, credit_after};
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkKeys, WorkRow,
-    ZoneRow, ZoneState, compare_and_set,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkRow, ZoneRow,
+    ZoneState,
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};
@@ -60,3 +61,4 @@ pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings
 pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
 pub use wire::{WireError, digest};
+pub use work_keys::{WorkKeys, compare_and_set};
