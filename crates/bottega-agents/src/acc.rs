@@ -1,19 +1,81 @@
-//! The Agent Communication Channel: where messages enter the platform (FIPA00067).
+//! The Agent Communication Channel: where messages enter and leave the platform (FIPA00067).
 //!
 //! It takes an envelope and a message in text, and says what must happen; it opens no connection itself.
 
-use std::collections::BTreeSet;
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    hash::{DefaultHasher, Hash, Hasher},
+    time::Duration,
+};
 
 use crate::{
-    AgentId, Performative,
+    AgentId, Performative, Time,
+    platform::{ManagementContent, print_content},
     wire::{
-        DateTime, Envelope, Received, STRING_FORM, WireError, WireMessage, XML_FORM, parse_string, parse_xml,
-        print_agent, print_string, print_xml,
+        Calendar, DateTime, Envelope, Received, STRING_FORM, WireError, WireMessage, XML_FORM, parse_string, parse_xml,
+        print_string, print_xml,
     },
 };
 
+/// The most messages that are remembered, so that none is taken twice.
+const REMEMBERED_MAX: usize = 1 << 14;
+/// How long they are.
+const REMEMBERED_FOR: Duration = Duration::from_secs(300);
+
+/// A message as it came, opened and read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Letter {
+    /// What is written around it.
+    pub envelope: Envelope,
+    /// What it says.
+    pub message: WireMessage,
+    /// The same in text, for the way on.
+    pub payload: String,
+}
+
+impl Letter {
+    /// Reads a message in the form and the character set that its envelope names.
+    ///
+    /// # Errors
+    /// Form or character set are not known, or it does not follow them.
+    pub fn open(envelope: Envelope, payload: &[u8]) -> Result<Self, AccError> {
+        let payload = decode(envelope.payload_encoding.as_deref(), payload)?;
+        let message = match envelope.acl_representation.to_ascii_lowercase().as_str() {
+            STRING_FORM => parse_string(&payload),
+            XML_FORM => parse_xml(&payload),
+            _ => return Err(AccError::UnknownForm(envelope.acl_representation.chars().take(80).collect())),
+        };
+        Ok(Self { message: message.map_err(AccError::Message)?, envelope, payload })
+    }
+}
+
+/// Text of bytes in a character set. ASCII, which stands for none given, is read as UTF-8, of which it is a part.
+fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
+    match charset.unwrap_or("us-ascii").to_ascii_lowercase().as_str() {
+        "us-ascii" | "ascii" | "utf-8" | "utf8" => {
+            std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| AccError::NotText)
+        }
+        "iso-8859-1" | "latin1" => Ok(bytes.iter().map(|byte| char::from(*byte)).collect()),
+        other => Err(AccError::UnknownCharset(other.chars().take(80).collect())),
+    }
+}
+
+/// A message on its way to another platform.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outbound {
+    /// Where to try, in order: the first that takes it gets it.
+    pub addresses: Vec<String>,
+    /// The envelope, made out to the agents there.
+    pub envelope: Envelope,
+    /// The message in text.
+    pub payload: String,
+    /// The message.
+    pub message: WireMessage,
+}
+
 /// What an ACC wants done with what it received.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "lives for a moment, and forwarding is as common as delivery")]
 pub enum Routed {
     /// Put the message into the mailbox of an agent of this platform.
     Deliver {
@@ -22,15 +84,8 @@ pub enum Routed {
         /// What goes in.
         message: WireMessage,
     },
-    /// Send envelope and message on to another platform, to the first of the addresses that takes it.
-    Forward {
-        /// Where to try, in order.
-        addresses: Vec<String>,
-        /// The envelope, made out to the agents there.
-        envelope: Envelope,
-        /// The message as it came.
-        payload: String,
-    },
+    /// Send it on.
+    Forward(Outbound),
 }
 
 /// Why an ACC does nothing with what it received.
@@ -42,34 +97,71 @@ pub enum AccError {
     /// A form of messages that is not known here.
     #[error("messages in the form `{0}` are not taken")]
     UnknownForm(String),
-    /// The message has been here before.
+    /// A character set that is not known here.
+    #[error("messages in the character set `{0}` are not taken")]
+    UnknownCharset(String),
+    /// The bytes are no text in their character set.
+    #[error("the message is no text in its character set")]
+    NotText,
+    /// The message has passed this channel already, and came back or came again.
     #[error("the message has passed this channel already")]
     Loop,
 }
 
-/// The channel of one platform.
+/// The channel of one process of a platform.
 #[derive(Clone, Debug)]
 pub struct Acc {
     platform: String,
+    calendar: Calendar,
     /// The first of its addresses stands on its stamps.
     addresses: Vec<String>,
-    agents: BTreeSet<AgentId>,
+    /// Who lives here, by name in small letters.
+    agents: BTreeMap<String, AgentId>,
+    /// Agents of this platform that live in other processes.
+    elsewhere: BTreeMap<String, AgentId>,
+    /// Digests of what came lately, and until when they are kept.
+    remembered: BTreeSet<u64>,
+    forget_at: VecDeque<(Time, u64)>,
+    /// Nobody outside can know what these digests are.
+    salt: u64,
 }
 
 impl Acc {
     /// The channel of the platform with this name, reachable at these addresses.
-    pub fn new(platform: impl Into<String>, addresses: Vec<String>) -> Self {
-        Self { platform: platform.into(), addresses, agents: BTreeSet::new() }
+    pub fn new(platform: impl Into<String>, addresses: Vec<String>, calendar: Calendar, salt: u64) -> Self {
+        Self {
+            platform: platform.into(),
+            calendar,
+            addresses,
+            agents: BTreeMap::new(),
+            elsewhere: BTreeMap::new(),
+            remembered: BTreeSet::new(),
+            forget_at: VecDeque::new(),
+            salt,
+        }
     }
 
     /// From now on there is this agent.
     pub fn add(&mut self, agent: AgentId) {
-        self.agents.insert(agent);
+        self.agents.insert(agent.name.to_lowercase(), agent);
     }
 
     /// From now on there is not.
     pub fn remove(&mut self, agent: &AgentId) {
-        self.agents.remove(agent);
+        self.agents.remove(&agent.name.to_lowercase());
+    }
+
+    /// The agent of this name that lives here.
+    pub fn resident(&self, agent: &AgentId) -> Option<&AgentId> {
+        self.agents.get(&agent.name.to_lowercase())
+    }
+
+    /// The white pages say so of an agent; `None`: they know of no other place for it.
+    pub fn learn(&mut self, name: &str, agent: Option<AgentId>) {
+        match agent {
+            Some(agent) => _ = self.elsewhere.insert(name.to_lowercase(), agent),
+            None => _ = self.elsewhere.remove(&name.to_lowercase()),
+        }
     }
 
     /// What stands on the stamps of this channel.
@@ -81,49 +173,83 @@ impl Acc {
     /// AMS, of those who cannot.
     ///
     /// # Errors
-    /// Nobody gets it.
-    pub fn receive(&self, date: &DateTime, envelope: &Envelope, payload: &str) -> Result<Vec<Routed>, AccError> {
-        if envelope.received.iter().any(|stamp| stamp.by == self.mark()) {
+    /// Nobody gets it: it was here before.
+    pub fn receive(&mut self, now: Time, letter: &Letter) -> Result<Vec<Routed>, AccError> {
+        let envelope = &letter.envelope;
+        if envelope.received.iter().any(|stamp| stamp.by == self.mark()) || !self.is_new(now, letter) {
             return Err(AccError::Loop);
         }
-        let message = match envelope.acl_representation.to_ascii_lowercase().as_str() {
-            STRING_FORM => parse_string(payload),
-            XML_FORM => parse_xml(payload),
-            _ => return Err(AccError::UnknownForm(envelope.acl_representation.clone())),
-        };
-        let message = message.map_err(AccError::Message)?;
         let intended = &envelope.intended_receivers;
         let receivers: BTreeSet<&AgentId> =
             if intended.is_empty() { envelope.to.iter().collect() } else { intended.iter().collect() };
         let mut routed = Vec::new();
         for receiver in receivers {
-            if self.agents.contains(receiver) {
-                routed.push(Routed::Deliver { to: receiver.clone(), message: message.clone() });
+            if let Some(resident) = self.resident(receiver) {
+                routed.push(Routed::Deliver { to: resident.clone(), message: letter.message.clone() });
                 continue;
             }
-            let elsewhere: Vec<String> =
-                receiver.addresses.iter().filter(|address| !self.addresses.contains(address)).cloned().collect();
-            if elsewhere.is_empty() || self.is_ours(receiver) {
-                routed.extend(self.failure(date, envelope, &message, receiver));
+            let addresses = self.ways_to(receiver);
+            if addresses.is_empty() {
+                let form = &envelope.acl_representation;
+                let from = envelope.from.as_ref();
+                routed.extend(self.failure(now, form, from, &letter.message, receiver, "the agent is not known"));
             } else {
-                let envelope = self.stamped(date, envelope, receiver);
-                routed.push(Routed::Forward { addresses: elsewhere, envelope, payload: payload.to_owned() });
+                routed.push(Routed::Forward(Outbound {
+                    addresses,
+                    envelope: self.stamped(now, envelope, receiver),
+                    payload: letter.payload.clone(),
+                    message: letter.message.clone(),
+                }));
             }
         }
         Ok(routed)
     }
 
-    /// Whether an agent was born here, so that nobody else can know it better.
-    fn is_ours(&self, agent: &AgentId) -> bool {
+    /// Whether it has not been here lately. Only dates tell repetition from a message sent again on purpose.
+    fn is_new(&mut self, now: Time, letter: &Letter) -> bool {
+        while self.forget_at.front().is_some_and(|(at, _)| *at <= now) || self.forget_at.len() >= REMEMBERED_MAX {
+            if let Some((_, digest)) = self.forget_at.pop_front() {
+                self.remembered.remove(&digest);
+            }
+        }
+        let envelope = &letter.envelope;
+        let Some(date) = &envelope.date else { return true };
+        let mut hasher = DefaultHasher::new();
+        (self.salt, date.as_str(), &letter.payload).hash(&mut hasher);
+        (&envelope.from, &envelope.to, &envelope.intended_receivers).hash(&mut hasher);
+        let digest = hasher.finish();
+        let new = self.remembered.insert(digest);
+        if new {
+            self.forget_at.push_back((now + REMEMBERED_FOR, digest));
+        }
+        new
+    }
+
+    /// Where an agent that does not live here may be reached, other than here.
+    pub fn ways_to(&self, agent: &AgentId) -> Vec<String> {
+        let known = self.elsewhere.get(&agent.name.to_lowercase()).map_or(&[][..], |known| &known.addresses);
+        // Who was born here, nobody can know better.
+        let named = if self.is_ours(agent) { &[][..] } else { &agent.addresses };
+        let mut ways: Vec<String> = Vec::new();
+        for address in known.iter().chain(named) {
+            if !self.addresses.contains(address) && !ways.contains(address) {
+                ways.push(address.clone());
+            }
+        }
+        ways
+    }
+
+    /// Whether an agent was born on this platform, by its name.
+    pub fn is_ours(&self, agent: &AgentId) -> bool {
         agent.name.rsplit_once('@').is_some_and(|(_, platform)| platform.eq_ignore_ascii_case(&self.platform))
     }
 
-    fn stamped(&self, date: &DateTime, envelope: &Envelope, receiver: &AgentId) -> Envelope {
+    fn stamped(&self, now: Time, envelope: &Envelope, receiver: &AgentId) -> Envelope {
         let mut copy = envelope.clone();
         copy.intended_receivers = vec![receiver.clone()];
         copy.received.push(Received {
             by: self.mark().to_owned(),
-            date: date.clone(),
+            date: self.calendar.date(now),
             from: None,
             id: None,
             via: None,
@@ -131,44 +257,100 @@ impl Acc {
         copy
     }
 
-    /// Tells the sender that a receiver cannot be reached, in the form in which it wrote. Never for a failure or a
-    /// not-understood: such talk would not end.
-    fn failure(
+    /// The message of an agent of this platform to one of another one.
+    ///
+    /// # Errors
+    /// It cannot be written in this form, or there is no way to the receiver.
+    pub fn dispatch(
+        &self,
+        now: Time,
+        form: &str,
+        message: WireMessage,
+        receiver: &AgentId,
+    ) -> Result<Outbound, Undeliverable> {
+        let addresses = self.ways_to(receiver);
+        if addresses.is_empty() {
+            return Err(Undeliverable::NoAddress);
+        }
+        self.wrap(&self.calendar.date(now), form, message, receiver, addresses).map_err(Undeliverable::Message)
+    }
+
+    fn wrap(
         &self,
         date: &DateTime,
-        envelope: &Envelope,
+        form: &str,
+        message: WireMessage,
+        receiver: &AgentId,
+        addresses: Vec<String>,
+    ) -> Result<Outbound, WireError> {
+        let xml = form.eq_ignore_ascii_case(XML_FORM);
+        let payload = if xml { print_xml(&message) } else { print_string(&message) }?;
+        // No stamps of what it answers: the other side would see a loop.
+        let envelope = Envelope {
+            to: vec![receiver.clone()],
+            from: message.sender.clone(),
+            acl_representation: if xml { XML_FORM } else { STRING_FORM }.to_owned(),
+            payload_length: Some(payload.len() as u64),
+            payload_encoding: Some("UTF-8".to_owned()),
+            date: Some(date.clone()),
+            intended_receivers: vec![receiver.clone()],
+            ..Envelope::default()
+        };
+        Ok(Outbound { addresses, envelope, payload, message })
+    }
+
+    /// The AMS tells the sender that a message on its way did not arrive anywhere.
+    pub fn undelivered(&self, now: Time, outbound: &Outbound, reason: &str) -> Vec<Routed> {
+        let envelope = &outbound.envelope;
+        let receivers =
+            if envelope.intended_receivers.is_empty() { &envelope.to } else { &envelope.intended_receivers };
+        let form = &envelope.acl_representation;
+        let told = receivers.iter().filter_map(|receiver| {
+            self.failure(now, form, envelope.from.as_ref(), &outbound.message, receiver, reason)
+        });
+        told.collect()
+    }
+
+    /// Tells the sender that a receiver cannot be reached, in the form in which it wrote. Never for a failure or a
+    /// not-understood: such talk would not end.
+    pub fn failure(
+        &self,
+        now: Time,
+        form: &str,
+        from: Option<&AgentId>,
         message: &WireMessage,
         receiver: &AgentId,
+        reason: &str,
     ) -> Option<Routed> {
         if matches!(message.performative, Performative::Failure | Performative::NotUnderstood) {
             return None;
         }
-        let sender = message.sender.clone().or_else(|| envelope.from.clone())?;
+        let sender = message.sender.as_ref().or(from)?.clone();
         let ams = AgentId { name: format!("ams@{}", self.platform).into(), addresses: self.addresses.clone().into() };
-        let content = format!(
-            "((action {} (ACLMessage)) (MTS-error {} (internal-error \"the agent is not known\")))",
-            print_agent(&sender),
-            print_agent(receiver)
-        );
-        let mut answer = message.reply(Performative::Failure, ams.clone(), content);
+        let content = ManagementContent::Undelivered { receiver: receiver.clone(), reason: reason.to_owned() };
+        let content = print_content(self.calendar, &sender, &content);
+        let mut answer = message.reply(Performative::Failure, ams, content);
         answer.receivers = vec![sender.clone()];
         answer.language = Some("fipa-sl".to_owned());
-        if self.agents.contains(&sender) {
-            return Some(Routed::Deliver { to: sender, message: answer });
+        answer.ontology = Some(crate::platform::ONTOLOGY.to_owned());
+        if let Some(resident) = self.resident(&sender) {
+            return Some(Routed::Deliver { to: resident.clone(), message: answer });
         }
-        let xml = envelope.acl_representation.eq_ignore_ascii_case(XML_FORM);
-        let payload = if xml { print_xml(&answer) } else { print_string(&answer) }.ok()?;
-        // No stamps of the request: the other side would see a loop.
-        let envelope = Envelope {
-            to: vec![sender.clone()],
-            from: Some(ams),
-            acl_representation: envelope.acl_representation.clone(),
-            payload_length: Some(payload.len() as u64),
-            payload_encoding: (!payload.is_ascii()).then(|| "UTF-8".to_owned()),
-            date: Some(date.clone()),
-            intended_receivers: vec![sender.clone()],
-            ..Envelope::default()
-        };
-        Some(Routed::Forward { addresses: sender.addresses.to_vec(), envelope, payload })
+        let addresses = self.ways_to(&sender);
+        if addresses.is_empty() {
+            return None;
+        }
+        self.wrap(&self.calendar.date(now), form, answer, &sender, addresses).ok().map(Routed::Forward)
     }
+}
+
+/// Why a message does not leave the platform.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Undeliverable {
+    /// The receiver has no address elsewhere.
+    #[error("no address is known of the agent")]
+    NoAddress,
+    /// It cannot be written.
+    #[error("the message cannot be written")]
+    Message(#[source] WireError),
 }

@@ -156,6 +156,23 @@ impl<C> AclMessage<C> {
         }
     }
 
+    /// The same message with another content.
+    pub fn map<D>(self, change: impl FnOnce(C) -> D) -> AclMessage<D> {
+        AclMessage {
+            performative: self.performative,
+            sender: self.sender,
+            receivers: self.receivers,
+            content: change(self.content),
+            language: self.language,
+            ontology: self.ontology,
+            protocol: self.protocol,
+            conversation_id: self.conversation_id,
+            reply_with: self.reply_with,
+            in_reply_to: self.in_reply_to,
+            reply_by: self.reply_by,
+        }
+    }
+
     /// The answer of `from` that it cannot make sense of this message, whose content it repeats. `None` where such an
     /// answer could go on for ever: to a not-understood, and to a failure.
     pub fn not_understood(&self, from: AgentId) -> Option<Self>

@@ -12,7 +12,10 @@
 //! | [`bus`], [`driver`] | what carries actions out: [`LocalPlatform`] on threads, [`Simulator`] in virtual time with faults |
 //! | [`protocol`] | contract net, request, subscribe as parts that agents are built of |
 //! | [`platform`] | Start Service, AMS, DF; [`platform::StandardAgent`] makes any machine obey the life cycle |
-//! | [`wire`], [`acc`] | messages and envelopes as text, and the channel that takes them in |
+//! | [`wire`], [`sl`] | messages, envelopes and content as text |
+//! | [`acc`], [`gateway`] | the channel that messages take in and out, and what makes strangers and agents understand each other |
+//! | [`driver::http`], [`driver::node`] | the transport over sockets, and a whole platform that JADE can talk to |
+//! | [`entry_store`], [`file_store`] | stores that drivers can use: in memory, shared, in a file that several processes have open |
 //!
 //! An agent that repeats what it hears, and one that asks it:
 //!
@@ -64,12 +67,16 @@ pub mod acc;
 mod acl;
 pub mod bus;
 pub mod driver;
+pub mod entry_store;
+pub mod file_store;
+pub mod gateway;
 mod id;
 mod key;
 mod machine;
 mod number_map;
 pub mod platform;
 pub mod protocol;
+pub mod sl;
 pub mod store;
 mod time;
 pub mod wire;

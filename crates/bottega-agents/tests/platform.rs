@@ -1,25 +1,79 @@
 //! The platform's services, spoken to by messages as agents do.
 
-use std::time::Duration;
+use std::{collections::VecDeque, time::Duration};
 
 use bottega_agents::{
-    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine, Time,
+    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine,
+    StoreRequest, Ticket, Time,
     platform::{
-        Ams, AmsAgentDescription, Df, DfAgentDescription, FailureReason, Function, Functions, LifeCycleRequest,
-        LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, PlatformDescription, RefuseReason,
+        Ams, AmsAgentDescription, AmsConfig, Df, DfAgentDescription, DfConfig, FailureReason, Function, Functions,
+        LifeCycleRequest, LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, RefuseReason,
         SearchConstraints, Service, ServiceDescription, ServiceEntry, StandardAgent, StartService,
     },
+    store::{Addressed, MemoryStore},
+    wire::Calendar,
 };
 
-type Vocabulary<F> = Service<F, M, (), (), ()>;
+type Vocabulary<F> = Service<F, M, String, (), ()>;
 
 fn id(name: &str) -> AgentId {
     AgentId::new(name)
 }
 
+/// A service over a store in memory.
+struct Desk<F> {
+    service: Vocabulary<F>,
+    store: MemoryStore<String, ()>,
+}
+
+impl<F: Functions> Desk<F> {
+    fn new(name: &str, functions: F) -> Self {
+        Self::over(name, functions, MemoryStore::default())
+    }
+
+    fn over(name: &str, functions: F, store: MemoryStore<String, ()>) -> Self {
+        let mut desk = Self { service: Service::new(id(name), functions), store };
+        desk.store.forget(&());
+        desk.handle(Time::ZERO, Event::Start);
+        desk
+    }
+
+    /// Lets the service take an event and the store answer until it has nothing to ask any more.
+    fn handle(&mut self, now: Time, event: Event<M, String, ()>) -> Vec<AclMessage<M>> {
+        let (mut said, mut events) = (Vec::new(), VecDeque::from([event]));
+        while let Some(event) = events.pop_front() {
+            let mut actions = Vec::new();
+            self.service.handle(now, event, &mut actions);
+            for action in actions {
+                match action {
+                    Action::Send(message) => said.push(message),
+                    Action::Store { ticket, request } => {
+                        let mut replies = Vec::new();
+                        self.store.handle((), ticket, request, &mut replies);
+                        events.extend(
+                            replies.into_iter().map(|Addressed { ticket, reply, .. }| Event::Store { ticket, reply }),
+                        );
+                    }
+                    Action::WatchPresence => {}
+                    other => panic!("{other:?}"),
+                }
+            }
+        }
+        said
+    }
+
+    fn functions(&self) -> &F {
+        self.service.functions()
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.service.next_deadline()
+    }
+}
+
 /// Says something to a service and returns all that it says.
 fn say<F: Functions>(
-    service: &mut Vocabulary<F>,
+    service: &mut Desk<F>,
     now: Time,
     from: &str,
     performative: Performative,
@@ -30,38 +84,32 @@ fn say<F: Functions>(
         reply_with: 5,
         ..AclMessage::new(performative, id(from), id("service"), content)
     };
-    let mut actions = Vec::new();
-    service.handle(now, Event::Message(message), &mut actions);
-    let sent = actions.into_iter().map(|action| match action {
-        Action::Send(message) => message,
-        other => panic!("{other:?}"),
-    });
-    sent.collect()
+    service.handle(now, Event::Message(message))
 }
 
 /// Requests a function; returns the performative and the content of the answer.
-fn ask<F: Functions>(service: &mut Vocabulary<F>, now: Time, from: &str, function: Function) -> (Performative, M) {
+fn ask<F: Functions>(service: &mut Desk<F>, now: Time, from: &str, function: Function) -> (Performative, M) {
     let answer = say(service, now, from, Performative::Request, M::Action(function)).pop().unwrap();
     assert_eq!((answer.conversation_id, answer.in_reply_to), (4, 5));
     assert_eq!(answer.receivers, [id(from)]);
     (answer.performative, answer.content)
 }
 
-fn outcome<F: Functions>(service: &mut Vocabulary<F>, now: Time, from: &str, function: Function) -> Outcome {
+fn outcome<F: Functions>(service: &mut Desk<F>, now: Time, from: &str, function: Function) -> Outcome {
     match ask(service, now, from, function) {
         (Performative::Inform, M::Done(_, outcome)) => outcome,
         other => panic!("{other:?}"),
     }
 }
 
-fn refusal<F: Functions>(service: &mut Vocabulary<F>, from: &str, function: Function) -> RefuseReason {
+fn refusal<F: Functions>(service: &mut Desk<F>, from: &str, function: Function) -> RefuseReason {
     match ask(service, Time::ZERO, from, function) {
         (Performative::Refuse, M::Refused(_, reason)) => reason,
         other => panic!("{other:?}"),
     }
 }
 
-fn failure<F: Functions>(service: &mut Vocabulary<F>, from: &str, function: Function) -> FailureReason {
+fn failure<F: Functions>(service: &mut Desk<F>, from: &str, function: Function) -> FailureReason {
     match ask(service, Time::ZERO, from, function) {
         (Performative::Failure, M::Failed(_, reason)) => reason,
         other => panic!("{other:?}"),
@@ -72,9 +120,30 @@ fn agent(name: &str, state: Option<LifeCycleState>) -> AmsAgentDescription {
     AmsAgentDescription { name: Some(id(name)), ownership: None, state }
 }
 
-fn ams() -> Vocabulary<Ams> {
-    let platform = PlatformDescription { name: "here".into(), services: Vec::new() };
-    Service::new(id("ams@here"), Ams::new(platform, vec![id("root@here")]))
+fn pages() -> Ams {
+    Ams::new(AmsConfig {
+        id: id("ams@here"),
+        platform: "here".into(),
+        services: vec![id("ams@here")],
+        administrators: vec![id("root@here")],
+        addresses: Vec::new(),
+        enters_residents: false,
+    })
+}
+
+fn ams() -> Desk<Ams> {
+    Desk::new("ams@here", pages())
+}
+
+fn offers(lease_max: Option<Duration>) -> Df {
+    Df::new(DfConfig {
+        id: id("df@here"),
+        calendar: Calendar::default(),
+        lease_max,
+        administrators: Vec::new(),
+        federates: Vec::new(),
+        salt: 1,
+    })
 }
 
 #[test]
@@ -88,7 +157,7 @@ fn white_pages_enter_find_change_and_forget_agents() {
     assert_eq!(refusal(&mut ams, "a", Function::RegisterAgent(agent("d", None))), RefuseReason::Unauthorised);
     assert_eq!(
         refusal(&mut ams, "a", Function::RegisterAgent(AmsAgentDescription::default())),
-        RefuseReason::MissingParameter("ams-agent-description", "name")
+        RefuseReason::MissingParameter("ams-agent-description".into(), "name".into())
     );
     let mut found = |max_results| {
         let template = AmsAgentDescription { state: Some(LifeCycleState::Active), ..Default::default() };
@@ -98,12 +167,15 @@ fn white_pages_enter_find_change_and_forget_agents() {
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!([found(None), found(Some(2)), found(Some(-1)), found(Some(0))], [1, 2, 3, 0]);
+    assert_eq!([found(None), found(Some(2)), found(Some(-1)), found(Some(0))], [1, 2, 4, 0], "with the AMS itself");
     assert_eq!(outcome(&mut ams, now, "a", Function::DeregisterAgent(agent("a", None))), Outcome::Done);
     assert_eq!(failure(&mut ams, "a", Function::DeregisterAgent(agent("a", None))), FailureReason::NotRegistered);
     assert_eq!(failure(&mut ams, "a", Function::ModifyAgent(agent("a", None))), FailureReason::NotRegistered);
     assert!(matches!(outcome(&mut ams, now, "x", Function::GetDescription), Outcome::Platform(p) if p.name == "here"));
-    assert_eq!(refusal(&mut ams, "x", Function::GetServiceRoot), RefuseReason::UnsupportedFunction);
+    assert_eq!(
+        refusal(&mut ams, "x", Function::GetServiceRoot),
+        RefuseReason::UnsupportedFunction("getServiceRoot".into())
+    );
 }
 
 #[test]
@@ -115,8 +187,10 @@ fn transitions_of_life_are_begun_by_whom_the_standard_allows() {
     // The agent goes to sleep by itself, and only the platform wakes it.
     outcome(&mut ams, Time::ZERO, "a", change(Suspended));
     assert_eq!(refusal(&mut ams, "a", change(Active)), RefuseReason::Unauthorised);
-    let forbidden = RefuseReason::UnrecognisedParameterValue("ams-agent-description", "state");
+    let forbidden = RefuseReason::UnrecognisedParameterValue("ams-agent-description".into(), "state".into());
     assert_eq!(refusal(&mut ams, "root@here", change(Transit)), forbidden);
+    // The agent lives here, so it is told.
+    ams.handle(Time::ZERO, Event::Presence { agent: id("a"), present: true });
     let sent = say(&mut ams, Time::ZERO, "root@here", Performative::Request, M::Action(change(Active)));
     assert_eq!(sent[0].content, M::LifeCycle(LifeCycleRequest::Resume));
     assert_eq!(sent[0].receivers, [id("a")]);
@@ -139,7 +213,7 @@ fn what_makes_no_sense_is_not_understood_and_never_twice() {
     assert_eq!(answer.performative, Performative::NotUnderstood);
     assert_eq!(answer.content, M::NotUnderstood(NotUnderstoodReason::UnsupportedAct(Performative::Propose)));
     let answer = heard(Performative::Request, M::LifeCycle(LifeCycleRequest::Quit)).remove(0);
-    assert_eq!(answer.content, M::NotUnderstood(NotUnderstoodReason::UnrecognisedValue("content")));
+    assert_eq!(answer.content, M::NotUnderstood(NotUnderstoodReason::UnrecognisedValue("content".into())));
     assert!(heard(Performative::NotUnderstood, function()).is_empty());
     assert!(heard(Performative::Failure, function()).is_empty());
 }
@@ -157,7 +231,7 @@ fn offer(name: &str, kind: &str) -> DfAgentDescription {
 #[test]
 fn yellow_pages_match_templates_and_leases_end() {
     let at = |seconds| Time::since_start(Duration::from_secs(seconds));
-    let mut df: Vocabulary<Df> = Service::new(id("df"), Df::new(Some(Duration::from_secs(60))));
+    let mut df = Desk::new("df@here", offers(Some(Duration::from_secs(60))));
     for (name, lease) in [("a", Some(at(10))), ("b", None), ("c", Some(at(999)))] {
         let description =
             DfAgentDescription { lease_time: lease, ..offer(name, if name == "b" { "cook" } else { "smith" }) };
@@ -165,7 +239,7 @@ fn yellow_pages_match_templates_and_leases_end() {
         let Outcome::Entered(granted) = granted else { panic!("{granted:?}") };
         assert_eq!(granted.lease_time, Some(if name == "a" { at(10) } else { at(60) }));
     }
-    let find = |df: &mut Vocabulary<Df>, now, kind: Option<&str>, language: &str| {
+    let find = |df: &mut Desk<Df>, now, kind: Option<&str>, language: &str| {
         let service = ServiceDescription {
             service_type: kind.map(str::to_owned),
             languages: vec![language.into()],
@@ -192,22 +266,24 @@ fn yellow_pages_match_templates_and_leases_end() {
     let nameless = DfAgentDescription { services: vec![ServiceDescription::default()], ..offer("q", "x") };
     assert_eq!(
         refusal(&mut df, "q", Function::Register(nameless)),
-        RefuseReason::MissingParameter("service-description", "name")
+        RefuseReason::MissingParameter("service-description".into(), "name".into())
     );
-    df.handle(at(200), Event::Deadline, &mut Vec::new());
+    df.handle(at(200), Event::Deadline);
+    // Once more it looks whether that is really gone.
+    df.handle(at(202), Event::Deadline);
     assert_eq!(df.next_deadline(), None);
 }
 
 #[test]
 fn the_start_service_knows_every_basic_service_once() {
     let entry = |id: &str| ServiceEntry { id: id.into(), service_type: "t".into(), addresses: vec!["a".into()] };
-    let mut start: Vocabulary<StartService> = Service::new(id("start"), StartService::new(vec![entry("ams")]));
+    let mut start = Desk::new("start", StartService::new(vec![entry("ams")]));
     outcome(&mut start, Time::ZERO, "x", Function::SupplyBasicService(entry("df")));
     assert_eq!(failure(&mut start, "x", Function::SupplyBasicService(entry("ams"))), FailureReason::AlreadyRegistered);
     let nowhere = ServiceEntry { addresses: Vec::new(), ..entry("q") };
     assert!(matches!(
         refusal(&mut start, "x", Function::SupplyBasicService(nowhere)),
-        RefuseReason::MissingParameter(_, "service-locator")
+        RefuseReason::MissingParameter(_, parameter) if parameter == "service-locator"
     ));
     let root = outcome(&mut start, Time::ZERO, "x", Function::GetServiceRoot);
     assert_eq!(root, Outcome::ServiceRoot(vec![entry("ams"), entry("df")]));
@@ -222,7 +298,7 @@ struct Clock {
 
 impl StateMachine for Clock {
     type Content = M;
-    type Value = ();
+    type Value = String;
     type Effect = ();
     type Completion = ();
 
@@ -244,13 +320,13 @@ impl StateMachine for Clock {
 }
 
 enum Any {
-    Ams(Vocabulary<Ams>),
+    Ams(Box<Vocabulary<Ams>>),
     Clock(StandardAgent<Clock>),
 }
 
 impl StateMachine for Any {
     type Content = M;
-    type Value = ();
+    type Value = String;
     type Effect = ();
     type Completion = ();
 
@@ -273,7 +349,7 @@ impl StateMachine for Any {
 fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     use bottega_agents::Bus;
     let mut world = Simulator::new(1, Faults::NONE, |_: Time, _: &AgentId, (): (), _: &mut Random, _: &mut Vec<_>| {});
-    world.add(&id("ams@here"), false, || Any::Ams(ams()));
+    world.add(&id("ams@here"), false, || Any::Ams(Box::new(Service::new(id("ams@here"), pages()))));
     world.add(&id("clock"), false, || {
         let clock = Clock { ticks: 0, told: 0, next: Time::ZERO };
         Any::Clock(StandardAgent::new(id("clock"), id("ams@here"), clock))
@@ -303,4 +379,23 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     world.bus().publish(request("root@here", "ams@here", end));
     world.run_until(at(12000));
     assert_eq!(look(&world), None);
+}
+
+#[test]
+fn a_directory_that_has_not_heard_of_the_last_writes_does_not_answer_from_memory() {
+    let mut df = Desk::new("df@here", offers(None));
+    outcome(&mut df, Time::ZERO, "a", Function::Register(offer("a", "smith")));
+    let key = bottega_agents::Key::from("df/entry/a");
+    let text = df.store.get(&key).unwrap().value.clone();
+    // Somebody else writes, and the news is on its way still.
+    let write = |df: &mut Desk<Df>, value: String| {
+        let request = StoreRequest::Put { key: key.clone(), value };
+        df.store.handle((), Ticket(u64::MAX), request, &mut Vec::new());
+    };
+    write(&mut df, String::new());
+    outcome(&mut df, Time::ZERO, "a", Function::Register(offer("a", "smith")));
+    outcome(&mut df, Time::ZERO, "a", Function::Deregister(offer("a", "smith")));
+    write(&mut df, text);
+    outcome(&mut df, Time::ZERO, "a", Function::Deregister(offer("a", "smith")));
+    assert_eq!(failure(&mut df, "a", Function::Deregister(offer("a", "smith"))), FailureReason::NotRegistered);
 }

@@ -11,13 +11,13 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
-    ToneArg,
+    ToneArg, parse_duration,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_define, parse_distance, parse_duration, parse_environment, parse_error,
-    parse_factor, parse_rect, parse_size, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rect,
+    parse_size, parse_stops, parse_time,
 };
-use crate::{bench::MagarroArgs, rules::RulesArgs, simulate::args::SimulateArgs};
+use crate::{bench::MagarroArgs, platform::PlatformArgs, rules::RulesArgs, simulate::args::SimulateArgs};
 
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Simulate(Box<SimulateArgs>),
     /// Check, evaluate and draw expert rules.
     Rules(RulesArgs),
+    /// Run a FIPA agent platform, or ask one what it knows.
+    Platform(PlatformArgs),
     /// Measure this machine and this program.
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.

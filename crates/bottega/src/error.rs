@@ -2,6 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc};
 
+use bottega_agents::{driver::node::NodeError, file_store::FileStoreError};
 use bottega_engines::EngineError;
 use bottega_farm::{
     JobError, JournalError,
@@ -51,6 +52,10 @@ pub(crate) enum CliError {
     Record { path: PathBuf, source: RecordError },
     #[error("the simulation came to nothing")]
     Simulation(#[source] SimulationError),
+    #[error("the platform does not run")]
+    Node(#[source] NodeError),
+    #[error("cannot keep the platform in `{}`", .path.display())]
+    State { path: PathBuf, source: FileStoreError },
     #[error("cannot write `{}`", .path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("cannot read `{}`", .path.display())]

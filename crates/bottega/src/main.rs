@@ -10,6 +10,7 @@ mod diff;
 mod error;
 mod info;
 mod keeping;
+mod platform;
 mod preview;
 mod render;
 mod reporter;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Rules(args) => rules::run(&args),
+        Command::Platform(args) => platform::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Completions { shell } => {

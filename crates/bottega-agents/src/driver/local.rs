@@ -15,6 +15,7 @@ use super::queues::Queues;
 use crate::{
     AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreRequest, Ticket, Time,
     bus::{BLOBS_MAX, Beyond, Blob, BlobId, Bus, carry_out},
+    entry_store::EntryStore,
     store::{Addressed, MemoryStore},
 };
 
@@ -50,19 +51,25 @@ struct State<M: StateMachine> {
     index: BTreeMap<AgentId, usize>,
     ready: VecDeque<usize>,
     timers: BTreeSet<(Time, usize)>,
-    store: MemoryStore<M::Value, usize>,
     queues: Queues<M::Content>,
     blobs: BTreeMap<BlobId, Blob>,
     presence_watchers: BTreeSet<usize>,
     /// Agents that have not stopped.
     alive: usize,
     messages_lost: u64,
+    /// Gets what is for agents that are not here.
+    gateway: Option<usize>,
     closing: bool,
     panicked: bool,
 }
 
+type Store<V> = Box<dyn EntryStore<V, usize> + Send>;
+
 struct Shared<M: StateMachine> {
     state: Mutex<State<M>>,
+    /// Locked before `state` where both are, so that replies arrive in the order of what they tell, and that a store
+    /// which takes its time holds up nobody who does not need it.
+    store: Mutex<Store<M::Value>>,
     /// There is work for a worker, or the platform closes.
     work: Condvar,
     /// The last agent stopped, or the platform closes.
@@ -78,6 +85,23 @@ impl<M: StateMachine> Shared<M> {
 
     fn now(&self) -> Time {
         Time::since_start(self.started.elapsed())
+    }
+
+    /// Does something with the store and delivers what it says.
+    fn with_store(&self, change: impl FnOnce(&mut Store<M::Value>, &mut Vec<Addressed<M::Value, usize>>)) {
+        // A store that panicked is as good as one that cannot be asked; its own invariants are its business.
+        let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut replies = Vec::new();
+        change(&mut store, &mut replies);
+        if replies.is_empty() {
+            return;
+        }
+        let mut state = self.lock();
+        for Addressed { to, ticket, reply } in replies {
+            state.deliver(to, Event::Store { ticket, reply });
+        }
+        drop(state);
+        self.work.notify_all();
     }
 }
 
@@ -150,7 +174,6 @@ impl<M: StateMachine> State<M> {
         slot.stopped = true;
         slot.mailbox.clear();
         let id = slot.id.clone();
-        self.store.forget(&agent);
         self.queues.forget(&id);
         self.presence_watchers.remove(&agent);
         self.alive -= 1;
@@ -188,11 +211,18 @@ where
 
     fn publish(&mut self, message: AclMessage<M::Content>) {
         self.with(|state| {
+            let mut elsewhere = Vec::new();
             for receiver in &message.receivers {
+                // Of one who has stopped the gateway tells the sender.
+                let here = |to: usize| state.gateway.is_none_or(|gateway| gateway != to && !state.slots[to].stopped);
                 match state.index.get(receiver) {
-                    Some(&to) => _ = state.deliver(to, Event::Message(message.clone())),
-                    None => state.messages_lost += 1,
+                    Some(&to) if here(to) => _ = state.deliver(to, Event::Message(message.clone())),
+                    _ if state.gateway.is_some() => elsewhere.push(receiver.clone()),
+                    _ => state.messages_lost += 1,
                 }
+            }
+            if let Some(gateway) = state.gateway.filter(|_| !elsewhere.is_empty()) {
+                state.deliver(gateway, Event::Message(AclMessage { receivers: elsewhere, ..message }));
             }
         });
     }
@@ -212,14 +242,10 @@ where
     }
 
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
-        self.with(|state| {
-            let Some(&from) = state.index.get(from) else { return };
-            let mut replies = Vec::new();
-            state.store.handle(from, ticket, request, &mut replies);
-            for Addressed { to, ticket, reply } in replies {
-                state.deliver(to, Event::Store { ticket, reply });
-            }
-        });
+        let from = self.0.lock().index.get(from).copied();
+        if let Some(from) = from {
+            self.0.with_store(|store, replies| store.handle(from, ticket, request, replies));
+        }
     }
 
     fn watch_presence(&mut self, from: &AgentId) {
@@ -292,22 +318,31 @@ where
     /// # Errors
     /// When the operating system gives no thread.
     pub fn new(threads: usize) -> std::io::Result<Self> {
+        Self::with_store(threads, Box::new(MemoryStore::default()))
+    }
+
+    /// The same over a store that may be shared with other processes, or outlast this one.
+    ///
+    /// # Errors
+    /// When the operating system gives no thread.
+    pub fn with_store(threads: usize, store: Box<dyn EntryStore<M::Value, usize> + Send>) -> std::io::Result<Self> {
         let state = State {
             slots: Vec::new(),
             index: BTreeMap::new(),
             ready: VecDeque::new(),
             timers: BTreeSet::new(),
-            store: MemoryStore::default(),
             queues: Queues::default(),
             blobs: BTreeMap::new(),
             presence_watchers: BTreeSet::new(),
             alive: 0,
             messages_lost: 0,
+            gateway: None,
             closing: false,
             panicked: false,
         };
         let shared = Arc::new(Shared {
             state: Mutex::new(state),
+            store: Mutex::new(store),
             work: Condvar::new(),
             finished: Condvar::new(),
             started: start_of_time(),
@@ -347,6 +382,18 @@ where
         drop(state);
         self.shared.work.notify_all();
         Ok(Mailbox { shared: Arc::clone(&self.shared), agent })
+    }
+
+    /// From now on this agent gets all messages to agents that are not here. `false`: it is not here itself.
+    pub fn set_gateway(&self, agent: &AgentId) -> bool {
+        let mut state = self.shared.lock();
+        state.gateway = state.index.get(agent).copied();
+        state.gateway.is_some()
+    }
+
+    /// Tells agents what other processes wrote into the store. To be called now and then where it is shared.
+    pub fn poll_store(&self) {
+        self.shared.with_store(|store, replies| store.poll(replies));
     }
 
     /// The bus, for threads outside of the platform.
@@ -504,6 +551,7 @@ fn rest<M: StateMachine>(shared: &Shared<M>, agent: usize, machine: M, performer
         state.retire(agent);
         let last = state.alive == 0;
         drop(state);
+        shared.store.lock().unwrap_or_else(PoisonError::into_inner).forget(&agent);
         // The machine is dropped outside of the lock: it may hold anything.
         drop((machine, performer));
         if last {

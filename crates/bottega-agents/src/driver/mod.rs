@@ -1,7 +1,9 @@
 //! What turns state machines into running agents.
 
+pub mod http;
 pub mod local;
 mod network;
+pub mod node;
 mod plan;
 mod queues;
 pub mod random;

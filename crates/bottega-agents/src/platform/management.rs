@@ -1,7 +1,9 @@
 //! What is said about agents and services: the ontology `fipa-agent-management` (FIPA00023), as types.
 
+use std::borrow::Cow;
+
 use super::LifeCycleState;
-use crate::{AgentId, Time};
+use crate::{AgentId, Performative, Time, sl::Term};
 
 /// The name of the ontology.
 pub const ONTOLOGY: &str = "fipa-agent-management";
@@ -39,6 +41,19 @@ pub enum ManagementContent {
     LifeCycleDone(LifeCycleRequest),
     /// In a not-understood.
     NotUnderstood(NotUnderstoodReason),
+    /// In a subscribe: tell of all offers that are like this, now and later.
+    Subscription(DfAgentDescription, SearchConstraints),
+    /// In an inform to a subscriber: its wish, and what is new of it. An offer that is gone has its name alone.
+    News(DfAgentDescription, SearchConstraints, Vec<DfAgentDescription>),
+    /// In a cancel, and in the inform that it is done: the conversation is over.
+    Cancel,
+    /// In a failure of an AMS: a message did not reach this receiver.
+    Undelivered {
+        /// Who did not get it.
+        receiver: AgentId,
+        /// Why.
+        reason: String,
+    },
 }
 
 /// What a platform service can do.
@@ -90,6 +105,38 @@ pub enum Outcome {
     Platform(PlatformDescription),
     /// The service root.
     ServiceRoot(Vec<ServiceEntry>),
+}
+
+impl Function {
+    /// What a request calls it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::RegisterAgent(_) | Self::Register(_) => "register",
+            Self::DeregisterAgent(_) | Self::Deregister(_) => "deregister",
+            Self::ModifyAgent(_) | Self::Modify(_) => "modify",
+            Self::SearchAgents(..) | Self::Search(..) => "search",
+            Self::TerminateAgent { graceful: true, .. } => "quit",
+            Self::TerminateAgent { graceful: false, .. } => "destroy",
+            Self::GetDescription => "get-description",
+            Self::GetServiceRoot => "getServiceRoot",
+            Self::SupplyBasicService(_) => "supplyBasicService",
+        }
+    }
+}
+
+impl LifeCycleRequest {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
+
+    /// What a request calls it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Suspend => "suspend",
+            Self::Resume => "resume",
+            Self::Quit => "quit",
+            Self::Destroy => "destroy",
+        }
+    }
 }
 
 /// What the AMS asks of an agent: the operations that every agent has.
@@ -159,8 +206,8 @@ pub struct ServiceDescription {
 pub struct Property {
     /// Its name.
     pub name: String,
-    /// Its value.
-    pub value: String,
+    /// Its value: any term.
+    pub value: Term,
 }
 
 /// How far and how much to search.
@@ -194,15 +241,22 @@ pub struct ServiceEntry {
     pub addresses: Vec<String>,
 }
 
+/// The name of a function, an object or a parameter.
+pub type Name = Cow<'static, str>;
+
 /// Why a message is not understood.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotUnderstoodReason {
     /// This performative has no meaning here.
-    UnsupportedAct(crate::Performative),
+    UnsupportedAct(Performative),
     /// This performative was not expected at this point.
-    UnexpectedAct(crate::Performative),
+    UnexpectedAct(Performative),
+    /// A parameter of the message, such as `language`, has a value that is not supported.
+    UnsupportedValue(Name),
     /// A parameter of the message, such as `content`, has a value that makes no sense.
-    UnrecognisedValue(&'static str),
+    UnrecognisedValue(Name),
+    /// Something else that another platform says.
+    Other(Term),
 }
 
 /// Why nothing was done.
@@ -211,11 +265,31 @@ pub enum RefuseReason {
     /// It is not for you to ask.
     Unauthorised,
     /// This service does not do that.
-    UnsupportedFunction,
+    UnsupportedFunction(Name),
+    /// The function has no such argument.
+    MissingArgument(Name),
+    /// The function takes no such argument.
+    UnexpectedArgument(Name),
+    /// The function takes more or fewer arguments.
+    UnexpectedArgumentCount,
     /// Something is missing: of which object, which parameter.
-    MissingParameter(&'static str, &'static str),
+    MissingParameter(Name, Name),
+    /// Something is too much: of which object, which parameter.
+    UnexpectedParameter(Name, Name),
     /// Something has a value that it cannot have: of which object, which parameter.
-    UnrecognisedParameterValue(&'static str, &'static str),
+    UnrecognisedParameterValue(Name, Name),
+    /// Something else that another platform says.
+    Other(Term),
+}
+
+impl RefuseReason {
+    pub(super) fn missing(object: &'static str, parameter: &'static str) -> Self {
+        Self::MissingParameter(object.into(), parameter.into())
+    }
+
+    pub(super) fn bad_value(object: &'static str, parameter: &'static str) -> Self {
+        Self::UnrecognisedParameterValue(object.into(), parameter.into())
+    }
 }
 
 /// What went wrong.

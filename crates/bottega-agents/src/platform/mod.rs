@@ -3,24 +3,26 @@
 //!
 //! All answer `fipa-request` messages with [`ManagementContent`]. An act that is not a request is not understood; a
 //! request that is not supported, not allowed or badly formed is refused and nothing has changed; what then goes wrong
-//! is a failure; else the answer is an inform (FIPA00023).
+//! is a failure; else the answer is an inform (FIPA00023). What they know is in the store: see [`Service`].
 
 mod ams;
 mod df;
 mod life_cycle;
 mod management;
+mod ontology;
 mod service;
 mod standard_agent;
 mod start;
 
-pub use ams::{AGENTS_MAX, Ams};
-pub use df::{DESCRIPTIONS_MAX, Df};
+pub use ams::{AGENTS_MAX, Ams, AmsConfig, AmsPages, HTTP_TRANSPORT, NODES_MAX};
+pub use df::{DESCRIPTIONS_MAX, Df, DfConfig, RESULTS_MAX};
 pub use life_cycle::{LifeCycleState, Transition};
 pub use management::{
     AmsAgentDescription, CarriesManagement, DfAgentDescription, FailureReason, Function, LifeCycleRequest,
-    ManagementContent, NotUnderstoodReason, ONTOLOGY, Outcome, PlatformDescription, Property, RefuseReason,
+    ManagementContent, Name, NotUnderstoodReason, ONTOLOGY, Outcome, PlatformDescription, Property, RefuseReason,
     SearchConstraints, ServiceDescription, ServiceEntry,
 };
-pub use service::{Functions, NoResult, Service};
+pub use ontology::{Unread, print_content, print_content_of, read_content};
+pub use service::{Change, ENTRY_BYTES_MAX, Functions, NoResult, Said, Service, Step, Todo};
 pub use standard_agent::{KEPT_MESSAGES_MAX, StandardAgent};
 pub use start::{BASIC_SERVICES_MAX, StartService};

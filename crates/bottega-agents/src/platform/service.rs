@@ -1,11 +1,35 @@
-//! What the platform's services have in common: a request comes, an answer goes.
+//! What the platform's services have in common: a request comes, the store is asked to change, an answer goes.
+//!
+//! What a service knows is a mirror of entries of the store, which it watches. A change is a compare-and-set against
+//! the revision that it knows: of two replicas that decide at the same time one loses, looks again, and decides anew.
+//! So any number of services can serve the same pages, and one that starts again knows what the one before it knew.
+//! An entry that holds no text is one that was taken out.
 
-use std::marker::PhantomData;
+use std::{
+    collections::{BTreeMap, VecDeque},
+    marker::PhantomData,
+    time::Duration,
+};
 
 use super::management::{
     CarriesManagement, FailureReason, Function, ManagementContent, NotUnderstoodReason, Outcome, RefuseReason,
 };
-use crate::{AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, Time};
+use crate::{
+    AclMessage, Action, ActionOf, AgentId, Entry, Event, EventOf, Key, Performative, Revision, StateMachine,
+    StoreReply, StoreRequest, Ticket, Time,
+};
+
+/// How often a change is tried again that others were faster with.
+const TRIES_MAX: u32 = 16;
+/// How long the store may take to answer.
+const STORE_WAIT_MAX: Duration = Duration::from_secs(10);
+/// The most requests that wait for the store at a time.
+const OPEN_MAX: usize = 1 << 12;
+/// The longest text of an entry, in bytes.
+pub const ENTRY_BYTES_MAX: usize = 1 << 16;
+
+/// A message as services see it.
+pub type Said = AclMessage<ManagementContent>;
 
 /// Why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,22 +52,68 @@ impl From<FailureReason> for NoResult {
     }
 }
 
+/// One entry of the store that shall change, if it is as it is known to be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// Which.
+    pub key: Key,
+    /// What it shall hold; nothing: it is taken out.
+    pub text: String,
+}
+
+/// How far a function came.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// It is done, and nothing changes.
+    Done(Outcome),
+    /// This must change; then it is done.
+    Write(Change, Outcome),
+    /// The service answers later by itself.
+    Later,
+}
+
+/// What a service wants besides its answers.
+#[derive(Debug, Default)]
+pub struct Todo {
+    /// Messages.
+    pub send: Vec<Said>,
+    /// Changes of its own, each under a mark by which [`Functions::settled`] tells of it.
+    pub writes: Vec<(u64, Change)>,
+}
+
 /// What a service does, without the talk around it.
 pub trait Functions {
-    /// Carries out `function` as `asker` wants it. Requests to agents that come of it are appended to `requests`.
+    /// How the names of the entries begin that it mirrors.
+    const PREFIXES: &'static [&'static str];
+
+    /// Takes over what an entry holds now, and by which write; no text: there is no such entry any more.
+    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut Todo);
+
+    /// Decides on a function as the sender of `request` wants it. May be asked again for the same request, when the
+    /// pages have changed in between.
     ///
     /// # Errors
     /// It is refused or fails. In both cases nothing has changed.
-    fn perform(
-        &mut self,
-        now: Time,
-        asker: &AgentId,
-        function: &Function,
-        requests: &mut Vec<(AgentId, ManagementContent)>,
-    ) -> Result<Outcome, NoResult>;
+    fn perform(&mut self, now: Time, request: &Said, function: &Function, todo: &mut Todo) -> Result<Step, NoResult>;
 
-    /// Does what is due.
-    fn tick(&mut self, _now: Time) {}
+    /// The entry on which the outcome of a function depends, where that is one.
+    fn entry_of(&self, _function: &Function) -> Option<Key> {
+        None
+    }
+
+    /// Takes a message that is no request. `false`: it means nothing here.
+    fn hear(&mut self, _now: Time, _message: &Said, _todo: &mut Todo) -> bool {
+        false
+    }
+
+    /// An agent came to this platform's process, or is gone from it.
+    fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut Todo) {}
+
+    /// A change of its own was made, or was not since the entry is another by now.
+    fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut Todo) {}
+
+    /// Does what is due. First called when all pages are known.
+    fn tick(&mut self, _now: Time, _todo: &mut Todo) {}
 
     /// When [`Self::tick`] has something to do.
     fn next_deadline(&self) -> Option<Time> {
@@ -51,21 +121,69 @@ pub trait Functions {
     }
 }
 
+/// A change under way.
+#[derive(Debug)]
+struct Open {
+    change: Change,
+    until: Time,
+    cause: Cause,
+}
+
+#[derive(Debug)]
+enum Cause {
+    Request {
+        request: Said,
+        outcome: Outcome,
+        tries: u32,
+    },
+    /// Nothing is written: the entry is looked at, for the mirror may lag behind.
+    Look {
+        request: Said,
+        tries: u32,
+    },
+    Own(u64),
+}
+
 /// A service as an agent: takes requests, answers them.
 ///
-/// `C` is the platform's content type; `V`, `E` and `R` are the types of its store, effects and completions, none of
-/// which a service uses.
+/// `C` is the platform's content type, `V` what its store holds; `E` and `R` are the types of its effects and
+/// completions, which a service does not use.
 pub struct Service<F, C, V, E, R> {
     id: AgentId,
     functions: F,
+    /// Of the entries that are mirrored.
+    revisions: BTreeMap<Key, Revision>,
+    /// How many of the prefixes have been read to their end.
+    caught_up: usize,
+    /// When to ask for the pages again.
+    watch_again: Time,
+    /// Came before the pages were known.
+    early: VecDeque<Said>,
+    open: BTreeMap<Ticket, Open>,
+    next_ticket: u64,
     #[allow(clippy::type_complexity, reason = "a marker")]
     vocabulary: PhantomData<fn() -> (C, V, E, R)>,
 }
 
-impl<F: Functions, C: CarriesManagement, V, E, R> Service<F, C, V, E, R> {
+impl<F: Functions, C, V, E, R> Service<F, C, V, E, R>
+where
+    C: CarriesManagement,
+    V: From<String> + AsRef<str>,
+{
     /// The service as the agent `id`.
     pub fn new(id: AgentId, functions: F) -> Self {
-        Self { id, functions, vocabulary: PhantomData }
+        Self {
+            id,
+            functions,
+            revisions: BTreeMap::new(),
+            caught_up: 0,
+            watch_again: Time::ZERO,
+            early: VecDeque::new(),
+            open: BTreeMap::new(),
+            // The first tickets are those of the watches.
+            next_ticket: F::PREFIXES.len() as u64,
+            vocabulary: PhantomData,
+        }
     }
 
     /// What it does, to look at.
@@ -73,56 +191,279 @@ impl<F: Functions, C: CarriesManagement, V, E, R> Service<F, C, V, E, R> {
         &self.functions
     }
 
-    fn answer(&mut self, now: Time, message: &AclMessage<C>, send: &mut Vec<AclMessage<C>>) {
-        // Reports of agents that were asked to suspend, resume or quit, and complaints: nothing to answer.
-        use Performative as P;
-        if matches!(message.performative, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood) {
-            return;
+    /// Whether all pages are known.
+    pub fn is_ready(&self) -> bool {
+        self.caught_up >= F::PREFIXES.len()
+    }
+
+    fn watch(&mut self, now: Time, actions: &mut Vec<Action<C, V, E>>) {
+        self.caught_up = 0;
+        self.watch_again = now + STORE_WAIT_MAX;
+        for (ticket, prefix) in (0..).zip(F::PREFIXES) {
+            let request = StoreRequest::Watch { prefix: (*prefix).into() };
+            actions.push(Action::Store { ticket: Ticket(ticket), request });
         }
-        let reply =
-            |performative, content: ManagementContent| message.reply(performative, self.id.clone(), C::from(content));
-        if message.performative != P::Request {
-            let reason = NotUnderstoodReason::UnsupportedAct(message.performative);
-            send.push(reply(P::NotUnderstood, ManagementContent::NotUnderstood(reason)));
-            return;
-        }
-        let Some(ManagementContent::Action(function)) = message.content.management() else {
-            let reason = NotUnderstoodReason::UnrecognisedValue("content");
-            send.push(reply(P::NotUnderstood, ManagementContent::NotUnderstood(reason)));
-            return;
+    }
+
+    fn hear(&mut self, now: Time, message: Said, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+        let function = match &message.content {
+            ManagementContent::Action(function) if message.performative == Performative::Request => function.clone(),
+            _ => {
+                if !self.functions.hear(now, &message, todo) {
+                    todo.send.extend(self.not_understood(&message));
+                }
+                return;
+            }
         };
-        let mut requests = Vec::new();
-        let function = function.clone();
-        let answer = match self.functions.perform(now, &message.sender, &function, &mut requests) {
+        self.perform(now, message, &function, 0, false, todo, actions);
+    }
+
+    fn perform(
+        &mut self,
+        now: Time,
+        request: Said,
+        function: &Function,
+        tries: u32,
+        looked: bool,
+        todo: &mut Todo,
+        actions: &mut Vec<Action<C, V, E>>,
+    ) {
+        let step = if tries > TRIES_MAX || self.open.len() >= OPEN_MAX {
+            Err(internal("too many ask at the same time"))
+        } else {
+            self.functions.perform(now, &request, function, todo)
+        };
+        match step {
             // The answer is at once, so there is no agree before it.
-            Ok(outcome) => reply(P::Inform, ManagementContent::Done(function, outcome)),
-            Err(NoResult::Refuse(reason)) => reply(P::Refuse, ManagementContent::Refused(function, reason)),
-            Err(NoResult::Failure(reason)) => reply(P::Failure, ManagementContent::Failed(function, reason)),
-        };
-        for (agent, content) in requests {
-            let request = AclMessage::new(P::Request, self.id.clone(), agent, C::from(content));
-            send.push(AclMessage { ontology: super::ONTOLOGY, protocol: "fipa-request", ..request });
+            Ok(Step::Done(outcome)) => todo.send.push(self.done(&request, outcome)),
+            Ok(Step::Later) => {}
+            Ok(Step::Write(change, outcome)) if change.text.len() <= ENTRY_BYTES_MAX => {
+                self.write(now, change, Cause::Request { request, outcome, tries }, actions);
+            }
+            Ok(Step::Write(..)) => todo.send.push(self.no_result(&request, internal("too large"))),
+            // A write finds out by itself whether the mirror lags behind; a failure must ask.
+            Err(NoResult::Failure(FailureReason::AlreadyRegistered | FailureReason::NotRegistered))
+                if !looked && let Some(key) = self.functions.entry_of(function) =>
+            {
+                let ticket =
+                    self.open(now, Change { key: key.clone(), text: String::new() }, Cause::Look { request, tries });
+                actions.push(Action::Store { ticket, request: StoreRequest::Get { key } });
+            }
+            Err(reason) => todo.send.push(self.no_result(&request, reason)),
         }
-        send.push(answer);
+    }
+
+    fn write(&mut self, now: Time, change: Change, cause: Cause, actions: &mut Vec<Action<C, V, E>>) {
+        let expected_revision = self.revisions.get(&change.key).copied().unwrap_or(Revision::ABSENT);
+        let (key, value) = (change.key.clone(), V::from(change.text.clone()));
+        let request = StoreRequest::CompareAndSet { key, expected_revision, value };
+        let ticket = self.open(now, change, cause);
+        actions.push(Action::Store { ticket, request });
+    }
+
+    fn open(&mut self, now: Time, change: Change, cause: Cause) -> Ticket {
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        self.open.insert(ticket, Open { change, until: now + STORE_WAIT_MAX, cause });
+        ticket
+    }
+
+    /// Takes over an entry as the store has just said that it is.
+    fn learn_now(&mut self, now: Time, key: Key, entry: Option<Entry<V>>, todo: &mut Todo) {
+        match entry {
+            Some(entry) => {
+                self.learn(now, &key, entry.revision, entry.value.as_ref(), todo);
+                // Also that of an entry that was taken out, for the next try.
+                self.revisions.insert(key, entry.revision);
+            }
+            None => {
+                self.revisions.remove(&key);
+                self.functions.learn(now, &key.to_string(), Revision::ABSENT, "", todo);
+            }
+        }
+    }
+
+    /// Takes over an entry, unless a later one is known.
+    fn learn(&mut self, now: Time, key: &Key, revision: Revision, text: &str, todo: &mut Todo) {
+        if self.revisions.get(key).is_some_and(|known| *known >= revision) {
+            return;
+        }
+        if text.is_empty() {
+            self.revisions.remove(key);
+        } else {
+            self.revisions.insert(key.clone(), revision);
+        }
+        self.functions.learn(now, &key.to_string(), revision, text, todo);
+    }
+
+    fn store_says(
+        &mut self,
+        now: Time,
+        ticket: Ticket,
+        reply: StoreReply<V>,
+        todo: &mut Todo,
+        actions: &mut Vec<Action<C, V, E>>,
+    ) {
+        match reply {
+            StoreReply::Changed(entry) => self.learn(now, &entry.key, entry.revision, entry.value.as_ref(), todo),
+            StoreReply::CaughtUp => {
+                self.caught_up += 1;
+                if self.is_ready() {
+                    self.functions.tick(now, todo);
+                    for message in std::mem::take(&mut self.early) {
+                        self.hear(now, message, todo, actions);
+                    }
+                }
+            }
+            StoreReply::Got { key, entry } => {
+                let Some(Open { cause: Cause::Look { request, tries }, .. }) = self.open.remove(&ticket) else {
+                    return;
+                };
+                self.learn_now(now, key, entry, todo);
+                let ManagementContent::Action(function) = &request.content else { return };
+                let function = function.clone();
+                self.perform(now, request, &function, tries + 1, true, todo, actions);
+            }
+            StoreReply::Written { key, revision } => {
+                let Some(open) = self.open.remove(&ticket) else { return };
+                self.learn(now, &key, revision, &open.change.text, todo);
+                match open.cause {
+                    Cause::Request { request, outcome, .. } => todo.send.push(self.done(&request, outcome)),
+                    Cause::Look { .. } => {}
+                    Cause::Own(mark) => self.functions.settled(now, mark, true, todo),
+                }
+            }
+            StoreReply::Conflict { key, entry } => {
+                let Some(open) = self.open.remove(&ticket) else { return };
+                self.learn_now(now, key, entry, todo);
+                match open.cause {
+                    Cause::Request { request, tries, .. } => {
+                        let ManagementContent::Action(function) = &request.content else { return };
+                        let function = function.clone();
+                        self.perform(now, request, &function, tries + 1, false, todo, actions);
+                    }
+                    Cause::Look { .. } => {}
+                    Cause::Own(mark) => self.functions.settled(now, mark, false, todo),
+                }
+            }
+            StoreReply::Unavailable => self.give_up(now, ticket, todo),
+        }
+    }
+
+    fn give_up(&mut self, now: Time, ticket: Ticket, todo: &mut Todo) {
+        let Some(open) = self.open.remove(&ticket) else { return };
+        match open.cause {
+            Cause::Request { request, .. } | Cause::Look { request, .. } => {
+                todo.send.push(self.no_result(&request, internal("the store cannot be asked")));
+            }
+            Cause::Own(mark) => self.functions.settled(now, mark, false, todo),
+        }
+    }
+
+    fn done(&self, request: &Said, outcome: Outcome) -> Said {
+        let ManagementContent::Action(function) = &request.content else { unreachable!("only actions are performed") };
+        request.reply(Performative::Inform, self.id.clone(), ManagementContent::Done(function.clone(), outcome))
+    }
+
+    fn no_result(&self, request: &Said, reason: NoResult) -> Said {
+        let ManagementContent::Action(function) = &request.content else { unreachable!("only actions are performed") };
+        let function = function.clone();
+        match reason {
+            NoResult::Refuse(reason) => {
+                request.reply(Performative::Refuse, self.id.clone(), ManagementContent::Refused(function, reason))
+            }
+            NoResult::Failure(reason) => {
+                request.reply(Performative::Failure, self.id.clone(), ManagementContent::Failed(function, reason))
+            }
+        }
+    }
+
+    /// The answer to what means nothing here; none to answers, of which talk would not end.
+    fn not_understood(&self, message: &Said) -> Option<Said> {
+        use Performative as P;
+        let reason = match message.performative {
+            P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm => {
+                return None;
+            }
+            P::Request => NotUnderstoodReason::UnrecognisedValue("content".into()),
+            act => NotUnderstoodReason::UnsupportedAct(act),
+        };
+        Some(message.reply(P::NotUnderstood, self.id.clone(), ManagementContent::NotUnderstood(reason)))
+    }
+
+    fn message(&mut self, now: Time, message: AclMessage<C>, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+        let Some(content) = message.content.management().cloned() else {
+            // Its content cannot be looked at; the answer says the same whatever it is.
+            let nothing = message.map(|_| ManagementContent::Cancel);
+            let act = nothing.performative;
+            todo.send.extend(self.not_understood(&nothing).map(|answer| {
+                let reason = match act {
+                    Performative::Request => NotUnderstoodReason::UnrecognisedValue("content".into()),
+                    act => NotUnderstoodReason::UnsupportedAct(act),
+                };
+                AclMessage { content: ManagementContent::NotUnderstood(reason), ..answer }
+            }));
+            return;
+        };
+        let message = message.map(|_| content);
+        if self.is_ready() {
+            self.hear(now, message, todo, actions);
+        } else if self.early.len() < OPEN_MAX {
+            self.early.push_back(message);
+        }
+    }
+
+    fn look_at_the_clock(&mut self, now: Time, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+        if !self.is_ready() && self.watch_again <= now {
+            self.watch(now, actions);
+        }
+        let late: Vec<Ticket> =
+            self.open.iter().filter(|(_, open)| open.until <= now).map(|(ticket, _)| *ticket).collect();
+        for ticket in late {
+            self.give_up(now, ticket, todo);
+        }
+        if self.is_ready() && self.functions.next_deadline().is_some_and(|at| at <= now) {
+            self.functions.tick(now, todo);
+        }
     }
 }
 
-impl<F: Functions, C: CarriesManagement, V, E, R> StateMachine for Service<F, C, V, E, R> {
+fn internal(message: &str) -> NoResult {
+    FailureReason::InternalError(message.to_owned()).into()
+}
+
+impl<F: Functions, C, V, E, R> StateMachine for Service<F, C, V, E, R>
+where
+    C: CarriesManagement,
+    V: From<String> + AsRef<str>,
+{
     type Content = C;
     type Value = V;
     type Effect = E;
     type Completion = R;
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
-        self.functions.tick(now);
-        if let Event::Message(message) = event {
-            let mut send = Vec::new();
-            self.answer(now, &message, &mut send);
-            actions.extend(send.into_iter().map(Action::Send));
+        let mut todo = Todo::default();
+        match event {
+            Event::Start => {
+                self.watch(now, actions);
+                actions.push(Action::WatchPresence);
+            }
+            Event::Message(message) => self.message(now, message, &mut todo, actions),
+            Event::Store { ticket, reply } => self.store_says(now, ticket, reply, &mut todo, actions),
+            Event::Presence { agent, present } => self.functions.presence(now, &agent, present, &mut todo),
+            Event::Completed(_) | Event::Deadline => {}
         }
+        self.look_at_the_clock(now, &mut todo, actions);
+        for (mark, change) in todo.writes {
+            self.write(now, change, Cause::Own(mark), actions);
+        }
+        actions.extend(todo.send.into_iter().map(|message| Action::Send(message.map(C::from))));
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        self.functions.next_deadline()
+        let store = self.open.values().map(|open| open.until).min();
+        let own = if self.is_ready() { self.functions.next_deadline() } else { Some(self.watch_again) };
+        store.into_iter().chain(own).min()
     }
 }

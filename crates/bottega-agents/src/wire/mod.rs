@@ -12,9 +12,9 @@ mod xml;
 use std::collections::BTreeMap;
 
 pub use acl_xml::{parse_xml, print_xml};
-pub use date::DateTime;
+pub use date::{Calendar, DateTime};
 pub use envelope::{Envelope, Received, parse_envelope, print_envelope};
-pub(crate) use string_form::print_agent;
+pub(crate) use string_form::{Reader, is_word, push_text};
 pub use string_form::{parse_string, print_string};
 
 use crate::{AgentId, Performative};

@@ -15,10 +15,7 @@ use crate::{AgentId, Performative};
 /// # Errors
 /// The text does not follow the grammar or goes beyond a bound.
 pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
-    if text.len() > TEXT_BYTES_MAX {
-        return Err(WireError::TooMany { what: "bytes", max: TEXT_BYTES_MAX });
-    }
-    let mut reader = Reader { text, at: 0 };
+    let mut reader = Reader::new(text)?;
     reader.open()?;
     let act = reader.text("a performative")?;
     let performative = Performative::from_word(&act).ok_or_else(|| bad_value("performative", &act))?;
@@ -49,7 +46,8 @@ pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
     Ok(message)
 }
 
-struct Reader<'a> {
+/// Goes over a text of brackets, words and strings; content languages are lexed the same.
+pub(crate) struct Reader<'a> {
     text: &'a str,
     at: usize,
 }
@@ -60,17 +58,25 @@ fn ends_word(byte: u8) -> bool {
 }
 
 impl<'a> Reader<'a> {
-    fn expected(&self, expected: &'static str) -> WireError {
+    /// At the beginning of a text of no more than [`TEXT_BYTES_MAX`] bytes.
+    pub(crate) fn new(text: &'a str) -> Result<Self, WireError> {
+        if text.len() > TEXT_BYTES_MAX {
+            return Err(WireError::TooMany { what: "bytes", max: TEXT_BYTES_MAX });
+        }
+        Ok(Self { text, at: 0 })
+    }
+
+    pub(crate) fn expected(&self, expected: &'static str) -> WireError {
         WireError::Syntax { at: self.at, expected }
     }
 
-    fn peek(&mut self) -> Option<u8> {
+    pub(crate) fn peek(&mut self) -> Option<u8> {
         let blank = self.text.as_bytes()[self.at..].iter().take_while(|byte| **byte <= b' ').count();
         self.at += blank;
         self.text.as_bytes().get(self.at).copied()
     }
 
-    fn open(&mut self) -> Result<(), WireError> {
+    pub(crate) fn open(&mut self) -> Result<(), WireError> {
         if self.peek() != Some(b'(') {
             return Err(self.expected("`(`"));
         }
@@ -78,13 +84,13 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn eat_close(&mut self) -> bool {
+    pub(crate) fn eat_close(&mut self) -> bool {
         let close = self.peek() == Some(b')');
         self.at += usize::from(close);
         close
     }
 
-    fn end(&mut self) -> Result<(), WireError> {
+    pub(crate) fn end(&mut self) -> Result<(), WireError> {
         if self.peek().is_some() { Err(self.expected("the end of the message")) } else { Ok(()) }
     }
 
@@ -101,7 +107,7 @@ impl<'a> Reader<'a> {
         if name.is_empty() { Err(self.expected("the name of a parameter")) } else { Ok(Some(name)) }
     }
 
-    fn word(&mut self) -> &'a str {
+    pub(crate) fn word(&mut self) -> &'a str {
         let start = self.at;
         let length = self.text.as_bytes()[start..].iter().take_while(|byte| !ends_word(**byte)).count();
         self.at += length;
@@ -110,7 +116,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A word, a number, a date-time or a string of either kind.
-    fn text(&mut self, expected: &'static str) -> Result<String, WireError> {
+    pub(crate) fn text(&mut self, expected: &'static str) -> Result<String, WireError> {
         match self.peek() {
             Some(b'"') => self.quoted(),
             Some(b'#') => self.counted(),
@@ -296,13 +302,6 @@ pub(super) fn texts(message: &WireMessage) -> [(&'static str, Option<&str>); 8] 
     ]
 }
 
-/// Writes an identifier as it stands within messages and within content in SL.
-pub(crate) fn print_agent(agent: &AgentId) -> String {
-    let mut out = String::new();
-    push_agent(&mut out, agent);
-    out
-}
-
 fn push_agent(out: &mut String, agent: &AgentId) {
     out.push_str("(agent-identifier :name ");
     push_text(out, &agent.name);
@@ -317,7 +316,7 @@ fn push_agent(out: &mut String, agent: &AgentId) {
     out.push(')');
 }
 
-fn push_text(out: &mut String, text: &str) {
+pub(crate) fn push_text(out: &mut String, text: &str) {
     if is_word(text) {
         out.push_str(text);
     } else if text.ends_with('\\') || text.contains("\\\"") {
@@ -329,7 +328,7 @@ fn push_text(out: &mut String, text: &str) {
 }
 
 /// Whether a text may stand without quotes, for every reader we know of.
-fn is_word(text: &str) -> bool {
+pub(crate) fn is_word(text: &str) -> bool {
     let Some(first) = text.bytes().next() else { return false };
     !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b':' | b'+')
         && text.bytes().all(|byte| byte.is_ascii_graphic() && !ends_word(byte) && byte != b'\\')

@@ -178,7 +178,7 @@ pub(super) fn parse_error(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(super) fn parse_duration(text: &str) -> Result<Duration, String> {
+pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     let units = [("h", 3600.0), ("m", 60.0), ("s", 1.0)];
     let (number, unit) =
         units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit))).unwrap_or((text, 1.0));
@@ -207,6 +207,7 @@ mod tests {
     use clap::CommandFactory;
 
     use super::*;
+    use crate::cli::Cli;
 
     #[test]
     fn the_command_line_is_consistent() {

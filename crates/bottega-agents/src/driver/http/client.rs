@@ -1,0 +1,116 @@
+//! Takes messages to other platforms.
+
+use std::time::Duration;
+
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::TcpStream,
+    time::timeout,
+};
+
+use super::{
+    head::{HttpError, parse_status},
+    multipart::seal,
+};
+use crate::{acc::Outbound, wire::WireError};
+
+/// How long a connection may take to come about.
+const CONNECT_WAIT: Duration = Duration::from_secs(3);
+/// How long the other side may take for a message.
+const ANSWER_WAIT: Duration = Duration::from_secs(10);
+
+/// Why a message was not taken.
+#[derive(Debug, thiserror::Error)]
+pub enum SendError {
+    /// There is no address to try.
+    #[error("there is no address to try")]
+    NoAddress,
+    /// The address is none of this transport.
+    #[error("`{0}` is no address of HTTP")]
+    Address(String),
+    /// The connection failed.
+    #[error("no connection")]
+    Io(#[from] std::io::Error),
+    /// Nothing was heard in time.
+    #[error("no answer in time")]
+    Silence,
+    /// The other side says no.
+    #[error("the answer is {0}")]
+    Status(u16),
+    /// The other side speaks no HTTP.
+    #[error("the answer is no HTTP")]
+    Answer(#[source] HttpError),
+    /// The message cannot be written.
+    #[error("the message cannot be written")]
+    Message(#[from] WireError),
+}
+
+/// Host with port, and path, of `http://host[:port][/path]`.
+pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
+    let bad = || SendError::Address(address.chars().take(200).collect());
+    let scheme = address.get(..7).filter(|scheme| scheme.eq_ignore_ascii_case("http://")).ok_or_else(bad)?;
+    let rest = &address[scheme.len()..];
+    let (host, path) = rest.find('/').map_or((rest, "/"), |slash| rest.split_at(slash));
+    let clean = |part: &str| part.bytes().all(|byte| byte.is_ascii_graphic());
+    if host.is_empty() || host.contains('@') || !clean(host) || !clean(path) {
+        return Err(bad());
+    }
+    // An IPv6 address has colons within its brackets.
+    let has_port = host.rsplit_once(':').is_some_and(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
+    Ok((if has_port { host.to_owned() } else { format!("{host}:80") }, path))
+}
+
+/// Brings a message to the first of its addresses that takes it.
+///
+/// # Errors
+/// None does: what the last of them said.
+pub async fn send(outbound: &Outbound, number: u64) -> Result<(), SendError> {
+    let (content_type, body) = seal(outbound, number)?;
+    let mut last = SendError::NoAddress;
+    for address in &outbound.addresses {
+        match send_to(address, &content_type, &body).await {
+            Ok(()) => return Ok(()),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+async fn send_to(address: &str, content_type: &str, body: &[u8]) -> Result<(), SendError> {
+    let (host, path) = parse_address(address)?;
+    let mut stream = timeout(CONNECT_WAIT, TcpStream::connect(&host)).await.map_err(|_| SendError::Silence)??;
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nHost: {host}\r\nCache-Control: no-cache\r\nMime-Version: 1.0\r\nContent-Type: \
+         {content_type}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+        body.len()
+    );
+    let exchange = async {
+        stream.write_all(&[head.as_bytes(), body].concat()).await?;
+        // JADE's answers have a body without a length: the status is all that matters, and the connection is dropped.
+        let mut heard = Vec::new();
+        loop {
+            if let Some(status) = parse_status(&heard).map_err(SendError::Answer)? {
+                // Told to go on, which nobody asked: what counts comes after.
+                if status != 100 {
+                    return if status == 200 { Ok(()) } else { Err(SendError::Status(status)) };
+                }
+                let next = super::head::end_of_head(&heard);
+                match next {
+                    Some(end) => drop(heard.drain(..end)),
+                    None if heard.len() > super::HEAD_BYTES_MAX => return Err(SendError::Status(100)),
+                    None => read_more(&mut stream, &mut heard).await?,
+                }
+                continue;
+            }
+            read_more(&mut stream, &mut heard).await?;
+        }
+    };
+    timeout(ANSWER_WAIT, exchange).await.map_err(|_| SendError::Silence)?
+}
+
+async fn read_more(stream: &mut TcpStream, heard: &mut Vec<u8>) -> Result<(), SendError> {
+    if stream.read_buf(heard).await? == 0 {
+        return Err(std::io::Error::from(std::io::ErrorKind::UnexpectedEof).into());
+    }
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! Takes messages of other platforms in.
+
+use std::{
+    net::{IpAddr, SocketAddr},
+    sync::Arc,
+    time::Duration,
+};
+
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::{TcpListener, TcpStream},
+    sync::{Semaphore, broadcast},
+    time::timeout,
+};
+
+use super::{
+    BODY_BYTES_MAX, PATH,
+    head::{Head, HttpError, parse_head},
+    multipart,
+};
+use crate::acc::Letter;
+
+/// The most connections at a time.
+pub const CONNECTIONS_MAX: usize = 256;
+/// How long a connection is kept without a request.
+const IDLE_WAIT: Duration = Duration::from_secs(60);
+/// How long a request may take to come, from its first byte on.
+const REQUEST_WAIT: Duration = Duration::from_secs(20);
+/// How long an answer may take to go.
+const ANSWER_WAIT: Duration = Duration::from_secs(20);
+
+/// The path under which those on this machine can watch what passes.
+pub const TRACE_PATH: &str = "/trace";
+
+/// What a server serves.
+pub struct Service {
+    /// Takes a message that came. `false`: there is no room for it now.
+    pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,
+    /// What a GET of [`PATH`] shows.
+    pub about: Box<dyn Fn() -> String + Send + Sync>,
+    /// Lines that tell what passes, without their ends.
+    pub trace: broadcast::Sender<Arc<str>>,
+}
+
+/// Serves until it is dropped.
+pub async fn serve(listener: TcpListener, service: Arc<Service>) {
+    let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    loop {
+        let Ok((stream, peer)) = listener.accept().await else {
+            // Out of handles, say: others will end.
+            tokio::time::sleep(Duration::from_millis(50)).await;
+            continue;
+        };
+        let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
+            // Whoever it is tries another address, or again.
+            drop(stream);
+            continue;
+        };
+        let service = Arc::clone(&service);
+        tokio::spawn(async move {
+            // A connection that fails has nobody to be told.
+            _ = Connection { stream, peer, bytes: Vec::new(), service }.run().await;
+            drop(place);
+        });
+    }
+}
+
+struct Connection {
+    stream: TcpStream,
+    peer: SocketAddr,
+    /// What was read and not used.
+    bytes: Vec<u8>,
+    service: Arc<Service>,
+}
+
+impl Connection {
+    async fn run(mut self) -> std::io::Result<()> {
+        loop {
+            if !self.wait_for_request().await? {
+                return Ok(());
+            }
+            let request = match timeout(REQUEST_WAIT, self.request()).await {
+                Ok(request) => request?,
+                Err(_) => return Ok(()),
+            };
+            let (keep, answer) = match request {
+                Ok(None) => return Ok(()),
+                Ok(Some((head, _))) if head.method == "GET" && head.path == TRACE_PATH => {
+                    return self.show_trace().await;
+                }
+                Ok(Some((head, body))) => (head.keep, self.answer(&head, &body)),
+                // Where the next request would begin, nobody knows.
+                Err(error) => (false, Err(error)),
+            };
+            let (status, text) = match answer {
+                Ok(text) => ("200 OK", text),
+                Err(error) => (error.status(), String::new()),
+            };
+            self.write(status, &text, keep).await?;
+            if !keep {
+                // What is still on its way is read, so that the answer is not lost by a reset.
+                self.stream.shutdown().await?;
+                _ = timeout(Duration::from_secs(1), self.read_away()).await;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Waits until something of a request is there. Line ends between requests are nothing.
+    async fn wait_for_request(&mut self) -> std::io::Result<bool> {
+        loop {
+            let blank = self.bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
+            self.bytes.drain(..blank);
+            if !self.bytes.is_empty() {
+                return Ok(true);
+            }
+            let Ok(count) = timeout(IDLE_WAIT, self.stream.read_buf(&mut self.bytes)).await else { return Ok(false) };
+            if count? == 0 {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Reads a request. `None`: the other side is gone.
+    async fn request(&mut self) -> std::io::Result<Result<Option<(Head, Vec<u8>)>, HttpError>> {
+        let head = loop {
+            match parse_head(&self.bytes) {
+                Ok(Some((head, taken))) => {
+                    self.bytes.drain(..taken);
+                    break head;
+                }
+                Ok(None) => {}
+                Err(error) => return Ok(Err(error)),
+            }
+            if self.stream.read_buf(&mut self.bytes).await? == 0 {
+                return Ok(Ok(None));
+            }
+        };
+        if head.content_length > BODY_BYTES_MAX {
+            return Ok(Err(HttpError::TooLarge));
+        }
+        if head.expects_continue {
+            self.stream.write_all(b"HTTP/1.1 100 Continue\r\n\r\n").await?;
+        }
+        while self.bytes.len() < head.content_length {
+            if self.stream.read_buf(&mut self.bytes).await? == 0 {
+                return Ok(Ok(None));
+            }
+        }
+        let body = self.bytes.drain(..head.content_length).collect();
+        Ok(Ok(Some((head, body))))
+    }
+
+    fn answer(&self, head: &Head, body: &[u8]) -> Result<String, HttpError> {
+        match (head.method.as_str(), head.path.as_str()) {
+            ("POST", PATH) => {
+                let letter = multipart::open(&head.content_type, body)?;
+                if (self.service.take)(letter) { Ok(String::new()) } else { Err(HttpError::Busy) }
+            }
+            ("GET", PATH) => Ok((self.service.about)()),
+            (_, PATH) => Err(HttpError::Method),
+            _ => Err(HttpError::NotFound),
+        }
+    }
+
+    /// JADE closes on any other writing of the last field's value.
+    async fn write(&mut self, status: &str, text: &str, keep: bool) -> std::io::Result<()> {
+        let connection = if keep { "Keep-Alive" } else { "close" };
+        let answer = format!(
+            "HTTP/1.1 {status}\r\nContent-Type: text/plain\r\nCache-Control: no-cache\r\nContent-Length: \
+             {}\r\nConnection: {connection}\r\n\r\n{text}",
+            text.len()
+        );
+        match timeout(ANSWER_WAIT, self.stream.write_all(answer.as_bytes())).await {
+            Ok(written) => written,
+            Err(_) => Err(std::io::ErrorKind::TimedOut.into()),
+        }
+    }
+
+    async fn read_away(&mut self) -> std::io::Result<()> {
+        let mut bytes = [0; 4096];
+        while self.stream.read(&mut bytes).await? > 0 {}
+        Ok(())
+    }
+
+    /// Shows what passes for as long as somebody looks. What agents say is for those on this machine only.
+    async fn show_trace(mut self) -> std::io::Result<()> {
+        if !is_local(self.peer.ip()) {
+            return self.write(HttpError::NotFound.status(), "", false).await;
+        }
+        let mut lines = self.service.trace.subscribe();
+        self.stream
+            .write_all(b"HTTP/1.1 200 OK\r\nContent-Type: text/plain; charset=UTF-8\r\nConnection: close\r\n\r\n")
+            .await?;
+        let (mut reader, mut writer) = self.stream.split();
+        let mut gone = [0; 64];
+        loop {
+            let line = tokio::select! {
+                line = lines.recv() => line,
+                read = reader.read(&mut gone) => match read {
+                    Ok(0) | Err(_) => return Ok(()),
+                    Ok(_) => continue,
+                },
+            };
+            let text = match line {
+                Ok(line) => format!("{line}\n"),
+                Err(broadcast::error::RecvError::Lagged(count)) => format!("# {count} messages were too fast\n"),
+                Err(broadcast::error::RecvError::Closed) => return Ok(()),
+            };
+            match timeout(ANSWER_WAIT, writer.write_all(text.as_bytes())).await {
+                Ok(written) => written?,
+                Err(_) => return Ok(()),
+            }
+        }
+    }
+}
+
+fn is_local(address: IpAddr) -> bool {
+    address.to_canonical().is_loopback()
+}

@@ -1,0 +1,479 @@
+//! A platform that others can talk to: its services, its gateway and its transport, in one process.
+
+use std::{
+    collections::hash_map::RandomState,
+    hash::{BuildHasher, Hasher},
+    io,
+    net::SocketAddr,
+    sync::{Arc, atomic::AtomicU64, mpsc},
+    thread,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+
+use tokio::sync::{broadcast, mpsc as lanes, oneshot};
+
+use super::{
+    http::{
+        PATH, client,
+        server::{self, Service as HttpService},
+    },
+    local::{LocalPlatform, Mailbox, NameTaken},
+};
+use crate::{
+    AclMessage, Action, ActionOf, AgentId, BoxedMachine, Bus, Event, EventOf, Performative, StateMachine, StoreRequest,
+    Ticket, Time,
+    acc::{Letter, Outbound},
+    entry_store::EntryStore,
+    gateway::{ChannelEffect, ChannelReport, Gateway, GatewayConfig, Passage, PlainContent},
+    platform::{
+        Ams, AmsConfig, Df, DfConfig, ManagementContent, ONTOLOGY, Service, ServiceEntry, StandardAgent, StartService,
+    },
+    wire::Calendar,
+};
+
+/// What lives on a node.
+pub type NodeMachine = BoxedMachine<PlainContent, String, ChannelEffect, ChannelReport>;
+
+/// Messages that go out at the same time; all to one address go one after the other.
+const LANES: usize = 8;
+/// The most messages that wait in a lane; what comes on top counts as lost.
+const LANE_MAX: usize = 256;
+/// The most messages that came and wait for the gateway.
+const ARRIVED_MAX: usize = 1024;
+/// The most lines that wait for one who watches.
+const TRACE_MAX: usize = 1024;
+/// How often the store is asked what other processes wrote.
+const POLL_EVERY: Duration = Duration::from_millis(50);
+/// Threads for agents.
+const THREADS: usize = 2;
+
+/// How one who passes is put into a line for those who watch.
+pub type TraceLine = fn(&Passage, Calendar) -> String;
+
+/// What a node is asked to be.
+pub struct NodeConfig {
+    /// The name of the platform: what stands behind `@` in the names of its agents.
+    pub name: String,
+    /// Where to listen; port 0: any that is free.
+    pub listen: SocketAddr,
+    /// What others shall connect to, as `host:port`, where that is not where it listens.
+    pub public: Option<String>,
+    /// What the services know. Nodes over the same entries serve one platform.
+    pub store: Box<dyn EntryStore<String, usize> + Send>,
+    /// The longest lease that the DF grants.
+    pub lease_max: Option<Duration>,
+    /// Directories of other platforms with which this one searches together.
+    pub federates: Vec<AgentId>,
+    /// Who may change all entries; nobody outside can speak in this name.
+    pub administrators: Vec<AgentId>,
+    /// How to tell what passes.
+    pub trace_line: TraceLine,
+}
+
+/// Why there is no node.
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    /// The address cannot be listened on.
+    #[error("cannot listen on {0}")]
+    Listen(SocketAddr, #[source] io::Error),
+    /// The operating system gives no thread.
+    #[error("cannot start the platform")]
+    Start(#[from] io::Error),
+    /// The name has characters that names of agents cannot have.
+    #[error("`{0}` cannot be the name of a platform: letters, digits, and `-._:` are what it may have")]
+    Name(String),
+}
+
+/// A platform that runs. It ends when it is dropped, without a word, as if its process had died; [`Node::stop`] says
+/// farewell first.
+pub struct Node {
+    platform: Arc<LocalPlatform<NodeMachine>>,
+    address: String,
+    local: SocketAddr,
+    ids: Ids,
+    trace: broadcast::Sender<Arc<str>>,
+    end: Option<oneshot::Sender<()>>,
+    network: Option<thread::JoinHandle<()>>,
+}
+
+/// The names of the services of a platform.
+#[derive(Clone, Debug)]
+struct Ids {
+    ams: AgentId,
+    df: AgentId,
+    start: AgentId,
+    acc: AgentId,
+}
+
+impl Ids {
+    fn new(platform: &str, address: &str) -> Self {
+        let id = |local: &str| AgentId {
+            name: format!("{local}@{platform}").into(),
+            addresses: Arc::new([address.to_owned()]),
+        };
+        Self { ams: id("ams"), df: id("df"), start: id("start"), acc: id("acc") }
+    }
+}
+
+impl Node {
+    /// Brings a platform to life.
+    ///
+    /// # Errors
+    /// The address is taken, the name is none, or the operating system gives no thread.
+    pub fn start(config: NodeConfig) -> Result<Self, NodeError> {
+        let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._:".contains(&byte);
+        if config.name.is_empty() || config.name.len() > 200 || !config.name.bytes().all(fits) {
+            return Err(NodeError::Name(config.name));
+        }
+        let listen = |error| NodeError::Listen(config.listen, error);
+        let listener = std::net::TcpListener::bind(config.listen).map_err(listen)?;
+        listener.set_nonblocking(true).map_err(listen)?;
+        let local = listener.local_addr().map_err(listen)?;
+        let host = config.public.clone().unwrap_or_else(|| local.to_string());
+        let address = format!("http://{host}{PATH}");
+        let ids = Ids::new(&config.name, &address);
+        let platform = Arc::new(LocalPlatform::with_store(THREADS, config.store)?);
+        let (trace, _) = broadcast::channel(TRACE_MAX);
+        let setup = Setup {
+            name: config.name,
+            address: address.clone(),
+            ids: ids.clone(),
+            // The platform's time begins about now.
+            calendar: Calendar::new(unix_time().saturating_sub(platform.now().elapsed())),
+            salt: random(),
+            lease_max: config.lease_max,
+            federates: config.federates,
+            administrators: config.administrators,
+            trace_line: config.trace_line,
+        };
+        let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
+        let gateway = setup.people(&platform, lanes, trace.clone());
+        let network = Network { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
+        let (end, ended) = oneshot::channel();
+        let about = about(&setup.name, &address);
+        let network = thread::Builder::new().name("transport".to_owned()).spawn(move || network.run(about, ended))?;
+        Ok(Self { platform, address, local, ids, trace, end: Some(end), network: Some(network) })
+    }
+
+    /// Where strangers reach this node.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Where it listens.
+    pub fn local_address(&self) -> SocketAddr {
+        self.local
+    }
+
+    /// The AMS, with where it is reached.
+    pub fn ams(&self) -> &AgentId {
+        &self.ids.ams
+    }
+
+    /// The DF, with where it is reached.
+    pub fn df(&self) -> &AgentId {
+        &self.ids.df
+    }
+
+    /// The Start Service, with where it is reached.
+    pub fn start_service(&self) -> &AgentId {
+        &self.ids.start
+    }
+
+    /// Brings an agent to life, which the AMS enters. It obeys the AMS.
+    ///
+    /// # Errors
+    /// The name is taken.
+    pub fn add<M>(&self, id: &AgentId, machine: M) -> Result<(), NameTaken>
+    where
+        M: StateMachine<Content = PlainContent, Value = String, Effect = ChannelEffect, Completion = ChannelReport>
+            + Send
+            + 'static,
+    {
+        let machine = StandardAgent::new(id.clone(), self.ids.ams.clone(), machine);
+        self.platform.add(id, Box::new(machine), Box::new(|_, _| {})).map(drop)
+    }
+
+    /// Asks an agent of this or another platform, in the name of `from`, who must not live here yet, and returns what
+    /// it answers; an agreement is none. `None`: nothing was heard in time.
+    ///
+    /// # Errors
+    /// The name is taken.
+    pub fn ask(
+        &self,
+        from: &AgentId,
+        to: &AgentId,
+        content: ManagementContent,
+        wait: Duration,
+    ) -> Result<Option<(Performative, PlainContent)>, NameTaken> {
+        let (heard, hear) = mpsc::channel();
+        let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait };
+        self.platform.add(from, Box::new(asker), Box::new(|_, _| {}))?;
+        // The asker itself gives up in time; it may only die with its platform.
+        Ok(hear.recv().ok())
+    }
+
+    /// Says something in the name of an agent, to whom answers go if it lives here.
+    pub fn say(&self, from: &AgentId, to: &AgentId, content: ManagementContent) {
+        let content = PlainContent::Management(content);
+        let message = AclMessage::new(Performative::Request, from.clone(), to.clone(), content);
+        self.platform.bus().publish(AclMessage { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
+    }
+
+    /// Lines that tell what passes.
+    pub fn trace(&self) -> broadcast::Receiver<Arc<str>> {
+        self.trace.subscribe()
+    }
+
+    /// Says farewell to the other processes of the platform, and ends.
+    pub fn stop(self) {
+        let farewell = StoreRequest::Put { key: Ams::node_key(&self.address).into(), value: String::new() };
+        self.platform.bus().ask_store(&self.ids.ams, Ticket(u64::MAX), farewell);
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        if let Some(end) = self.end.take() {
+            // When the transport has ended there is nobody to be told.
+            _ = end.send(());
+        }
+        if let Some(network) = self.network.take() {
+            _ = network.join();
+        }
+    }
+}
+
+/// What a GET shows: the name of the platform, for people and for those who want to ask its AMS.
+fn about(name: &str, address: &str) -> String {
+    format!(
+        "(ap-description :name {name} :ap-services (set (ap-service :name fipa.mts.mtp.http.std :type fipa.mts.mtp.http.std :addresses (sequence {address}))))\n"
+    )
+}
+
+/// What is needed to people a platform.
+struct Setup {
+    name: String,
+    address: String,
+    ids: Ids,
+    calendar: Calendar,
+    salt: u64,
+    lease_max: Option<Duration>,
+    federates: Vec<AgentId>,
+    administrators: Vec<AgentId>,
+    trace_line: TraceLine,
+}
+
+impl Setup {
+    /// Adds the services and the gateway.
+    fn people(
+        &self,
+        platform: &LocalPlatform<NodeMachine>,
+        lanes: Vec<lanes::Sender<Outbound>>,
+        trace: broadcast::Sender<Arc<str>>,
+    ) -> Mailbox<NodeMachine> {
+        let Ids { ams, df, start, acc } = &self.ids;
+        let services = vec![ams.clone(), df.clone(), start.clone(), acc.clone()];
+        let entry = |id: &AgentId, kind: &str| ServiceEntry {
+            id: id.name.to_string(),
+            service_type: kind.to_owned(),
+            addresses: vec![self.address.clone()],
+        };
+        let basic = vec![
+            entry(acc, "fipa-mts"),
+            entry(ams, "fipa-ams"),
+            entry(df, "fipa-df"),
+            entry(start, "bottega-start-service"),
+        ];
+        let gateway = Gateway::<PlainContent, String>::new(GatewayConfig {
+            id: acc.clone(),
+            platform: self.name.clone(),
+            addresses: vec![self.address.clone()],
+            calendar: self.calendar,
+            services: services.clone(),
+            administrators: self.administrators.clone(),
+            salt: self.salt,
+        });
+        let white = Ams::new(AmsConfig {
+            id: ams.clone(),
+            platform: self.name.clone(),
+            services,
+            administrators: self.administrators.clone(),
+            addresses: vec![self.address.clone()],
+            enters_residents: true,
+        });
+        let yellow = Df::new(DfConfig {
+            id: df.clone(),
+            calendar: self.calendar,
+            lease_max: self.lease_max,
+            administrators: self.administrators.clone(),
+            federates: self.federates.clone(),
+            salt: self.salt,
+        });
+        let (calendar, line) = (self.calendar, self.trace_line);
+        let perform = move |effect: ChannelEffect, mailbox: &Mailbox<NodeMachine>| match effect {
+            ChannelEffect::Passed(passage) => {
+                // Nobody may be looking.
+                if trace.receiver_count() > 0 {
+                    _ = trace.send(line(&passage, calendar).into());
+                }
+            }
+            ChannelEffect::Send(outbound) => dispatch(&lanes, *outbound, mailbox),
+        };
+        let add = |id: &AgentId, machine: NodeMachine| {
+            platform
+                .add(id, machine, Box::new(|_, _| {}))
+                .expect("the first agents of a platform have names of their own")
+        };
+        let gateway = platform
+            .add(acc, Box::new(gateway), Box::new(perform))
+            .expect("the first agent of a platform has a name of its own");
+        platform.set_gateway(acc);
+        add(ams, Box::new(Service::new(ams.clone(), white)));
+        add(df, Box::new(Service::new(df.clone(), yellow)));
+        add(start, Box::new(Service::new(start.clone(), StartService::new(basic))));
+        gateway
+    }
+}
+
+/// Puts a message into the lane of its first address.
+fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, mailbox: &Mailbox<NodeMachine>) {
+    let first = outbound.addresses.first().map_or(0, |address| {
+        address.bytes().fold(0_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(byte)))
+    });
+    if let Err(error) = lanes[first % lanes.len()].try_send(outbound) {
+        let outbound = match error {
+            lanes::error::TrySendError::Full(outbound) | lanes::error::TrySendError::Closed(outbound) => outbound,
+        };
+        let reason = "too many messages wait to be sent".to_owned();
+        mailbox.complete(ChannelReport::Failed { outbound: Box::new(outbound), reason });
+    }
+}
+
+/// The sockets of a node.
+struct Network {
+    listener: std::net::TcpListener,
+    gateway: Mailbox<NodeMachine>,
+    queues: Vec<lanes::Receiver<Outbound>>,
+    platform: Arc<LocalPlatform<NodeMachine>>,
+    trace: broadcast::Sender<Arc<str>>,
+}
+
+impl Network {
+    fn run(self, about: String, ended: oneshot::Receiver<()>) {
+        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+        runtime.block_on(async move {
+            let Ok(listener) = tokio::net::TcpListener::from_std(self.listener) else { return };
+            let (arrived, mut arrivals) = lanes::channel::<Letter>(ARRIVED_MAX);
+            let service = HttpService {
+                take: Box::new(move |letter| arrived.try_send(letter).is_ok()),
+                about: Box::new(move || about.clone()),
+                trace: self.trace,
+            };
+            tokio::spawn(server::serve(listener, Arc::new(service)));
+            let gateway = self.gateway.clone();
+            tokio::spawn(async move {
+                while let Some(letter) = arrivals.recv().await {
+                    gateway.complete(ChannelReport::Arrived(Box::new(letter)));
+                }
+            });
+            for queue in self.queues {
+                tokio::spawn(carry(queue, self.gateway.clone()));
+            }
+            let platform = self.platform;
+            tokio::spawn(async move {
+                let mut every = tokio::time::interval(POLL_EVERY);
+                every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+                loop {
+                    every.tick().await;
+                    platform.poll_store();
+                }
+            });
+            // Whichever way it ends.
+            _ = ended.await;
+        });
+        // Names that are being looked up must not hold up the end.
+        runtime.shutdown_background();
+    }
+}
+
+/// Brings the messages of a lane to where they go.
+async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: Mailbox<NodeMachine>) {
+    static NUMBER: AtomicU64 = AtomicU64::new(1);
+    while let Some(outbound) = queue.recv().await {
+        let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        if let Err(error) = client::send(&outbound, number).await {
+            let reason = chain(&error);
+            gateway.complete(ChannelReport::Failed { outbound: Box::new(outbound), reason });
+        }
+    }
+}
+
+/// An error with its causes.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        text = format!("{text}: {cause}");
+        source = cause.source();
+    }
+    text
+}
+
+/// Asks once, hands on what is answered, and is gone.
+struct Asker {
+    me: AgentId,
+    to: AgentId,
+    content: ManagementContent,
+    heard: mpsc::Sender<(Performative, PlainContent)>,
+    until: Option<Time>,
+    wait: Duration,
+}
+
+impl StateMachine for Asker {
+    type Content = PlainContent;
+    type Value = String;
+    type Effect = ChannelEffect;
+    type Completion = ChannelReport;
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+        match event {
+            Event::Start => {
+                let until = now + self.wait;
+                self.until = Some(until);
+                let content = PlainContent::Management(self.content.clone());
+                actions.push(Action::Send(AclMessage {
+                    language: "fipa-sl0",
+                    ontology: ONTOLOGY,
+                    protocol: "fipa-request",
+                    conversation_id: 1,
+                    reply_with: 1,
+                    reply_by: Some(until),
+                    ..AclMessage::new(Performative::Request, self.me.clone(), self.to.clone(), content)
+                }));
+            }
+            Event::Message(message) if message.in_reply_to == 1 && message.performative != Performative::Agree => {
+                // Who asked may have gone.
+                _ = self.heard.send((message.performative, message.content));
+                actions.push(Action::Stop);
+            }
+            Event::Deadline if self.until.is_some_and(|until| until <= now) => actions.push(Action::Stop),
+            _ => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.until
+    }
+}
+
+#[allow(clippy::disallowed_methods, reason = "this is where a platform gets the date from")]
+fn unix_time() -> Duration {
+    // A clock that stands before 1970 has been set by nobody.
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
+}
+
+/// Something that nobody outside knows, from the operating system.
+fn random() -> u64 {
+    RandomState::new().build_hasher().finish()
+}

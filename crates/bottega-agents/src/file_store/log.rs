@@ -1,0 +1,223 @@
+//! The file behind a [`FileStore`](super::FileStore): a log that is only added to.
+//!
+//! Format, little endian: eight bytes `BOTTEGA` and 3, a generation (u64), then records of length (u32) of the
+//! payload, the first eight bytes of its BLAKE3 hash, and the payload: revision (u64), length of the key (u32), key,
+//! value. A record with an empty key tells the last revision only. Of a record that was torn by a crash, and of all
+//! behind it, nothing is believed.
+
+use std::{
+    fs::{File, OpenOptions},
+    io::{self, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+use super::FileStoreError;
+
+const MAGIC: [u8; 8] = *b"BOTTEGA\x03";
+const HEAD_BYTES: u64 = 16;
+const HASH_BYTES: usize = 8;
+/// Length and hash.
+const RECORD_HEAD_BYTES: usize = 4 + HASH_BYTES;
+/// The longest payload that is believed, in bytes.
+const PAYLOAD_BYTES_MAX: usize = 1 << 21;
+
+/// One write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    pub(super) revision: u64,
+    pub(super) key: String,
+    pub(super) value: String,
+}
+
+/// What came since the log was last looked at.
+pub(super) struct News {
+    /// The log was written anew: what is known of it must be forgotten first.
+    pub(super) anew: bool,
+    pub(super) records: Vec<Record>,
+}
+
+#[derive(Debug)]
+pub(super) struct Log {
+    path: PathBuf,
+    file: File,
+    generation: u64,
+    /// How much of the file was read, all of it sound.
+    sound_bytes: u64,
+    lock: File,
+}
+
+impl Log {
+    /// Opens a log, or begins one.
+    pub(super) fn open(path: &Path) -> Result<Self, FileStoreError> {
+        let open = |path: &Path| OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+        let lock = open(&beside(path, "lock"))?;
+        let file = open(path)?;
+        let mut log = Self { path: path.to_owned(), file, generation: 0, sound_bytes: 0, lock };
+        log.lock()?;
+        let begun = log.begin();
+        log.unlock()?;
+        begun.map(|()| log)
+    }
+
+    /// Writes the head of a new log, checks that of an old one. Under the lock.
+    fn begin(&mut self) -> Result<(), FileStoreError> {
+        // Another process may have put a new log in the place of the one that was opened.
+        self.file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&self.path)?;
+        if self.file.metadata()?.len() < HEAD_BYTES {
+            // New, or torn before anything was in it.
+            self.file.set_len(0)?;
+            self.file.write_all(&head(1))?;
+            self.file.sync_all()?;
+            sync_folder(&self.path)?;
+        }
+        self.generation = read_generation(&mut self.file)?;
+        Ok(())
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.sound_bytes
+    }
+
+    /// From now on no other process writes.
+    pub(super) fn lock(&self) -> io::Result<()> {
+        self.lock.lock()
+    }
+
+    /// From now on others may write again.
+    pub(super) fn unlock(&self) -> io::Result<()> {
+        self.lock.unlock()
+    }
+
+    /// Reads what came since. `alone`: a record that does not end was torn, and is cut off; else it may be on its way.
+    pub(super) fn news(&mut self, alone: bool) -> Result<News, FileStoreError> {
+        let mut now = File::open(&self.path)?;
+        let generation = read_generation(&mut now)?;
+        let anew = generation != self.generation || self.sound_bytes == 0;
+        if anew {
+            self.file = OpenOptions::new().read(true).write(true).open(&self.path)?;
+            // It may have been replaced once more in between: then the next look finds that out.
+            self.generation = read_generation(&mut self.file)?;
+            self.sound_bytes = HEAD_BYTES;
+        }
+        let length = self.file.metadata()?.len();
+        let mut records = Vec::new();
+        if length > self.sound_bytes {
+            self.file.seek(SeekFrom::Start(self.sound_bytes))?;
+            let mut bytes = Vec::new();
+            (&mut self.file).take(length - self.sound_bytes).read_to_end(&mut bytes)?;
+            let mut rest = &bytes[..];
+            while let Some((record, after)) = read_record(rest) {
+                records.push(record);
+                rest = after;
+            }
+            self.sound_bytes += (bytes.len() - rest.len()) as u64;
+            if alone && !rest.is_empty() {
+                self.file.set_len(self.sound_bytes)?;
+            }
+        }
+        Ok(News { anew, records })
+    }
+
+    /// Adds a record. Under the lock, after [`Self::news`].
+    pub(super) fn append(&mut self, record: &Record) -> Result<(), FileStoreError> {
+        let bytes = print_record(record);
+        self.file.seek(SeekFrom::Start(self.sound_bytes))?;
+        let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
+        if let Err(error) = written {
+            // Half a record would be cut off by the next writer; better now, if that can be done.
+            _ = self.file.set_len(self.sound_bytes);
+            return Err(error.into());
+        }
+        self.sound_bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Writes the log anew with these records alone. Under the lock, after [`Self::news`].
+    pub(super) fn replace<'a>(&mut self, records: impl Iterator<Item = &'a Record>) -> Result<(), FileStoreError> {
+        let path = beside(&self.path, "new");
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path)?;
+        let mut bytes = head(self.generation + 1).to_vec();
+        for record in records {
+            bytes.extend(print_record(record));
+        }
+        file.write_all(&bytes)?;
+        file.sync_all()?;
+        std::fs::rename(&path, &self.path)?;
+        sync_folder(&self.path)?;
+        self.file = file;
+        self.generation += 1;
+        self.sound_bytes = bytes.len() as u64;
+        Ok(())
+    }
+}
+
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    name.into()
+}
+
+/// The name of a file lasts only when its folder has been written.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+}
+
+fn head(generation: u64) -> [u8; HEAD_BYTES as usize] {
+    let mut head = [0; HEAD_BYTES as usize];
+    head[..8].copy_from_slice(&MAGIC);
+    head[8..].copy_from_slice(&generation.to_le_bytes());
+    head
+}
+
+fn read_generation(file: &mut File) -> Result<u64, FileStoreError> {
+    let mut head = [0; HEAD_BYTES as usize];
+    file.seek(SeekFrom::Start(0))?;
+    file.read_exact(&mut head)?;
+    let (magic, generation) = head.split_at(8);
+    if magic != MAGIC {
+        return Err(FileStoreError::Magic);
+    }
+    Ok(u64::from_le_bytes(generation.try_into().expect("eight bytes are left")))
+}
+
+fn hash(payload: &[u8]) -> [u8; HASH_BYTES] {
+    let mut short = [0; HASH_BYTES];
+    short.copy_from_slice(&blake3::hash(payload).as_bytes()[..HASH_BYTES]);
+    short
+}
+
+fn print_record(record: &Record) -> Vec<u8> {
+    let mut payload = record.revision.to_le_bytes().to_vec();
+    payload.extend((record.key.len() as u32).to_le_bytes());
+    payload.extend(record.key.as_bytes());
+    payload.extend(record.value.as_bytes());
+    let mut bytes = (payload.len() as u32).to_le_bytes().to_vec();
+    bytes.extend(hash(&payload));
+    bytes.extend(payload);
+    bytes
+}
+
+/// The first record, and what comes after it. `None`: it is not whole.
+fn read_record(bytes: &[u8]) -> Option<(Record, &[u8])> {
+    let (head, rest) = bytes.split_at_checked(RECORD_HEAD_BYTES)?;
+    let length = u32::from_le_bytes(head[..4].try_into().ok()?) as usize;
+    if length > PAYLOAD_BYTES_MAX {
+        return None;
+    }
+    let (payload, rest) = rest.split_at_checked(length)?;
+    if hash(payload)[..] != head[4..] {
+        return None;
+    }
+    let (revision, payload) = payload.split_at_checked(8)?;
+    let (key_bytes, payload) = payload.split_at_checked(4)?;
+    let key_bytes = u32::from_le_bytes(key_bytes.try_into().ok()?) as usize;
+    let (key, value) = payload.split_at_checked(key_bytes)?;
+    let record = Record {
+        revision: u64::from_le_bytes(revision.try_into().ok()?),
+        key: std::str::from_utf8(key).ok()?.to_owned(),
+        value: std::str::from_utf8(value).ok()?.to_owned(),
+    };
+    Some((record, rest))
+}

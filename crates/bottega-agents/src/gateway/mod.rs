@@ -1,0 +1,313 @@
+//! The border of a platform: messages in text become messages of its agents, and the other way round.
+//!
+//! The gateway is an agent itself. What its platform has for agents that do not live there comes to it; what the
+//! transport takes in is reported to it. It finds the way ([`Acc`]), keeps the thread of each conversation with
+//! strangers, whose names for conversations are text, and answers what cannot be understood. Agents get what is said
+//! of agent management as types, and everything else as the [`WireMessage`] itself, if their content type takes it.
+
+mod incoming;
+mod outgoing;
+mod threads;
+
+use std::{marker::PhantomData, sync::Arc};
+
+use threads::Threads;
+
+use crate::{
+    Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, StoreReply, StoreRequest, Ticket, Time,
+    acc::{Acc, Letter, Outbound, Routed},
+    platform::{AmsPages, CarriesManagement, ManagementContent},
+    wire::{Calendar, WireMessage},
+};
+
+/// Content types that can hold what strangers say, as text.
+pub trait CarriesForeign: CarriesManagement {
+    /// Takes what a stranger says. `None`: agents of this platform do not hear such things, and the stranger is told
+    /// that it was not understood.
+    fn from_foreign(message: WireMessage) -> Option<Self>;
+
+    /// What goes to a stranger as text: content, language, ontology, encoding and user-defined parameters are taken
+    /// from it; all else is the business of the message around it.
+    fn foreign(&self) -> Option<&WireMessage>;
+}
+
+/// The content of a platform whose agents have no vocabulary of their own.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "most of what is said between agents is of management")]
+pub enum PlainContent {
+    /// Of agents and services.
+    Management(ManagementContent),
+    /// Anything else, as text.
+    Foreign(Arc<WireMessage>),
+}
+
+impl From<ManagementContent> for PlainContent {
+    fn from(content: ManagementContent) -> Self {
+        Self::Management(content)
+    }
+}
+
+impl CarriesManagement for PlainContent {
+    fn management(&self) -> Option<&ManagementContent> {
+        match self {
+            Self::Management(content) => Some(content),
+            Self::Foreign(_) => None,
+        }
+    }
+}
+
+impl CarriesForeign for PlainContent {
+    fn from_foreign(message: WireMessage) -> Option<Self> {
+        Some(Self::Foreign(Arc::new(message)))
+    }
+
+    fn foreign(&self) -> Option<&WireMessage> {
+        match self {
+            Self::Management(_) => None,
+            Self::Foreign(message) => Some(message),
+        }
+    }
+}
+
+/// What a gateway has its transport do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ChannelEffect {
+    /// Bring this to another platform. If that fails, say so by [`ChannelReport::Failed`].
+    Send(Box<Outbound>),
+    /// This passed, for whoever looks.
+    Passed(Passage),
+}
+
+/// What the transport tells a gateway.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ChannelReport {
+    /// A message came.
+    Arrived(Box<Letter>),
+    /// A message could be brought to none of its addresses.
+    Failed {
+        /// Which.
+        outbound: Box<Outbound>,
+        /// Why not to the last of them.
+        reason: String,
+    },
+}
+
+/// Which way a message went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// To an agent of this platform.
+    In,
+    /// To another platform.
+    Out,
+    /// It came twice or in a circle, or nobody may say such a thing.
+    Dropped,
+    /// To another platform, but it did not get there.
+    Lost,
+}
+
+impl Way {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
+
+    /// The word for it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::In => "in",
+            Self::Out => "out",
+            Self::Dropped => "dropped",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// A message that passed the gateway.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Passage {
+    /// When.
+    pub time: Time,
+    /// Which way.
+    pub way: Way,
+    /// To whom.
+    pub to: AgentId,
+    /// What was said.
+    pub message: Arc<WireMessage>,
+}
+
+/// What a gateway must know of its platform.
+#[derive(Clone, Debug)]
+pub struct GatewayConfig {
+    /// Its own name.
+    pub id: AgentId,
+    /// The name of the platform.
+    pub platform: String,
+    /// Where this process can be reached.
+    pub addresses: Vec<String>,
+    /// The calendar of the platform.
+    pub calendar: Calendar,
+    /// The services of the platform: they understand agent management and nothing else.
+    pub services: Vec<AgentId>,
+    /// Names under which nobody outside may speak.
+    pub administrators: Vec<AgentId>,
+    /// Makes the names of its conversations differ from those of every other process.
+    pub salt: u64,
+}
+
+/// Makes agents of a platform and strangers understand each other. See the [module](self).
+pub struct Gateway<C, V> {
+    config: GatewayConfig,
+    acc: Acc,
+    threads: Threads,
+    /// The addresses of all processes that serve the platform, this one's first.
+    nodes: Vec<String>,
+    /// Changes of the store that were asked for, to be numbered.
+    next_ticket: u64,
+    #[allow(clippy::type_complexity, reason = "a marker")]
+    vocabulary: PhantomData<fn() -> (C, V)>,
+}
+
+const WATCH_PAGES: Ticket = Ticket(0);
+const WATCH_THREADS: Ticket = Ticket(1);
+
+type Actions<C, V> = Vec<Action<C, V, ChannelEffect>>;
+
+impl<C, V> Gateway<C, V>
+where
+    C: CarriesForeign,
+    V: From<String> + AsRef<str>,
+{
+    /// The gateway of a platform.
+    pub fn new(config: GatewayConfig) -> Self {
+        let acc = Acc::new(config.platform.clone(), config.addresses.clone(), config.calendar, config.salt);
+        Self {
+            acc,
+            threads: Threads::default(),
+            nodes: config.addresses.clone(),
+            next_ticket: WATCH_THREADS.0 + 1,
+            vocabulary: PhantomData,
+            config,
+        }
+    }
+
+    fn is_service(&self, agent: &AgentId) -> bool {
+        self.config.services.contains(agent)
+    }
+
+    /// An agent of this platform as strangers may know it: services are reached through every process.
+    fn with_addresses(&self, agent: &AgentId) -> AgentId {
+        let addresses = if self.is_service(agent) { self.nodes.clone() } else { self.config.addresses.clone() };
+        AgentId { name: agent.name.clone(), addresses: addresses.into() }
+    }
+
+    fn passed(&self, now: Time, way: Way, to: &AgentId, message: &WireMessage, actions: &mut Actions<C, V>) {
+        let message = Arc::new(message.clone());
+        actions.push(Action::Effect(ChannelEffect::Passed(Passage { time: now, way, to: to.clone(), message })));
+    }
+
+    /// Carries out what the channel decided.
+    fn route(&mut self, now: Time, form: &str, routed: Vec<Routed>, actions: &mut Actions<C, V>) {
+        for one in routed {
+            match one {
+                Routed::Deliver { to, message } => self.deliver(now, form, &to, message, actions),
+                Routed::Forward(outbound) => self.send(now, outbound, actions),
+            }
+        }
+    }
+
+    fn send(&self, now: Time, outbound: Outbound, actions: &mut Actions<C, V>) {
+        for receiver in &outbound.envelope.intended_receivers {
+            self.passed(now, Way::Out, receiver, &outbound.message, actions);
+        }
+        actions.push(Action::Effect(ChannelEffect::Send(Box::new(outbound))));
+    }
+
+    fn reported(&mut self, now: Time, report: ChannelReport, actions: &mut Actions<C, V>) {
+        match report {
+            ChannelReport::Arrived(letter) => match self.acc.receive(now, &letter) {
+                Ok(routed) => self.route(now, &letter.envelope.acl_representation, routed, actions),
+                Err(_) => {
+                    let to = letter.envelope.to.first().unwrap_or(&self.config.id);
+                    self.passed(now, Way::Dropped, to, &letter.message, actions);
+                }
+            },
+            ChannelReport::Failed { outbound, reason } => {
+                for receiver in &outbound.envelope.intended_receivers {
+                    self.passed(now, Way::Lost, receiver, &outbound.message, actions);
+                    for key in self.threads.end_with(receiver) {
+                        self.put(key, String::new(), actions);
+                    }
+                }
+                let routed = self.acc.undelivered(now, &outbound, &reason);
+                self.route(now, &outbound.envelope.acl_representation, routed, actions);
+            }
+        }
+    }
+
+    fn put(&mut self, key: String, text: String, actions: &mut Actions<C, V>) {
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        let request = StoreRequest::Put { key: key.into(), value: text.into() };
+        actions.push(Action::Store { ticket, request });
+    }
+
+    fn learn(&mut self, key: &str, text: &str) {
+        if self.threads.learn(key, text) {
+            return;
+        }
+        match AmsPages::read(key, text) {
+            Some(AmsPages::Agent { name, agent }) => {
+                let elsewhere = agent.filter(|agent| {
+                    !agent.addresses.is_empty() && !agent.addresses.iter().any(|at| self.config.addresses.contains(at))
+                });
+                self.acc.learn(name, elsewhere);
+            }
+            Some(AmsPages::Node { address, present }) => {
+                self.nodes.retain(|node| node != address || self.config.addresses.contains(node));
+                if present && !self.nodes.iter().any(|node| node == address) {
+                    self.nodes.push(address.to_owned());
+                }
+            }
+            None => {}
+        }
+    }
+}
+
+impl<C, V> StateMachine for Gateway<C, V>
+where
+    C: CarriesForeign,
+    V: From<String> + AsRef<str>,
+{
+    type Content = C;
+    type Value = V;
+    type Effect = ChannelEffect;
+    type Completion = ChannelReport;
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
+        match event {
+            Event::Start => {
+                actions.push(Action::WatchPresence);
+                let watches = [(WATCH_PAGES, AmsPages::PREFIX), (WATCH_THREADS, threads::PREFIX)];
+                for (ticket, prefix) in watches {
+                    actions.push(Action::Store { ticket, request: StoreRequest::Watch { prefix: prefix.into() } });
+                }
+            }
+            Event::Message(message) => self.leave(now, &message, actions),
+            Event::Store { reply: StoreReply::Changed(entry), .. } => {
+                self.learn(&entry.key.to_string(), entry.value.as_ref());
+            }
+            Event::Completed(report) => self.reported(now, report, actions),
+            Event::Presence { agent, present: true } => self.acc.add(agent),
+            Event::Presence { agent, present: false } => self.acc.remove(&agent),
+            Event::Store { .. } | Event::Deadline => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        None
+    }
+}
+
+/// Acts that answer something: nobody answers them with not-understood.
+fn is_answer(act: Performative) -> bool {
+    use Performative as P;
+    matches!(act, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm)
+}

@@ -1,0 +1,127 @@
+//! The threads of conversations with strangers: which message of theirs an agent of ours answers.
+//!
+//! Agents know messages by number, strangers by text. Most threads end within seconds and are kept in memory. A
+//! subscription lives on when its process has died, so its thread is an entry of the store; its number is a function
+//! of the texts, so that every process counts it alike.
+
+use std::collections::BTreeMap;
+
+use crate::{
+    AgentId, Performative, sl,
+    sl::Term,
+    wire::{STRING_FORM, WireMessage, parse_string, print_string},
+};
+
+/// The most threads in memory; the oldest end first.
+const THREADS_MAX: usize = 1 << 14;
+/// The most threads in the store.
+const KEPT_MAX: usize = 1 << 13;
+
+pub(super) const PREFIX: &str = "thread/";
+/// In an entry of the store: the form in which the stranger writes.
+const FORM: &str = "X-form";
+
+/// Numbers of strangers' conversations have this bit, ours do not.
+const STRANGE: u64 = 1 << 63;
+
+/// A message of a stranger that may be answered.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Thread {
+    /// The message, without its content.
+    pub(super) message: WireMessage,
+    /// The first expression of its content, which answers repeat.
+    pub(super) asked: Option<Term>,
+    /// The form in which the stranger writes.
+    pub(super) form: String,
+}
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct Threads {
+    next: u64,
+    /// By number, which grows.
+    short: BTreeMap<u64, Thread>,
+    /// Of subscriptions, by the number of their conversation.
+    kept: BTreeMap<u64, Thread>,
+}
+
+impl Threads {
+    pub(super) fn get(&self, number: u64) -> Option<&Thread> {
+        self.short.get(&number).or_else(|| self.kept.get(&number))
+    }
+
+    /// Begins a thread; returns its number, and what the store must keep of it.
+    pub(super) fn begin(&mut self, conversation: u64, thread: Thread) -> (u64, Option<(String, String)>) {
+        if thread.message.performative == Performative::Subscribe && self.kept.len() < KEPT_MAX {
+            let entry = (key(conversation), print(&thread));
+            self.kept.insert(conversation, thread);
+            return (conversation, Some(entry));
+        }
+        if self.short.len() >= THREADS_MAX {
+            self.short.pop_first();
+        }
+        self.next += 1;
+        self.short.insert(self.next, thread);
+        (self.next, None)
+    }
+
+    /// Ends the thread of a subscription; returns the entry to be taken out.
+    pub(super) fn end(&mut self, conversation: u64) -> Option<String> {
+        self.kept.remove(&conversation).map(|_| key(conversation))
+    }
+
+    /// Ends the threads of all subscriptions of an agent.
+    pub(super) fn end_with(&mut self, agent: &AgentId) -> Vec<String> {
+        let of_agent = |thread: &Thread| thread.message.sender.as_ref() == Some(agent);
+        self.kept.extract_if(.., |_, thread| of_agent(thread)).map(|(conversation, _)| key(conversation)).collect()
+    }
+
+    /// Takes over an entry of the store. `false`: it is no thread.
+    pub(super) fn learn(&mut self, key: &str, text: &str) -> bool {
+        let Some(number) = key.strip_prefix(PREFIX) else { return false };
+        let Ok(number) = u64::from_str_radix(number, 16) else { return true };
+        match parse(text) {
+            Some(thread) if self.kept.len() < KEPT_MAX => _ = self.kept.insert(number, thread),
+            Some(_) => {}
+            None => _ = self.kept.remove(&number),
+        }
+        true
+    }
+}
+
+fn key(conversation: u64) -> String {
+    format!("{PREFIX}{conversation:016x}")
+}
+
+fn print(thread: &Thread) -> String {
+    let mut message = thread.message.clone();
+    message.content = thread.asked.as_ref().map(|asked| sl::print(std::slice::from_ref(asked)));
+    message.user.insert(FORM.to_owned(), thread.form.clone());
+    // Read from a message, so it can be written: only names of user-defined parameters could not, and were left out.
+    print_string(&message).unwrap_or_default()
+}
+
+fn parse(text: &str) -> Option<Thread> {
+    let mut message = parse_string(text).ok()?;
+    let asked = message.content.take().and_then(|content| sl::parse(&content).ok()?.into_iter().next());
+    let form = message.user.remove(FORM).unwrap_or_else(|| STRING_FORM.to_owned());
+    Some(Thread { message, asked, form })
+}
+
+/// The number of a stranger's conversation: the same in every process, today and after a restart. (FNV-1a.)
+pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
+    let name = sender.name.to_lowercase();
+    let bytes = name.bytes().chain([0]).chain(conversation.bytes());
+    let hash =
+        bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    hash | STRANGE
+}
+
+/// A number of ours as text for strangers.
+pub(super) fn print_number(salt: u64, number: u64) -> String {
+    format!("b{salt:x}-{number}")
+}
+
+/// The number behind a text that is one of ours.
+pub(super) fn parse_number(salt: u64, text: &str) -> Option<u64> {
+    text.strip_prefix(&format!("b{salt:x}-"))?.parse().ok().filter(|number| number & STRANGE == 0)
+}

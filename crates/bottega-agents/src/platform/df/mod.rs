@@ -1,0 +1,311 @@
+//! The Directory Facilitator: yellow pages with leases (FIPA00023).
+
+mod federation;
+mod subscriptions;
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
+
+use federation::Federation;
+use subscriptions::Subscriptions;
+
+use super::{
+    management::{
+        DfAgentDescription, FailureReason, Function, ManagementContent, Outcome, RefuseReason, SearchConstraints,
+    },
+    ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
+    service::{Change, Functions, NoResult, Said, Step, Todo},
+};
+use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
+
+/// The most entries of a directory.
+pub const DESCRIPTIONS_MAX: usize = 1 << 16;
+/// The most offers of one answer, also where all were asked for: they must fit into a message.
+pub const RESULTS_MAX: usize = 500;
+
+const ENTRY: &str = "df/entry/";
+/// How long after a lease has ended its entry is taken out at the latest.
+const SWEEP_AFTER: Duration = Duration::from_secs(1);
+
+/// Who a directory is, and what it allows.
+#[derive(Clone, Debug)]
+pub struct DfConfig {
+    /// Its own name.
+    pub id: AgentId,
+    /// The calendar of the platform: leases are dates.
+    pub calendar: Calendar,
+    /// The longest lease that is granted. `None`: any, also one without end.
+    pub lease_max: Option<Duration>,
+    /// Who may enter what others offer, such as other directories.
+    pub administrators: Vec<AgentId>,
+    /// Directories with which it registers itself, and which it asks too.
+    pub federates: Vec<AgentId>,
+    /// Makes the names of its searches differ from those of every other process.
+    pub salt: u64,
+}
+
+/// One offer and the write that entered it.
+#[derive(Clone, Debug, PartialEq)]
+struct Entry {
+    offer: DfAgentDescription,
+    revision: Revision,
+}
+
+/// What agents offer. An agent may enter, change and take out only what it offers itself.
+#[derive(Clone, Debug)]
+pub struct Df {
+    config: DfConfig,
+    /// By name in small letters.
+    entries: BTreeMap<String, Entry>,
+    /// Entries whose lease has ended and that are being taken out.
+    ending: BTreeSet<String>,
+    /// When to look for leases that have ended.
+    sweep_at: Option<Time>,
+    newest: Revision,
+    subscriptions: Subscriptions,
+    federation: Federation,
+}
+
+impl Df {
+    /// An empty directory.
+    pub fn new(config: DfConfig) -> Self {
+        let subscriptions = Subscriptions::new(config.id.clone(), config.calendar);
+        let federation = Federation::new(config.id.clone(), config.salt, config.federates.clone());
+        Self {
+            config,
+            entries: BTreeMap::new(),
+            ending: BTreeSet::new(),
+            sweep_at: None,
+            newest: Revision::ABSENT,
+            subscriptions,
+            federation,
+        }
+    }
+
+    fn own_name(&self, asker: &AgentId, description: &DfAgentDescription) -> Result<AgentId, NoResult> {
+        match &description.name {
+            None => Err(RefuseReason::missing(DF_DESCRIPTION, "name").into()),
+            Some(name) if index(name) == index(asker) || self.config.administrators.contains(asker) => Ok(name.clone()),
+            Some(_) => Err(RefuseReason::Unauthorised.into()),
+        }
+    }
+
+    /// Enters a description, with the lease that is granted.
+    fn enter(&self, now: Time, name: &AgentId, description: &DfAgentDescription) -> Result<Step, NoResult> {
+        for service in &description.services {
+            for (missing, parameter) in [(service.name.is_none(), "name"), (service.service_type.is_none(), "type")] {
+                if missing {
+                    return Err(RefuseReason::missing(SERVICE_DESCRIPTION, parameter).into());
+                }
+            }
+        }
+        if description.lease_time.is_some_and(|end| end <= now) {
+            return Err(RefuseReason::bad_value(DF_DESCRIPTION, "lease-time").into());
+        }
+        let most = self.config.lease_max.map(|lease| now + lease);
+        let lease_time = match (description.lease_time, most) {
+            (Some(wanted), Some(most)) => Some(wanted.min(most)),
+            (wanted, most) => wanted.or(most),
+        };
+        let entry = DfAgentDescription { lease_time, ..description.clone() };
+        let text = sl::print_term(&df_description(self.config.calendar, &entry));
+        Ok(Step::Write(Change { key: key(name).into(), text }, Outcome::Entered(entry)))
+    }
+
+    /// Entries that still hold.
+    fn entry(&self, now: Time, name: &AgentId) -> Option<&Entry> {
+        self.entries.get(&index(name)).filter(|entry| holds(&entry.offer, now))
+    }
+
+    fn matching(
+        &self,
+        now: Time,
+        asker: &AgentId,
+        template: &DfAgentDescription,
+        most: usize,
+    ) -> Vec<DfAgentDescription> {
+        let held = self.entries.values().map(|entry| &entry.offer).filter(|offer| holds(offer, now));
+        let seen = held.filter(|offer| is_for(&self.config.id, asker, offer));
+        seen.filter(|offer| template.matches(offer)).take(most).cloned().collect()
+    }
+
+    fn search(
+        &mut self,
+        now: Time,
+        request: &Said,
+        template: &DfAgentDescription,
+        constraints: &SearchConstraints,
+        todo: &mut Todo,
+    ) -> Step {
+        let most = constraints.results_max(RESULTS_MAX);
+        if constraints.search_id.as_ref().is_some_and(|id| self.federation.has_seen(now, id)) {
+            return Step::Done(Outcome::Offers(Vec::new()));
+        }
+        let found = self.matching(now, &request.sender, template, most);
+        let wants_more = constraints.max_depth.unwrap_or(0) != 0 && found.len() < most;
+        if wants_more {
+            let others: Vec<AgentId> = self.directories(now, &request.sender);
+            if self.federation.search(now, request, &found, (template, constraints), &others, todo) {
+                return Step::Later;
+            }
+        }
+        Step::Done(Outcome::Offers(found))
+    }
+
+    /// The directories that are entered here, besides this one and the one that asks.
+    fn directories(&self, now: Time, asker: &AgentId) -> Vec<AgentId> {
+        let is_directory = |offer: &DfAgentDescription| {
+            let mut types = offer.services.iter().filter_map(|service| service.service_type.as_deref());
+            types.any(|kind| kind.eq_ignore_ascii_case("fipa-df"))
+        };
+        let held = self.entries.values().map(|entry| &entry.offer).filter(|offer| holds(offer, now));
+        let entered = held.filter(|offer| is_directory(offer)).filter_map(|offer| offer.name.clone());
+        let mut others: BTreeMap<String, AgentId> = entered.map(|name| (index(&name), name)).collect();
+        others.extend(self.config.federates.iter().map(|other| (index(other), other.clone())));
+        others.remove(&index(asker));
+        others.remove(&index(&self.config.id));
+        others.into_values().collect()
+    }
+
+    fn sweep(&mut self, now: Time, todo: &mut Todo) {
+        for (name, entry) in &self.entries {
+            if !holds(&entry.offer, now) && self.ending.insert(name.clone()) {
+                let change = Change { key: format!("{ENTRY}{name}").into(), text: String::new() };
+                todo.writes.push((subscriptions::NO_MARK, change));
+            }
+        }
+        let ends = self.entries.iter().filter(|(name, _)| !self.ending.contains(*name));
+        self.sweep_at = ends.filter_map(|(_, entry)| entry.offer.lease_time).min();
+        // What is being taken out is looked at again, in case that failed.
+        if !self.ending.is_empty() {
+            let again = now + SWEEP_AFTER;
+            self.sweep_at = Some(self.sweep_at.map_or(again, |at| at.min(again)));
+            self.ending.clear();
+        }
+    }
+}
+
+/// Whether the lease of an offer has not ended.
+fn holds(offer: &DfAgentDescription, now: Time) -> bool {
+    offer.lease_time.is_none_or(|end| now < end)
+}
+
+/// Whether `asker` may see an offer: what is `local` and not `global` is for agents of the directory's platform only.
+fn is_for(df: &AgentId, asker: &AgentId, offer: &DfAgentDescription) -> bool {
+    let says = |scope: &str| offer.scope.iter().any(|said| said.eq_ignore_ascii_case(scope));
+    let platform = |agent: &AgentId| agent.name.rsplit_once('@').map(|(_, platform)| platform.to_lowercase());
+    !says("local") || says("global") || platform(df) == platform(asker)
+}
+
+/// Names of agents are compared without case.
+fn index(agent: &AgentId) -> String {
+    agent.name.to_lowercase()
+}
+
+fn key(agent: &AgentId) -> String {
+    format!("{ENTRY}{}", index(agent))
+}
+
+impl Functions for Df {
+    const PREFIXES: &'static [&'static str] = &["df/"];
+
+    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut Todo) {
+        self.newest = self.newest.max(revision);
+        let Some(name) = key.strip_prefix(ENTRY) else {
+            self.subscriptions.learn(now, key, text, &self.entries, todo);
+            return;
+        };
+        let read =
+            sl::parse_term(text).ok().and_then(|term| read_df_description(self.config.calendar, now, &term).ok());
+        let offer = read.filter(|offer| offer.name.is_some());
+        self.ending.remove(name);
+        let before = match offer {
+            Some(offer) => {
+                if let Some(end) = offer.lease_time {
+                    self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
+                }
+                let entry = Entry { offer: offer.clone(), revision };
+                let before = self.entries.insert(name.to_owned(), entry);
+                self.subscriptions.changed(before.as_ref(), &offer, revision, todo);
+                return;
+            }
+            None => self.entries.remove(name),
+        };
+        if let Some(before) = before {
+            let gone = DfAgentDescription { name: before.offer.name.clone(), ..Default::default() };
+            self.subscriptions.changed(Some(&before), &gone, revision, todo);
+        }
+    }
+
+    fn perform(&mut self, now: Time, request: &Said, function: &Function, todo: &mut Todo) -> Result<Step, NoResult> {
+        let asker = &request.sender;
+        match function {
+            Function::Register(description) => {
+                let name = self.own_name(asker, description)?;
+                if self.entry(now, &name).is_some() {
+                    return Err(FailureReason::AlreadyRegistered.into());
+                }
+                if self.entries.len() >= DESCRIPTIONS_MAX {
+                    return Err(FailureReason::InternalError("no room for more entries".to_owned()).into());
+                }
+                self.enter(now, &name, description)
+            }
+            Function::Modify(description) => {
+                let name = self.own_name(asker, description)?;
+                self.entry(now, &name).ok_or(FailureReason::NotRegistered)?;
+                self.enter(now, &name, description)
+            }
+            Function::Deregister(description) => {
+                let name = self.own_name(asker, description)?;
+                self.entry(now, &name).ok_or(FailureReason::NotRegistered)?;
+                Ok(Step::Write(Change { key: key(&name).into(), text: String::new() }, Outcome::Done))
+            }
+            Function::Search(template, constraints) => Ok(self.search(now, request, template, constraints, todo)),
+            other => Err(RefuseReason::UnsupportedFunction(other.word().into()).into()),
+        }
+    }
+
+    fn entry_of(&self, function: &Function) -> Option<Key> {
+        match function {
+            Function::Register(offer) | Function::Modify(offer) | Function::Deregister(offer) => {
+                offer.name.as_ref().map(|name| key(name).into())
+            }
+            _ => None,
+        }
+    }
+
+    fn hear(&mut self, now: Time, message: &Said, todo: &mut Todo) -> bool {
+        match (&message.content, message.performative) {
+            (ManagementContent::Subscription(template, constraints), Performative::Subscribe) => {
+                let wish = (template.clone(), constraints.clone());
+                let found = self.matching(now, &message.sender, template, constraints.results_max(RESULTS_MAX));
+                self.subscriptions.subscribe(message, wish, found, self.newest, todo)
+            }
+            (ManagementContent::Cancel, Performative::Cancel) => self.subscriptions.cancel(message, todo),
+            (ManagementContent::Undelivered { receiver, .. }, Performative::Failure) => {
+                self.federation.unreachable(receiver, todo);
+                self.subscriptions.forget(receiver, todo);
+                true
+            }
+            _ => self.federation.hear(message, todo),
+        }
+    }
+
+    fn settled(&mut self, _now: Time, mark: u64, made: bool, todo: &mut Todo) {
+        self.subscriptions.settled(mark, made, todo);
+    }
+
+    fn tick(&mut self, now: Time, todo: &mut Todo) {
+        self.subscriptions.pages_are_known(&self.entries, todo);
+        if self.sweep_at.is_none_or(|at| at <= now) {
+            self.sweep(now, todo);
+        }
+        self.federation.look_at_the_clock(now, todo);
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.sweep_at.into_iter().chain(self.federation.next_deadline()).min()
+    }
+}

@@ -1,0 +1,221 @@
+//! The content language SL (FIPA00008): expressions of words, strings, numbers and brackets.
+//!
+//! The reader takes the brackets of all of SL, so that content of `fipa-sl1` and beyond can be looked at; what an
+//! expression means is for an ontology to say (see [`crate::platform`]). A word and a string of the same letters are
+//! the same constant. Depth and size are bounded.
+
+use crate::wire::{Reader, WireError, is_word, push_text};
+
+/// The most brackets within brackets.
+pub const DEPTH_MAX: usize = 64;
+/// The most terms of a content.
+pub const TERMS_MAX: usize = 1 << 16;
+
+/// The names of the content languages that are read here: SL0, and what contains it.
+pub const LANGUAGES: [&str; 4] = ["fipa-sl0", "fipa-sl1", "fipa-sl2", "fipa-sl"];
+
+/// Whether content in this language is read here. Names of languages are compared without case.
+pub fn is_known(language: &str) -> bool {
+    LANGUAGES.iter().any(|known| known.eq_ignore_ascii_case(language))
+}
+
+/// A term or a proposition.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// A word or a string.
+    Text(String),
+    /// A number, a date-time, a variable (`?x`), a key (`:x`), `true` or `false`: as it was written, without quotes.
+    Bare(String),
+    /// What stands in brackets.
+    List(Vec<Term>),
+}
+
+impl Term {
+    /// A word or a string.
+    pub fn text(text: impl Into<String>) -> Self {
+        Self::Text(text.into())
+    }
+
+    /// `(head argument …)`.
+    pub fn call(head: &str, arguments: impl IntoIterator<Item = Term>) -> Self {
+        Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
+    }
+
+    /// A whole number.
+    pub fn integer(number: i64) -> Self {
+        Self::Bare(number.to_string())
+    }
+
+    /// What a word, a string, a number or a date-time says.
+    pub fn as_str(&self) -> Option<&str> {
+        match self {
+            Self::Text(text) | Self::Bare(text) => Some(text),
+            Self::List(_) => None,
+        }
+    }
+
+    /// The head and the arguments of `(head argument …)`.
+    pub fn as_call(&self) -> Option<(&str, &[Term])> {
+        match self {
+            Self::List(terms) => match terms.split_first() {
+                Some((Self::Text(head), arguments)) => Some((head, arguments)),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// The arguments, if this is a call of `head`. Heads are compared without case.
+    pub fn arguments_of(&self, head: &str) -> Option<&[Term]> {
+        self.as_call().filter(|(found, _)| found.eq_ignore_ascii_case(head)).map(|(_, arguments)| arguments)
+    }
+
+    /// The elements of a set or a sequence; platforms write one for the other.
+    pub fn elements(&self) -> Option<&[Term]> {
+        self.arguments_of("set").or_else(|| self.arguments_of("sequence"))
+    }
+}
+
+/// Reads a content: a tuple of expressions. A single expression without the brackets of the tuple is read as a tuple
+/// of one: some platforms write it so.
+///
+/// # Errors
+/// The brackets or strings do not close, or there is more than the bounds allow.
+pub fn parse(text: &str) -> Result<Vec<Term>, WireError> {
+    let term = parse_term(text)?;
+    match term {
+        Term::List(terms) if matches!(terms.first(), None | Some(Term::List(_))) => Ok(terms),
+        // `((done …))` begins with a bracket; what begins with a word is no tuple.
+        Term::List(terms) => Ok(vec![Term::List(terms)]),
+        word => Ok(vec![Term::List(vec![word])]),
+    }
+}
+
+/// Reads one term.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_term(text: &str) -> Result<Term, WireError> {
+    let mut reader = Reader::new(text)?;
+    let term = read(&mut reader)?;
+    reader.end()?;
+    Ok(term)
+}
+
+fn read(reader: &mut Reader<'_>) -> Result<Term, WireError> {
+    // The lists that are open, the outermost first.
+    let mut open: Vec<Vec<Term>> = Vec::new();
+    let mut count = 0;
+    loop {
+        let done = match reader.peek() {
+            Some(b'(') => {
+                reader.open()?;
+                if open.len() == DEPTH_MAX {
+                    return Err(WireError::TooMany { what: "brackets within brackets", max: DEPTH_MAX });
+                }
+                open.push(Vec::new());
+                continue;
+            }
+            Some(b')') => {
+                let Some(list) = open.pop() else { return Err(reader.expected("a term")) };
+                reader.eat_close();
+                Term::List(list)
+            }
+            Some(b'"' | b'#') => Term::Text(reader.text("a string")?),
+            Some(_) => bare(reader.word()),
+            None => return Err(reader.expected("a term, or `)`")),
+        };
+        count += 1;
+        if count > TERMS_MAX {
+            return Err(WireError::TooMany { what: "terms", max: TERMS_MAX });
+        }
+        match open.last_mut() {
+            Some(list) => list.push(done),
+            None => return Ok(done),
+        }
+    }
+}
+
+/// What a token without quotes is.
+fn bare(token: &str) -> Term {
+    if is_special(token) { Term::Bare(token.to_owned()) } else { Term::Text(token.to_owned()) }
+}
+
+/// Whether a token means something else than its letters.
+fn is_special(token: &str) -> bool {
+    token.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.' | '?' | ':' | '@'))
+        || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(token))
+}
+
+/// Writes a content. It reads back as the same.
+pub fn print(terms: &[Term]) -> String {
+    let mut out = "(".to_owned();
+    for (index, term) in terms.iter().enumerate() {
+        if index > 0 {
+            out.push(' ');
+        }
+        push(&mut out, term);
+    }
+    out.push(')');
+    out
+}
+
+/// Writes one term.
+pub fn print_term(term: &Term) -> String {
+    let mut out = String::new();
+    push(&mut out, term);
+    out
+}
+
+fn push(out: &mut String, term: &Term) {
+    match term {
+        Term::Text(text) if !is_special(text) || !is_word(text) => push_text(out, text),
+        Term::Text(text) => {
+            // A word, but not to this language.
+            out.push('"');
+            out.push_str(text);
+            out.push('"');
+        }
+        Term::Bare(text) => out.push_str(text),
+        Term::List(terms) => {
+            out.push('(');
+            for (index, term) in terms.iter().enumerate() {
+                if index > 0 {
+                    out.push(' ');
+                }
+                push(out, term);
+            }
+            out.push(')');
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_and_strings_are_one_and_what_only_looks_like_a_number_is_quoted() {
+        let terms = parse(r#"((p word "word" "1.5" 1.5 "true" true ?x "?x" :k 20261121T022548103Z #3"a\"))"#).unwrap();
+        let text = |text: &str| Term::text(text);
+        let bare = |text: &str| Term::Bare(text.to_owned());
+        let (head, arguments) = terms[0].as_call().unwrap();
+        assert_eq!(head, "p");
+        assert_eq!(arguments[..6], [text("word"), text("word"), text("1.5"), bare("1.5"), text("true"), bare("true")]);
+        assert_eq!(arguments[6..9], [bare("?x"), text("?x"), bare(":k")]);
+        assert_eq!(arguments[10], text("a\\\""));
+        assert_eq!(print(&terms), r#"((p word word "1.5" 1.5 "true" true ?x "?x" :k 20261121T022548103Z #3"a\"))"#);
+    }
+
+    #[test]
+    fn a_tuple_may_lack_its_brackets_and_nothing_may_be_too_deep() {
+        assert_eq!(parse("(unrecognised-value content)").unwrap(), parse("((unrecognised-value content))").unwrap());
+        let deep = |depth: usize| format!("{}{}", "(".repeat(depth), ")".repeat(depth));
+        assert!(parse(&deep(DEPTH_MAX)).is_ok());
+        assert!(matches!(parse(&deep(DEPTH_MAX + 1)), Err(WireError::TooMany { .. })));
+        assert!(matches!(parse(&format!("({})", "a ".repeat(TERMS_MAX + 1))), Err(WireError::TooMany { .. })));
+        for bad in ["", "(", ")", "(a", "(a))", "\"", "(#9\"a)", "(\"a)"] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

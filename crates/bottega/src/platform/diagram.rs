@@ -1,0 +1,161 @@
+//! Messages as a sequence diagram: a line of time for each agent, an arrow for each message.
+
+use std::fmt::Write;
+
+use super::trace::Passed;
+
+/// Sizes in pixels.
+const LEFT: f64 = 110.0;
+const TOP: f64 = 56.0;
+const LANE_WIDTH: f64 = 210.0;
+const ROW_HEIGHT: f64 = 26.0;
+/// Longer texts are cut, in characters.
+const NAME_MAX: usize = 32;
+
+/// One message as text.
+pub(super) fn row(passed: &Passed, conversation: usize) -> String {
+    let arrow = match passed.way.as_str() {
+        "dropped" => "x",
+        "lost" => "?",
+        _ => ">",
+    };
+    let protocol = if passed.protocol.is_empty() { "" } else { &passed.protocol };
+    format!(
+        "{}  #{conversation:<4} {:>28} --{:-^17}-{arrow} {:<28} {protocol}",
+        passed.clock(),
+        cut(&passed.from, 28),
+        format!(" {} ", passed.act),
+        cut(&passed.to, 28),
+    )
+}
+
+fn cut(text: &str, most: usize) -> String {
+    if text.chars().count() <= most { text.to_owned() } else { text.chars().take(most - 1).chain(['…']).collect() }
+}
+
+/// The drawing of all messages: agents in the order in which they speak, conversations told apart by colour.
+pub(super) fn svg(messages: &[Passed]) -> String {
+    let mut agents: Vec<&str> = Vec::new();
+    let mut conversations: Vec<&str> = Vec::new();
+    for message in messages {
+        for agent in [message.from.as_str(), message.to.as_str()] {
+            if !agents.contains(&agent) {
+                agents.push(agent);
+            }
+        }
+        if !conversations.contains(&message.conversation.as_str()) {
+            conversations.push(&message.conversation);
+        }
+    }
+    let width = LEFT + LANE_WIDTH * agents.len().max(1) as f64;
+    let height = TOP + ROW_HEIGHT * (messages.len() + 1) as f64;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" \
+         fill=\"white\"/>\n"
+    );
+    let x_of = |agent: &str| {
+        let lane = agents.iter().position(|other| *other == agent).unwrap_or(0);
+        LEFT + LANE_WIDTH * (lane as f64 + 0.5)
+    };
+    for agent in &agents {
+        let x = x_of(agent);
+        // A string can always be written to.
+        _ = writeln!(
+            svg,
+            "<text x=\"{x:.0}\" y=\"{:.0}\" text-anchor=\"middle\" font-weight=\"bold\">{}</text>\n<line x1=\"{x:.0}\" \
+             y1=\"{:.0}\" x2=\"{x:.0}\" y2=\"{height:.0}\" stroke=\"#bbb\" stroke-dasharray=\"3 3\"/>",
+            TOP - 22.0,
+            escape(&cut(agent, NAME_MAX)),
+            TOP - 14.0
+        );
+    }
+    for (index, message) in messages.iter().enumerate() {
+        let number = conversations.iter().position(|other| *other == message.conversation).unwrap_or(0);
+        let y = TOP + ROW_HEIGHT * (index as f64 + 0.7);
+        arrow(&mut svg, message, number, [x_of(&message.from), x_of(&message.to)], y);
+    }
+    svg + "</svg>\n"
+}
+
+fn arrow(svg: &mut String, message: &Passed, conversation: usize, [from, to]: [f64; 2], y: f64) {
+    // Hues a golden angle apart are easily told from each other.
+    let hue = (conversation as f64 * 137.508).rem_euclid(360.0);
+    let reached = matches!(message.way.as_str(), "in" | "out");
+    let (color, dash) =
+        if reached { (format!("hsl({hue:.0} 60% 38%)"), "") } else { ("#c00".to_owned(), " stroke-dasharray=\"5 3\"") };
+    let title = format!(
+        "{} {} {} to {}, {}: {}",
+        message.way, message.act, message.from, message.to, message.conversation, message.content
+    );
+    _ = writeln!(svg, "<g><title>{}</title>", escape(&title));
+    _ = writeln!(
+        svg,
+        "<text x=\"6\" y=\"{:.0}\" fill=\"#666\">{} #{}</text>",
+        y + 3.0,
+        message.clock(),
+        conversation + 1
+    );
+    if from == to {
+        _ = writeln!(
+            svg,
+            "<path d=\"M{from:.0} {:.0} h 34 v 10 h -30\" fill=\"none\" stroke=\"{color}\"{dash}/>",
+            y - 6.0
+        );
+    } else {
+        let back = if to > from { -7.0 } else { 7.0 };
+        _ = writeln!(
+            svg,
+            "<line x1=\"{from:.0}\" y1=\"{y:.0}\" x2=\"{to:.0}\" y2=\"{y:.0}\" stroke=\"{color}\"{dash}/>\n<path \
+             d=\"M{to:.0} {y:.0} l {back} -4 v 8 z\" fill=\"{color}\"/>"
+        );
+    }
+    _ = writeln!(
+        svg,
+        "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"middle\" fill=\"{color}\">{}</text></g>",
+        if from == to { from + 60.0 } else { (from + to) / 2.0 },
+        y - 4.0,
+        escape(&message.act)
+    );
+}
+
+fn escape(text: &str) -> String {
+    let legal = text.chars().map(|character| if character.is_control() { ' ' } else { character });
+    let mut out = String::new();
+    for character in legal {
+        match character {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
+            other => out.push(other),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_diagram_has_a_line_for_each_agent_and_an_arrow_for_each_message() {
+        let passed = |from: &str, to: &str, way: &str| Passed {
+            at: "20261121T101500123Z".into(),
+            way: way.into(),
+            act: "request".into(),
+            from: from.into(),
+            to: to.into(),
+            conversation: "c<1>".into(),
+            protocol: "fipa-request".into(),
+            content: "\"&\u{1}".into(),
+        };
+        let drawing = svg(&[passed("a@x", "b@y", "in"), passed("b@y", "a@x", "lost"), passed("a@x", "a@x", "in")]);
+        assert_eq!(drawing.matches("font-weight").count(), 2);
+        assert_eq!(drawing.matches("<g><title>").count(), 3);
+        assert!(drawing.contains("c&lt;1&gt;: &quot;&amp; </title>") && drawing.contains("#c00"));
+        let told = row(&passed("a@x", "b@y", "in"), 1);
+        assert!(told.starts_with("10:15:00.123  #1") && told.contains("request") && told.contains("b@y"), "{told}");
+    }
+}

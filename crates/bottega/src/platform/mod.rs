@@ -1,0 +1,24 @@
+//! `bottega platform`: the agent platform that others can talk to, and questions to any such platform.
+
+mod args;
+mod ask;
+mod diagram;
+mod peer;
+mod serve;
+mod trace;
+
+use std::process::ExitCode;
+
+pub(crate) use args::PlatformArgs;
+use args::PlatformCommand;
+
+use crate::error::CliError;
+
+pub(crate) fn run(args: &PlatformArgs) -> Result<ExitCode, CliError> {
+    match &args.command {
+        PlatformCommand::Serve(args) => serve::run(args),
+        PlatformCommand::Agents(args) => ask::agents(args),
+        PlatformCommand::Services(args) => ask::services(args),
+        PlatformCommand::Trace(args) => trace::run(args),
+    }
+}

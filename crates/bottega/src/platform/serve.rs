@@ -1,0 +1,83 @@
+//! `bottega platform serve`: a platform until Ctrl-C.
+
+use std::{process::ExitCode, sync::mpsc};
+
+use bottega_agents::{
+    driver::node::{Node, NodeConfig},
+    entry_store::EntryStore,
+    file_store::FileStore,
+    store::MemoryStore,
+};
+use serde_json::json;
+
+use super::{args::ServeArgs, trace};
+use crate::error::CliError;
+
+pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
+    if args.listen.ip().is_unspecified() && args.public.is_none() {
+        return Err(CliError::usage(
+            format!("nobody can connect to {}", args.listen),
+            "say what others shall connect to: --public HOST:PORT",
+        ));
+    }
+    let federates = args.federate.iter().map(|peer| peer.service("df")).collect::<Result<_, _>>()?;
+    let node = Node::start(NodeConfig {
+        name: args.name.clone(),
+        listen: args.listen,
+        public: args.public.clone(),
+        store: store(args)?,
+        lease_max: args.lease_max,
+        federates,
+        administrators: Vec::new(),
+        trace_line: trace::line,
+    })
+    .map_err(CliError::Node)?;
+    // Whoever wants to end it must be heard from the first line on.
+    let (interrupt, interrupted) = mpsc::channel();
+    let handler = ctrlc::set_handler(move || {
+        // A second Ctrl-C finds nobody who listens.
+        _ = interrupt.send(());
+    });
+    handler
+        .map_err(|error| CliError::failed(format!("cannot hear Ctrl-C: {error}"), "this machine does not allow it"))?;
+    tell(args, &node);
+    // The sender lives as long as the program.
+    _ = interrupted.recv();
+    node.stop();
+    Ok(ExitCode::SUCCESS)
+}
+
+fn store(args: &ServeArgs) -> Result<Box<dyn EntryStore<String, usize> + Send>, CliError> {
+    match &args.state {
+        None => Ok(Box::new(MemoryStore::default())),
+        Some(path) => {
+            let store = FileStore::<String, usize>::open(path);
+            store
+                .map(|store| Box::new(store) as Box<dyn EntryStore<String, usize> + Send>)
+                .map_err(|source| CliError::State { path: path.clone(), source })
+        }
+    }
+}
+
+fn tell(args: &ServeArgs, node: &Node) {
+    if args.json {
+        let ids = [node.ams(), node.df(), node.start_service()].map(ToString::to_string);
+        println!(
+            "{}",
+            json!({ "event": "serving", "platform": args.name, "address": node.address(), "services": ids })
+        );
+        return;
+    }
+    println!("platform `{}` at {}", args.name, node.address());
+    println!("  white pages   {}", node.ams());
+    println!("  yellow pages  {}", node.df());
+    println!("  service root  {}", node.start_service());
+    match &args.state {
+        Some(path) => println!("  kept in       {}", path.display()),
+        None => println!("  kept in memory only; --state FILE keeps it"),
+    }
+    for peer in &args.federate {
+        println!("  searches with {}", peer.url);
+    }
+    println!("Ctrl-C ends it.");
+}

@@ -1,0 +1,151 @@
+//! `bottega platform`: two processes over one file, one of which is killed; questions; the trace.
+
+mod support;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    process::{Child, ChildStdout, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use serde_json::Value;
+use support::{bottega, run, succeed, text};
+
+/// A process that serves, killed when the test is over.
+struct Serving {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    url: String,
+}
+
+impl Serving {
+    fn start(more: &[&str]) -> Self {
+        let arguments = [&["platform", "serve", "--listen", "127.0.0.1:0", "--json"], more].concat();
+        let mut child = bottega(&arguments).stdout(Stdio::piped()).spawn().expect("the program starts");
+        let mut out = BufReader::new(child.stdout.take().expect("a pipe"));
+        let said = json(&mut out);
+        let url = said["address"].as_str().expect("an address").to_owned();
+        Self { child, out, url }
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        _ = self.child.kill();
+        _ = self.child.wait();
+    }
+}
+
+fn json(out: &mut impl BufRead) -> Value {
+    let mut line = String::new();
+    out.read_line(&mut line).expect("a line");
+    serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line:?}"))
+}
+
+fn lines(text: &str) -> Vec<Value> {
+    text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+}
+
+/// The agents that a platform knows, but for those who ask, who come and go.
+fn agents(url: &str) -> Vec<String> {
+    let told = succeed(&["platform", "agents", "--at", url, "--json"]);
+    lines(&told).iter().map(|agent| agent["agent"].as_str().expect("a name").to_owned()).collect()
+}
+
+#[test]
+fn a_platform_is_served_by_two_processes_of_which_one_is_killed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let state = folder.path().join("state");
+    let state = ["--name", "workshop", "--state", text(&state)];
+    let mut one = Serving::start(&state);
+    let two = Serving::start(&state);
+    let expected = ["ams@workshop", "df@workshop", "start@workshop", "acc@workshop"];
+    assert_eq!(agents(&one.url), expected);
+    // Another platform registers itself with the DF, through the first process.
+    let guest = Serving::start(&["--name", "guest", "--federate", &one.url]);
+    let services = |url: &str| lines(&succeed(&["platform", "services", "--at", url, "--json"]));
+    let begun = Instant::now();
+    while services(&two.url).is_empty() {
+        assert!(begun.elapsed() < Duration::from_secs(10), "the second process knows of the guest");
+        thread::sleep(Duration::from_millis(50));
+    }
+    one.child.kill().expect("killed");
+    one.child.wait().expect("gone");
+    assert_eq!(agents(&two.url), expected);
+    let found = services(&two.url);
+    assert_eq!((found[0]["agent"].as_str(), found[0]["type"].as_str()), (Some("df@guest"), Some("fipa-df")));
+    assert_eq!(found[0]["addresses"][0].as_str(), Some(guest.url.as_str()));
+    // Started again it knows what it knew.
+    let one = Serving::start(&state);
+    assert_eq!(services(&one.url).len(), 1);
+    let said = succeed(&["platform", "services", "--at", &format!("workshop={}", one.url)]);
+    assert!(said.contains("df@guest") && said.contains("fipa-df"), "{said}");
+}
+
+#[test]
+fn what_passes_can_be_watched_and_drawn() {
+    let platform = Serving::start(&["--name", "watched"]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let drawing = folder.path().join("trace.svg");
+    let arguments = ["platform", "trace", "--at", &platform.url, "--count", "2", "-o", text(&drawing)];
+    let mut watch = bottega(&arguments).stdout(Stdio::piped()).spawn().expect("the program starts");
+    let mut out = BufReader::new(watch.stdout.take().expect("a pipe"));
+    let mut first = String::new();
+    out.read_line(&mut first).expect("a line");
+    assert!(first.starts_with("watching "), "{first}");
+    agents(&platform.url);
+    let mut rest = String::new();
+    out.read_to_string(&mut rest).expect("text");
+    assert!(watch.wait().expect("an end").success());
+    let rows: Vec<&str> = rest.lines().collect();
+    assert!(rows[0].contains("#1") && rows[0].contains(" request ") && rows[0].contains("ams@watched"), "{rest}");
+    assert!(rows[1].contains("#1") && rows[1].contains(" inform "), "{rest}");
+    let drawing = fs::read_to_string(drawing).expect("a drawing");
+    assert_eq!(drawing.matches("<g><title>").count(), 2);
+}
+
+#[test]
+fn what_cannot_be_is_told() {
+    for (arguments, code, words) in [
+        (vec!["platform", "serve", "--listen", "0.0.0.0:0"], 2, "--public"),
+        (vec!["platform", "serve", "--name", "a b"], 1, "cannot be the name"),
+        (vec!["platform", "agents", "--at", "ftp://x"], 2, "an address such as"),
+        (vec!["platform", "agents", "--at", "http://127.0.0.1:1/acc"], 1, "NAME=URL"),
+        (vec!["platform", "agents", "--at", "x=http://127.0.0.1:1/acc", "--wait", "5s"], 1, "no connection"),
+        (vec!["platform", "trace", "--at", "http://127.0.0.1:1/acc"], 1, "cannot watch"),
+    ] {
+        let output = run(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).replace(['│', '|', '\n'], " ");
+        let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+        assert!(told.contains(words), "{arguments:?}: {told}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_it_politely() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let state = folder.path().join("state");
+    let state = ["--name", "p", "--state", text(&state)];
+    let (mut one, two) = (Serving::start(&state), Serving::start(&state));
+    let addresses = |of: &Serving| {
+        let told = succeed(&["platform", "agents", "--at", &of.url, "--json"]);
+        lines(&told)[0]["addresses"].as_array().expect("addresses").len()
+    };
+    let begun = Instant::now();
+    while addresses(&two) != 2 {
+        assert!(begun.elapsed() < Duration::from_secs(10));
+    }
+    let id = one.child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().expect("a signal").success());
+    assert!(one.child.wait().expect("an end").success());
+    let mut rest = String::new();
+    one.out.read_to_string(&mut rest).expect("text");
+    while addresses(&two) != 1 {
+        assert!(begun.elapsed() < Duration::from_secs(20), "nobody is sent to who said farewell");
+    }
+}
