@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Performative, Revision, StateMachine, Time};
+use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, Time};
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
@@ -199,6 +199,10 @@ impl RenderAgent {
         if !order.is_sound() {
             return self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
         }
+        if message.reply_by.is_some_and(|reply_by| reply_by < now) {
+            // The Master no longer waits for it. If it still wants it, it will say so when it hears what is in hand.
+            return;
+        }
         self.get_scene(&order.work, actions);
         match self.newest(zone) {
             Some(newest) if newest > order.fence => return,
@@ -269,14 +273,17 @@ impl RenderAgent {
         let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
         let to = vec![self.config.master.clone()];
         let report = FarmContent::Report(report);
-        asking(message(performative, protocol::CONTRACT_NET, &self.config.id, to, report), conversation, None)
+        let report = message(performative, protocol::CONTRACT_NET, &self.config.id, to, report);
+        // It is repeated then.
+        asking(report, conversation, self.next_heartbeat)
     }
 
     fn subscribe(&self, actions: &mut Vec<FarmAction>) {
         let content = FarmContent::Subscription { power: self.power(), lanes: self.lanes };
         let to = vec![self.config.master.clone()];
         let subscription = message(Performative::Subscribe, protocol::SUBSCRIBE, &self.config.id, to, content);
-        actions.push(FarmAction::Send(subscription));
+        // It is repeated then.
+        actions.push(FarmAction::Send(AclMessage { reply_by: self.next_heartbeat, ..subscription }));
     }
 
     fn beat(&mut self, now: Time, actions: &mut Vec<FarmAction>) {

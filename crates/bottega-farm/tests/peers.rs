@@ -218,6 +218,38 @@ fn a_message_out_of_place_is_not_understood() {
     assert_eq!(stage.sent.len(), before);
 }
 
+/// An agent that knows what it can do.
+fn agent() -> RenderAgent {
+    let mut agent = RenderAgent::new(RenderAgentConfig {
+        id: AgentId::new("agent"),
+        master: AgentId::new("master"),
+        adaptation: AdaptationRule::Paper,
+        prefetch: 2,
+        heartbeat: Duration::from_secs(1),
+        expert: Expert::path_tracing(),
+    });
+    let mut actions: Vec<FarmAction> = Vec::new();
+    let benchmarked = FarmCompletion::Benchmarked { power: RelativePower::REFERENCE, lanes: f64::NAN };
+    agent.handle(Time::ZERO, Event::Start, &mut actions);
+    agent.handle(Time::ZERO, Event::Completed(benchmarked), &mut actions);
+    agent
+}
+
+#[test]
+fn an_order_is_left_when_it_comes_after_its_time_and_taken_when_it_comes_again() {
+    let mut stage = Stage::new();
+    stage.subscribe("agent");
+    let is_order = |message: &&FarmMessage| matches!(message.content, FarmContent::Profile(_));
+    let order = stage.sent.iter().find(is_order).expect("an order").clone();
+    let reply_by = order.reply_by.expect("orders have a deadline");
+    let (late, second) = (reply_by + Duration::from_nanos(1), Duration::from_secs(1));
+    let mut agent = agent();
+    agent.handle(late, Event::Message(order.clone()), &mut Vec::new());
+    assert_eq!(agent.hands().count(), 0);
+    agent.handle(late, Event::Message(AclMessage { reply_by: Some(late + second), ..order }), &mut Vec::new());
+    assert_eq!(agent.hands().count(), 1);
+}
+
 fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
     let fence = order.fence.0;
     prop_oneof![
@@ -280,20 +312,9 @@ proptest! {
 
     #[test]
     fn no_messages_break_an_agent(messages in prop::collection::vec(any_message(), 0..40)) {
-        let mut agent = RenderAgent::new(RenderAgentConfig {
-            id: AgentId::new("agent"),
-            master: AgentId::new("master"),
-            adaptation: AdaptationRule::Paper,
-            prefetch: 2,
-            heartbeat: Duration::from_secs(1),
-            expert: Expert::path_tracing(),
-        });
-        let mut actions: Vec<FarmAction> = Vec::new();
-        let benchmarked = FarmCompletion::Benchmarked { power: RelativePower::REFERENCE, lanes: f64::NAN };
-        agent.handle(Time::ZERO, Event::Start, &mut actions);
-        agent.handle(Time::ZERO, Event::Completed(benchmarked), &mut actions);
+        let mut agent = agent();
         for message in messages {
-            agent.handle(Time::ZERO, Event::Message(message), &mut actions);
+            agent.handle(Time::ZERO, Event::Message(message), &mut Vec::new());
         }
     }
 }

@@ -123,6 +123,17 @@ impl<M: StateMachine> State<M> {
         self.schedule(to)
     }
 
+    /// From now on it is told who comes and goes, and now who is here.
+    fn watch_presence(&mut self, watcher: usize) {
+        self.presence_watchers.insert(watcher);
+        for agent in 0..self.slots.len() {
+            if agent != watcher && !self.slots[agent].stopped {
+                let agent = self.slots[agent].id.clone();
+                self.deliver(watcher, Event::Presence { agent, present: true });
+            }
+        }
+    }
+
     fn schedule(&mut self, agent: usize) -> bool {
         let slot = &mut self.slots[agent];
         if slot.scheduled {
@@ -250,13 +261,8 @@ where
 
     fn watch_presence(&mut self, from: &AgentId) {
         self.with(|state| {
-            let Some(&watcher) = state.index.get(from) else { return };
-            state.presence_watchers.insert(watcher);
-            for agent in 0..state.slots.len() {
-                if agent != watcher && !state.slots[agent].stopped {
-                    let agent = state.slots[agent].id.clone();
-                    state.deliver(watcher, Event::Presence { agent, present: true });
-                }
+            if let Some(&watcher) = state.index.get(from) {
+                state.watch_presence(watcher);
             }
         });
     }
@@ -384,11 +390,18 @@ where
         Ok(Mailbox { shared: Arc::clone(&self.shared), agent })
     }
 
-    /// From now on this agent gets all messages to agents that are not here. `false`: it is not here itself.
+    /// From now on this agent gets all messages to agents that are not here, and is told who is, before anything that
+    /// comes from outside can reach it. `false`: it is not here itself.
     pub fn set_gateway(&self, agent: &AgentId) -> bool {
         let mut state = self.shared.lock();
         state.gateway = state.index.get(agent).copied();
-        state.gateway.is_some()
+        let known = state.gateway.is_some();
+        if let Some(gateway) = state.gateway {
+            state.watch_presence(gateway);
+        }
+        drop(state);
+        self.shared.work.notify_all();
+        known
     }
 
     /// Tells agents what other processes wrote into the store. To be called now and then where it is shared.

@@ -284,7 +284,6 @@ where
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
         match event {
             Event::Start => {
-                actions.push(Action::WatchPresence);
                 let watches = [(WATCH_PAGES, AmsPages::PREFIX), (WATCH_THREADS, threads::PREFIX)];
                 for (ticket, prefix) in watches {
                     actions.push(Action::Store { ticket, request: StoreRequest::Watch { prefix: prefix.into() } });

@@ -157,7 +157,9 @@ impl Master {
             (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
         };
         let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
-        actions.push(FarmAction::Send(asking(order, conversation, None)));
+        // Who gives no sign of it until then counts as gone.
+        let reply_by = now + self.config.timing.lease;
+        actions.push(FarmAction::Send(asking(order, conversation, Some(reply_by))));
         self.sent.insert(row.zone, now);
     }
 
