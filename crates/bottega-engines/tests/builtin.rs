@@ -52,9 +52,19 @@ fn begin(
     samples: Range<u32>,
     tile: Option<Tile>,
 ) -> mpsc::Receiver<Result<Painted, EngineError>> {
+    begin_with(engine, rect, samples, tile, CancelSwitch::default())
+}
+
+fn begin_with(
+    engine: &BuiltinEngine,
+    rect: Rect,
+    samples: Range<u32>,
+    tile: Option<Tile>,
+    cancel: CancelSwitch,
+) -> mpsc::Receiver<Result<Painted, EngineError>> {
     let (sender, receiver) = mpsc::channel();
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
-    let task = ZoneTask { rect, samples, tunables, tile, cancel: CancelSwitch::default() };
+    let task = ZoneTask { rect, samples, tunables, tile, cancel };
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
     receiver
 }
@@ -94,9 +104,10 @@ fn several_zones_are_under_way_at_once() {
 fn a_cancelled_zone_is_reported_with_what_it_has_and_can_be_gone_on_with() {
     let many = 20_000;
     let first = engine(1);
-    let zone = begin(&first, FRAME, 0..many, None);
+    let cancel = CancelSwitch::default();
+    let zone = begin_with(&first, FRAME, 0..many, None, cancel.clone());
     thread::sleep(Duration::from_millis(60));
-    first.cancel();
+    cancel.cancel();
     let cancelled = zone.recv().expect("a report").expect("a tile");
     assert!(!cancelled.complete);
     let counts: Vec<u32> =

@@ -4,7 +4,9 @@
 //! their own threads and report into the mailboxes of the agents; so one thread is enough for all agents, and it sleeps
 //! while there is nothing to say.
 
+mod assist;
 mod easel;
+mod link;
 mod machine;
 mod progress;
 mod settings;
@@ -17,24 +19,35 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, driver::Performer};
+use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, Uplink, driver::Performer};
 use bottega_engines::{CancelSwitch, RenderEngine, Survey};
 use bottega_image::{Film, Rect};
 
 use self::easel::Easel;
 use self::machine::{Preparation, benchmark};
 pub use self::{
+    assist::assist,
+    link::Link,
     progress::Progress,
     settings::{AGENTS_MAX, JobError, JobSettings},
     stop::StopSwitch,
 };
 use crate::{
     Analyst, AnalystConfig, FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage,
-    FarmValue, Goal, GoalRules, ImportanceMap, Kept, Master, MasterConfig, Partition, PartitionSettings, RelativePower,
-    RenderAgent, RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
+    FarmValue, Goal, GoalRules, ImportanceMap, Kept, Mask, Master, MasterConfig, Partition, PartitionSettings,
+    RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
+    ZoneStore,
 };
 
 const WORK: WorkId = WorkId(1);
+/// Machines go without a word, processes hardly.
+const AMONG_MACHINES: Timing = Timing {
+    bids: Duration::from_millis(500),
+    heartbeat: Duration::from_millis(500),
+    lease: Duration::from_millis(2500),
+};
+/// For so many agents a picture is cut where others may join.
+const AGENTS_EXPECTED: usize = 8;
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
@@ -116,6 +129,8 @@ struct Shared {
     stop: StopSwitch,
     processors: usize,
     agents: usize,
+    /// To the other machines that paint the work.
+    link: Option<Link>,
 }
 
 #[derive(Default)]
@@ -131,6 +146,8 @@ struct State {
     messages: u64,
     /// Switches of what the engine is painting.
     orders: BTreeMap<(ZoneId, Revision), CancelSwitch>,
+    /// Agents that live here, in the work of a Master elsewhere.
+    present: usize,
 }
 
 type FarmMailbox = Mailbox<Seen>;
@@ -150,6 +167,22 @@ pub fn run(
     store: Option<Box<dyn ZoneStore>>,
     kept: Option<Kept>,
 ) -> Result<JobReport, JobError> {
+    lead(settings, engine, observer, stop, store, kept, None)
+}
+
+/// The same with the other machines to which `link` leads, if it is given: agents elsewhere join by [`assist`].
+///
+/// What another process has led so far is on the blackboard: this one goes on from there. When the picture is safe, the
+/// blackboard is to be cleared: [`Link::forget`].
+pub fn lead(
+    settings: &JobSettings,
+    engine: Arc<dyn RenderEngine>,
+    observer: Arc<dyn Observer>,
+    stop: &StopSwitch,
+    store: Option<Box<dyn ZoneStore>>,
+    kept: Option<Kept>,
+    link: Option<Link>,
+) -> Result<JobReport, JobError> {
     let work = settings.work()?;
     let mut kept = kept;
     if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
@@ -162,33 +195,35 @@ pub fn run(
         }
     }
     let (kept, tiles) = match kept {
-        Some(Kept { work, rows, tiles }) => (Some((work, rows)), tiles),
+        Some(Kept { mut work, mut rows, tiles }) => {
+            // What an earlier run left on the blackboard of a farm is not gone on with: the number is another one.
+            if let Some(link) = &link {
+                work.work = link.work;
+                rows.iter_mut().for_each(|row| row.work = link.work);
+            }
+            (Some((work, rows)), tiles)
+        }
         None => (None, Default::default()),
     };
-    let shared = Arc::new(Shared {
-        easel: Mutex::new(Easel::new(settings, tiles, store)),
-        engine,
-        observer,
-        state: Mutex::default(),
-        changed: Condvar::new(),
-        stop: stop.clone(),
-        processors: settings.processors.max(1),
-        agents: settings.agents,
-    });
-    let platform = LocalPlatform::new(1)?;
+    let easel = Easel::new(settings, tiles, store);
+    let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, link));
+    let platform = LocalPlatform::linked(1, shared.uplink())?;
     let master = populate(&platform, settings, work, kept, &shared)?;
     let on_stop = Arc::downgrade(&shared);
     stop.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {
             master.complete(FarmCompletion::Stop);
-            shared.engine.cancel();
-            shared.changed.notify_all();
+            shared.cancel_orders();
         }
     });
     let end = shared.wait();
     stop.forget();
     let total = platform.now().elapsed();
     platform.stop();
+    if let Some(link) = &shared.link {
+        // The last words of the Master let the others go.
+        link.uplink.flush();
+    }
     report(&shared, end, total)
 }
 
@@ -224,16 +259,20 @@ fn populate(
         let seen = Seen { agent, shared: Arc::clone(shared) };
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
-    let (master, analyst) = (AgentId::new("master@bottega"), AgentId::new("analyst@bottega"));
-    let timing = Timing::default();
+    let link = shared.link.as_ref();
+    let here = link.map_or("bottega", |link| &link.name);
+    let number = link.map_or(WORK, |link| link.work);
+    let master = link.map_or_else(|| AgentId::new("master@bottega"), Link::master);
+    let analyst = AgentId::new(format!("analyst@{here}"));
+    let timing = link.map_or_else(Timing::default, |_| AMONG_MACHINES);
     let JobSettings { auction, prefetch, .. } = *settings;
-    // All agents have the same processors: an idle one leaves its own to the others.
+    // Agents of one process have the same processors: an idle one leaves its own to the others.
     let master_config = MasterConfig {
         id: master.clone(),
-        work: WORK,
+        work: number,
         auction,
         prefetch,
-        shares_tail: false,
+        shares_tail: link.is_some(),
         goals: GoalRules::default(),
         timing,
     };
@@ -243,12 +282,14 @@ fn populate(
             add(&master, Master::recover(config, work, rows).into())?
         }
         None => {
-            let mut partition = PartitionSettings::for_agents(settings.level, settings.agents, work.frame);
+            // Nobody knows how many will come from elsewhere; and whoever leads cuts the same zones.
+            let agents = link.map_or(settings.agents, |_| AGENTS_EXPECTED);
+            let mut partition = PartitionSettings::for_agents(settings.level, agents, work.frame);
             partition.zone_count = settings.zones.unwrap_or(partition.zone_count).max(1);
             let config = AnalystConfig {
                 id: analyst.clone(),
                 master: master.clone(),
-                work: WORK,
+                work: number,
                 settings: work,
                 importance: settings.importance,
                 partition,
@@ -257,20 +298,32 @@ fn populate(
             add(&master, Master::new(master_config).into())?
         }
     };
+    add_render_agents(settings, &master, here, shared, &add)?;
+    Ok(mailbox)
+}
+
+/// Brings the Render Agents of this process to life, who work for `master`.
+fn add_render_agents(
+    settings: &JobSettings,
+    master: &AgentId,
+    here: &str,
+    shared: &Arc<Shared>,
+    add: &dyn Fn(&AgentId, FarmAgent) -> Result<FarmMailbox, JobError>,
+) -> Result<(), JobError> {
     let engine = shared.engine.describe();
     for (i, expert) in (0..settings.agents).zip(settings.experts.iter().cycle()) {
-        let id = AgentId::new(format!("render-{}@bottega", i + 1));
+        let id = AgentId::new(format!("render-{}@{here}", i + 1));
         let agent = RenderAgent::new(RenderAgentConfig {
             id: id.clone(),
             master: master.clone(),
             adaptation: settings.adaptation,
-            prefetch,
-            heartbeat: timing.heartbeat,
+            prefetch: settings.prefetch,
+            heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| AMONG_MACHINES).heartbeat,
             expert: expert.clone().for_engine(&engine),
         });
         add(&id, agent.into())?;
     }
-    Ok(mailbox)
+    Ok(())
 }
 
 /// What an agent of the farm does, with all its messages seen by the observer.
@@ -311,11 +364,36 @@ fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<Seen> {
             }
         }
     }
-    let notice = Notice(Arc::clone(shared), id.name.starts_with("master"));
+    let notice = Notice(Arc::clone(shared), id.name.starts_with("master@"));
     Box::new(move |effect, mailbox| notice.0.perform(effect, mailbox))
 }
 
 impl Shared {
+    fn new(
+        settings: &JobSettings,
+        easel: Easel,
+        engine: Arc<dyn RenderEngine>,
+        observer: Arc<dyn Observer>,
+        stop: &StopSwitch,
+        link: Option<Link>,
+    ) -> Self {
+        Self {
+            easel: Mutex::new(easel),
+            engine,
+            observer,
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            stop: stop.clone(),
+            processors: settings.processors.max(1),
+            agents: settings.agents,
+            link,
+        }
+    }
+
+    fn uplink(&self) -> Option<Arc<dyn Uplink<Seen>>> {
+        self.link.as_ref().map(|link| Arc::clone(&link.uplink) as _)
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -373,13 +451,44 @@ impl Shared {
                 self.observer.progress(&progress);
             }
             FarmEffect::Compose { zone, result, mask } => {
-                let before = mailbox.now();
-                let outcome = self.easel().compose(zone, &result, &mask);
-                self.easel().composition_took(mailbox.now() - before);
-                mailbox.complete(FarmCompletion::Composed { zone, outcome });
+                let shared = Arc::clone(self);
+                let to = mailbox.clone();
+                self.with_tile(zone, result, move |found| shared.compose(zone, &result, &mask, found, &to));
             }
             FarmEffect::Finish { failed } => self.end(End::Finished(failed)),
             FarmEffect::Abandon { reason } => self.end(End::Abandoned(reason)),
+        }
+    }
+
+    fn compose(&self, zone: ZoneId, result: &ResultRef, mask: &Mask, found: Result<(), String>, mailbox: &FarmMailbox) {
+        let before = mailbox.now();
+        let outcome = found.and_then(|()| self.easel().compose(zone, result, mask));
+        self.easel().composition_took(mailbox.now() - before);
+        mailbox.complete(FarmCompletion::Composed { zone, outcome });
+    }
+
+    /// Does something with a zone's tile on the easel: at once where it is there already, else when it has come from the
+    /// machine that painted it.
+    fn with_tile(
+        self: &Arc<Self>,
+        zone: ZoneId,
+        result: ResultRef,
+        then: impl FnOnce(Result<(), String>) + Send + 'static,
+    ) {
+        let Some(link) = self.link.clone().filter(|_| !self.easel().has(zone, &result)) else { return then(Ok(())) };
+        self.begin_outstanding();
+        let shared = Arc::clone(self);
+        let fetch = move || {
+            let found = link.get(&result, &shared.stop).map(|tile| {
+                let kept = shared.easel().take_in(zone, &result, tile);
+                shared.tell_kept(kept);
+            });
+            then(found);
+            shared.end_outstanding();
+        };
+        if let Err(error) = thread::Builder::new().name("fetch".to_owned()).spawn(fetch) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }
     }
 

@@ -47,7 +47,9 @@ pub use blackboard::{
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};
-pub use driver::{AGENTS_MAX, JobError, JobReport, JobSettings, Observer, Progress, StopSwitch, Times, run};
+pub use driver::{
+    AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, assist, lead, run,
+};
 pub use expert::{Expert, ExpertError};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
@@ -60,5 +62,5 @@ pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
-pub use wire::{WireError, digest};
+pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};

@@ -1,5 +1,7 @@
 //! Rows and tiles as bytes: what the journal holds. Version 2, little endian, no padding.
 
+mod message;
+
 use std::time::Duration;
 
 use bottega_agents::{AgentId, Revision, bus::BlobId};
@@ -10,6 +12,8 @@ use crate::{
     Choice, Cut, Goal, InputRanges, Interval, NeighborDifference, Optimization, ResultRef, Rival, WorkId, WorkRow,
     WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
+
+pub use self::message::FarmCodec;
 
 /// The longest name that is written or read.
 const NAME_BYTES_MAX: usize = 1 << 10;
@@ -78,16 +82,8 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
     put_option(row.agent.as_ref(), bytes, put_agent);
     bytes.push(row.state as u8);
     put_u32(row.attempt, bytes);
-    put_option(row.choice, bytes, |choice, bytes| {
-        let Choice { tunables: Tunables { max_depth, light_samples }, samples, bands } = choice;
-        [max_depth, light_samples, samples].into_iter().for_each(|value| put_u32(value, bytes));
-        bands.into_array().into_iter().for_each(|value| put_u32(value, bytes));
-    });
-    put_option(row.result, bytes, |result, bytes| {
-        put_u64(result.fence.0, bytes);
-        put_u32(result.samples, bytes);
-        bytes.extend(result.digest.0);
-    });
+    put_option(row.choice.as_ref(), bytes, put_choice);
+    put_option(row.result.as_ref(), bytes, put_result);
     put_option(row.goal, bytes, put_u32);
     put_option(row.error, bytes, put_f64);
     put_option(row.piece, bytes, |piece, bytes| put_rect(&piece, bytes));
@@ -100,6 +96,18 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
         put_agent(&rival.agent, bytes);
         put_u64(rival.fence.0, bytes);
     });
+}
+
+fn put_choice(choice: &Choice, bytes: &mut Vec<u8>) {
+    let Choice { tunables: Tunables { max_depth, light_samples }, samples, bands } = *choice;
+    [max_depth, light_samples, samples].into_iter().for_each(|value| put_u32(value, bytes));
+    bands.into_array().into_iter().for_each(|value| put_u32(value, bytes));
+}
+
+fn put_result(result: &ResultRef, bytes: &mut Vec<u8>) {
+    put_u64(result.fence.0, bytes);
+    put_u32(result.samples, bytes);
+    bytes.extend(result.digest.0);
 }
 
 fn put_agent(agent: &AgentId, bytes: &mut Vec<u8>) {
@@ -205,6 +213,14 @@ pub(crate) struct Reader<'a>(&'a [u8]);
 impl<'a> Reader<'a> {
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
         Self(bytes)
+    }
+
+    fn length(&self) -> usize {
+        self.0.len()
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     fn error(&self, what: &'static str) -> WireError {

@@ -44,6 +44,7 @@ pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
 pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Sides};
 pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
+pub use resource::SceneFile;
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Iridescence, Layered,

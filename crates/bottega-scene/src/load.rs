@@ -8,7 +8,7 @@ use glam::{Mat3, Quat};
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
-use crate::resource::Resources;
+use crate::resource::{Resources, SceneFile};
 use crate::{
     Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt,
 };
@@ -91,6 +91,8 @@ pub struct Loaded {
     pub metadata: Metadata,
     /// How the file wants to be painted.
     pub hints: RenderHints,
+    /// The files that the scene refers to and that were read, without the scene file itself.
+    pub files: Vec<SceneFile>,
 }
 
 /// How a file wants to be painted. What it does not say is left open; what the user says goes first. (Exposure is none of
@@ -210,7 +212,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let resources = Resources::new(path, options, &budget);
     let request = Request { path, file: &file, options, resources: &resources };
     let (mut scene, metadata, hints) = import(&request, &mut warnings)?;
-    resources.finish(&mut digest);
+    let files = resources.finish(&mut digest);
     let unsupported = warnings.take_unsupported();
     if options.strict && !unsupported.is_empty() {
         return Err(SceneError::Unsupported { path: path.into(), places: unsupported });
@@ -234,7 +236,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     scene.validate()?;
     let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
     tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
-    Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints })
+    Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints, files })
 }
 
 fn describe(file: &[u8]) -> &'static str {

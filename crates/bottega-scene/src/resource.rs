@@ -24,7 +24,18 @@ pub(crate) struct Resources<'a> {
     allow_outside: bool,
     budget: &'a MemoryBudget,
     /// What was read, by reference.
-    hashes: Mutex<BTreeMap<String, blake3::Hash>>,
+    hashes: Mutex<BTreeMap<String, (blake3::Hash, PathBuf)>>,
+}
+
+/// A file that a scene was read from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneFile {
+    /// How the scene refers to it: without detours, relative to the folder of the scene (or absolute).
+    pub name: String,
+    /// Where it is.
+    pub path: PathBuf,
+    /// BLAKE3 of what was read.
+    pub hash: [u8; 32],
 }
 
 /// A reference that was understood and is allowed.
@@ -98,7 +109,7 @@ impl<'a> Resources<'a> {
         let bytes = read_file(&location.file, self.budget)?;
         let hash = hash(&bytes);
         let mut hashes = self.hashes.lock().unwrap_or_else(PoisonError::into_inner);
-        hashes.insert(location.name.clone(), hash);
+        hashes.insert(location.name.clone(), (hash, location.file.clone()));
         Ok(bytes)
     }
 
@@ -107,12 +118,15 @@ impl<'a> Resources<'a> {
         self.read(&self.locate(reference, place)?)
     }
 
-    /// Adds what was read to the digest of the scene, in an order that does not depend on when it was read.
-    pub(crate) fn finish(self, digest: &mut blake3::Hasher) {
+    /// Adds what was read to the digest of the scene, in an order that does not depend on when it was read. Returns the
+    /// files in the same order.
+    pub(crate) fn finish(self, digest: &mut blake3::Hasher) -> Vec<SceneFile> {
         let hashes = self.hashes.into_inner().unwrap_or_else(PoisonError::into_inner);
-        for hash in hashes.values() {
+        let file = |(name, (hash, path)): (String, (blake3::Hash, PathBuf))| {
             digest.update(hash.as_bytes());
-        }
+            SceneFile { name, path, hash: *hash.as_bytes() }
+        };
+        hashes.into_iter().map(file).collect()
     }
 
     fn outside(&self, reference: &str, place: &str) -> SceneError {

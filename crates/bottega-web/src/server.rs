@@ -59,7 +59,7 @@ struct JobState {
     progress: Option<Event>,
     preview: Option<Event>,
     end: Option<Event>,
-    warnings: Vec<Event>,
+    notes: Vec<Event>,
 }
 
 impl JobState {
@@ -73,7 +73,7 @@ impl JobState {
             }
             Event::Progress(_) => self.progress = Some(event),
             Event::Preview { .. } => self.preview = Some(event),
-            Event::Warning { .. } => self.warnings.push(event),
+            Event::Warning { .. } | Event::Asked { .. } => self.notes.push(event),
             Event::Finished { .. } | Event::Interrupted { .. } => self.end = Some(event),
         }
     }
@@ -81,7 +81,7 @@ impl JobState {
     fn events(&self) -> Vec<Event> {
         self.started
             .iter()
-            .chain(&self.warnings)
+            .chain(&self.notes)
             .chain(&self.analyzed)
             .chain(self.zones.values())
             .chain(&self.preview)

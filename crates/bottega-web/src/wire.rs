@@ -29,6 +29,11 @@ pub enum Event {
         /// Seed of the picture.
         seed: u64,
     },
+    /// A farm has the job.
+    Asked {
+        /// Its number there.
+        job: u32,
+    },
     /// Something that the user should know; the work goes on.
     Warning {
         /// What.

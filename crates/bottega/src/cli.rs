@@ -17,7 +17,13 @@ use self::values::{
     parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rect,
     parse_size, parse_stops, parse_time,
 };
-use crate::{bench::MagarroArgs, platform::PlatformArgs, rules::RulesArgs, simulate::args::SimulateArgs};
+use crate::{
+    bench::MagarroArgs,
+    farm::{FarmAddress, JobsArgs, JoinArgs, PRIORITY, UpArgs},
+    platform::PlatformArgs,
+    rules::RulesArgs,
+    simulate::args::SimulateArgs,
+};
 
 /// A physically based renderer whose work is shared out by agents.
 #[derive(Debug, Parser)]
@@ -43,6 +49,12 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
     Simulate(Box<SimulateArgs>),
+    /// Start a farm on this machine: many machines paint one picture.
+    Up(UpArgs),
+    /// Offer this machine to a farm.
+    Join(JoinArgs),
+    /// See and steer what a farm is asked for.
+    Jobs(JobsArgs),
     /// Check, evaluate and draw expert rules.
     Rules(RulesArgs),
     /// Run a FIPA agent platform, or ask one what it knows.
@@ -234,6 +246,15 @@ pub(crate) struct RenderArgs {
     /// Let a GPU take part where it can (the look at the scene): part of its name, see `bottega devices`.
     #[arg(long, value_name = "NAME", help_heading = "Work")]
     pub(crate) gpu: Option<String>,
+    /// Paint with all machines of a farm: the one that `bottega up` runs on this machine, or the one named.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, conflicts_with_all = ["record", "time"], help_heading = "Work")]
+    pub(crate) farm: Option<Option<FarmAddress>>,
+    /// Only ask the farm for the picture, and do not wait for it: `bottega jobs fetch` has it in the end.
+    #[arg(long, requires = "farm", help_heading = "Work")]
+    pub(crate) detach: bool,
+    /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities.
+    #[arg(long, value_name = "N", requires = "farm", default_value_t = PRIORITY, value_parser = clap::value_parser!(u32).range(1..=1000), help_heading = "Work")]
+    pub(crate) priority: u32,
     /// Go on with a picture that was interrupted.
     #[arg(long, help_heading = "Work")]
     pub(crate) resume: bool,

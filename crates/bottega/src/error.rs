@@ -2,7 +2,13 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use bottega_agents::{driver::node::NodeError, file_store::FileStoreError};
+use bottega_agents::{
+    driver::{
+        nats::{BlobError, NatsError},
+        node::NodeError,
+    },
+    file_store::FileStoreError,
+};
 use bottega_engines::EngineError;
 use bottega_farm::{
     JobError, JournalError,
@@ -56,6 +62,14 @@ pub(crate) enum CliError {
     Node(#[source] NodeError),
     #[error("cannot keep the platform in `{}`", .path.display())]
     State { path: PathBuf, source: FileStoreError },
+    #[error("no farm")]
+    Farm {
+        source: NatsError,
+        #[help]
+        remedy: String,
+    },
+    #[error("the farm does not keep what it was given")]
+    Blob(#[source] BlobError),
     #[error("cannot write `{}`", .path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("cannot read `{}`", .path.display())]

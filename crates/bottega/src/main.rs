@@ -8,6 +8,7 @@ mod clock;
 mod devices;
 mod diff;
 mod error;
+mod farm;
 mod info;
 mod keeping;
 mod platform;
@@ -35,6 +36,9 @@ fn main() -> ExitCode {
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Up(args) => farm::up(&args),
+        Command::Join(args) => farm::join(&args),
+        Command::Jobs(args) => farm::jobs(&args),
         Command::Rules(args) => rules::run(&args),
         Command::Platform(args) => platform::run(&args),
         Command::Bench(args) => bench::run(&args),

@@ -17,6 +17,7 @@ use bottega_web::{Dashboard, wire::Event};
 use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     error::CliError,
+    farm::{Asked, Painted, Tools, write_picture},
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
@@ -55,6 +56,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
+    let stop = StopSwitch::new();
+    if let (Some(farm), true) = (&args.farm, args.detach) {
+        let asked = Asked::submit(farm.clone(), args, &subject, &stop)?;
+        let number = asked.number;
+        reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
+        reporter.tell(Event::Asked { job: number });
+        return Ok(ExitCode::SUCCESS);
+    }
     let name = name_of(args, &subject, &settings);
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine(args, &subject, &settings)?);
@@ -65,7 +74,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let painter = Arc::clone(&engine);
     reporter.watch(move || painter.samples_done());
-    let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     settings.goal = goal(args, begun)?;
     let (painter, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
@@ -75,8 +83,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let report =
-        bottega_farm::run(&settings, painter, observer, &stop, Some(keeping.store), keeping.kept).map_err(failed)?;
+    let asked = args.farm.clone().map(|farm| Asked::submit(farm, args, &subject, &stop)).transpose()?;
+    let tools =
+        Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
+    let (report, leading) = match painted(asked.as_ref(), tools, &stop, &reporter)? {
+        Painted::Here(report, leading) => (*report, leading),
+        Painted::Elsewhere(picture) => return had(args, &reporter, &picture, &keeping.path),
+    };
     reporter.finish();
     if engine.dropped_count() > 0 {
         reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
@@ -88,8 +101,34 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
         reporter.say(&recorded(path));
     }
     let metadata = metadata(args, &subject, &settings, &report);
-    write(args, format, &report.film, &metadata)?;
+    write(args, &args.output, format, &report.film, &metadata)?;
+    if let (Some(asked), Some(leading)) = (&asked, leading) {
+        asked.finish(leading, report.failed.len())?;
+    }
     end(args, &reporter, &settings, &report, &keeping.path)
+}
+
+/// Paints alone, or with the machines of a farm.
+fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Reporter) -> Result<Painted, CliError> {
+    let Some(asked) = asked else {
+        let Tools { settings, engine, observer, store, kept } = tools;
+        let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
+        return Ok(Painted::Here(Box::new(report), None));
+    };
+    reporter.say(&format!("job {}: the machines of the farm take part", asked.number));
+    reporter.tell(Event::Asked { job: asked.number });
+    asked.paint(tools, reporter)
+}
+
+/// The picture was led to its end by another machine.
+fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -> Result<ExitCode, CliError> {
+    reporter.finish();
+    write_picture(&args.output, picture)?;
+    if let Err(error) = fs::remove_file(journal) {
+        reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+    }
+    reporter.say(&format!("{}: led to its end by another machine", shown(&args.output)));
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Which voice, dashboard and trace.
@@ -128,7 +167,11 @@ fn show(
     Ok(())
 }
 
-fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, CliError> {
+pub(crate) fn job_settings(
+    args: &RenderArgs,
+    subject: &Subject,
+    experts: Vec<Expert>,
+) -> Result<JobSettings, CliError> {
     let frame = subject.frame();
     let crop = args.crop.or_else(|| hinted_crop(subject)).unwrap_or(frame);
     if !frame.encloses(&crop) {
@@ -160,6 +203,16 @@ fn job_settings(args: &RenderArgs, subject: &Subject, experts: Vec<Expert>) -> R
     })
 }
 
+/// When a zone is finished, for one who paints with others: their Master keeps the time.
+pub(crate) fn asked_goal(args: &RenderArgs) -> Goal {
+    args.error.map_or(Goal::Samples, Goal::Error)
+}
+
+/// The rules that come with the program.
+pub(crate) fn no_rules_of_its_own() -> Result<Vec<Expert>, CliError> {
+    Ok(experts(&[])?.0)
+}
+
 /// When a zone is finished. Loading is a part of the time that was asked for.
 fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
     match (args.error, args.time) {
@@ -175,7 +228,7 @@ fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
     }
 }
 
-fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
+pub(crate) fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
     let IntegratorArg::Path = args.integrator;
     let settings = PathSettings {
         seed: args.seed,
@@ -233,7 +286,7 @@ fn hinted_crop(subject: &Subject) -> Option<Rect> {
 }
 
 /// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.
-fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
+pub(crate) fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
     let stop = stop.clone();
     ctrlc::set_handler(move || {
         if stop.is_requested() {
@@ -281,7 +334,7 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
 }
 
 /// What a picture says of how it was made.
-fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
+pub(crate) fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
     let mut metadata = Metadata::new();
     metadata.set("scene", shown(&args.scene.file.scene));
     metadata.set("scene_digest", &*subject.scene().digest);
@@ -314,11 +367,17 @@ fn tone(tone: ToneArg) -> ToneMap {
     }
 }
 
-fn write(args: &RenderArgs, format: OutputFormat, film: &Film, metadata: &Metadata) -> Result<(), CliError> {
+pub(crate) fn write(
+    args: &RenderArgs,
+    path: &Path,
+    format: OutputFormat,
+    film: &Film,
+    metadata: &Metadata,
+) -> Result<(), CliError> {
     match format {
         OutputFormat::Exr => {
             let depth = if args.half { HalfOrFloat::Half } else { HalfOrFloat::Float };
-            write_exr(&args.output, film, metadata, ExrOptions { depth, tiled: args.tiled, ..ExrOptions::default() })?;
+            write_exr(path, film, metadata, ExrOptions { depth, tiled: args.tiled, ..ExrOptions::default() })?;
         }
         OutputFormat::Png => {
             let encoding = match args.encoding {
@@ -331,7 +390,7 @@ fn write(args: &RenderArgs, format: OutputFormat, film: &Film, metadata: &Metada
                 encoding,
                 ..PngOptions::default()
             };
-            write_png(&args.output, film, &options, metadata)?;
+            write_png(path, film, &options, metadata)?;
         }
     }
     Ok(())

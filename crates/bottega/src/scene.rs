@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc, time::Instant};
 
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, View, build_accel};
-use bottega_scene::{Environment, Projection, RenderHints, Scene, Spectrum, Warning};
+use bottega_scene::{Environment, Loaded, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning};
 use glam::Mat3;
 
 use crate::{
@@ -23,13 +23,15 @@ pub(crate) struct Subject {
     pub(crate) warnings: Vec<Warning>,
     /// What the file asks for. Its part of the picture is left out where the user says how large the picture is.
     pub(crate) hints: RenderHints,
+    /// Files that the scene refers to.
+    pub(crate) files: Vec<SceneFile>,
     /// When loading ended: the file was read and its acceleration structures were built.
     pub(crate) loaded: Instant,
 }
 
 impl Subject {
     pub(crate) fn load(args: &SceneArgs) -> Result<Self, CliError> {
-        let (mut scene, warnings, mut hints) = load(args)?;
+        let Loaded { mut scene, warnings, mut hints, files, .. } = load(args)?;
         let camera = camera_index(&scene, args.camera.as_deref())?;
         let lens = &mut scene.cameras[camera];
         lens.lens_radius = args.lens_radius.unwrap_or(lens.lens_radius);
@@ -40,7 +42,14 @@ impl Subject {
         let accel = build_accel(&scene, &options)?;
         let loaded = Instant::now();
         let prepared = Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options));
-        Ok(Self { prepared, view: View { camera, width: size.width, height: size.height }, warnings, hints, loaded })
+        Ok(Self {
+            prepared,
+            view: View { camera, width: size.width, height: size.height },
+            warnings,
+            hints,
+            files,
+            loaded,
+        })
     }
 
     pub(crate) fn scene(&self) -> &Scene {
@@ -68,7 +77,7 @@ pub(crate) fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError> {
+fn load(args: &SceneArgs) -> Result<Loaded, CliError> {
     let world_from_environment = Mat3::from_rotation_y(args.env_rotate.to_radians());
     let mut options = args.file.options();
     match &args.env {
@@ -80,8 +89,8 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError
         Some(EnvironmentArg::Constant(_) | EnvironmentArg::Sky) => options.add_sky = false,
         None => {}
     }
-    let loaded = bottega_scene::load(&args.file.scene, &options)?;
-    let mut scene = loaded.scene;
+    let mut loaded = bottega_scene::load(&args.file.scene, &options)?;
+    let scene = &mut loaded.scene;
     if args.env == Some(EnvironmentArg::Sky) {
         scene.add_sky();
     }
@@ -98,7 +107,7 @@ fn load(args: &SceneArgs) -> Result<(Scene, Vec<Warning>, RenderHints), CliError
         }
         Some(EnvironmentArg::Picture(_)) => {}
     }
-    Ok((scene, loaded.warnings, loaded.hints))
+    Ok(loaded)
 }
 
 fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, CliError> {

@@ -11,7 +11,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::queues::Queues;
+use super::{queues::Queues, uplink::Uplink};
 use crate::{
     AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreRequest, Ticket, Time,
     bus::{BLOBS_MAX, Beyond, Blob, BlobId, Bus, carry_out},
@@ -75,6 +75,8 @@ struct Shared<M: StateMachine> {
     /// The last agent stopped, or the platform closes.
     finished: Condvar,
     started: Instant,
+    /// What lies beyond this process.
+    uplink: Option<Arc<dyn Uplink<M>>>,
 }
 
 impl<M: StateMachine> Shared<M> {
@@ -221,21 +223,29 @@ where
     type Value = M::Value;
 
     fn publish(&mut self, message: AclMessage<M::Content>) {
+        let mut elsewhere = Vec::new();
         self.with(|state| {
-            let mut elsewhere = Vec::new();
             for receiver in &message.receivers {
                 // Of one who has stopped the gateway tells the sender.
                 let here = |to: usize| state.gateway.is_none_or(|gateway| gateway != to && !state.slots[to].stopped);
                 match state.index.get(receiver) {
                     Some(&to) if here(to) => _ = state.deliver(to, Event::Message(message.clone())),
-                    _ if state.gateway.is_some() => elsewhere.push(receiver.clone()),
-                    _ => state.messages_lost += 1,
+                    _ => elsewhere.push(receiver.clone()),
                 }
             }
-            if let Some(gateway) = state.gateway.filter(|_| !elsewhere.is_empty()) {
-                state.deliver(gateway, Event::Message(AclMessage { receivers: elsewhere, ..message }));
+            match (state.gateway, &self.0.uplink) {
+                _ if elsewhere.is_empty() => {}
+                (Some(gateway), _) => {
+                    let receivers = std::mem::take(&mut elsewhere);
+                    state.deliver(gateway, Event::Message(AclMessage { receivers, ..message.clone() }));
+                }
+                (None, Some(_)) => {}
+                (None, None) => state.messages_lost += elsewhere.len() as u64,
             }
         });
+        if let Some(uplink) = &self.0.uplink {
+            elsewhere.iter().for_each(|receiver| uplink.publish(self.0.now(), &message, receiver));
+        }
     }
 
     fn enqueue(&mut self, queue: &Key, message: AclMessage<M::Content>) {
@@ -254,8 +264,10 @@ where
 
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
         let from = self.0.lock().index.get(from).copied();
-        if let Some(from) = from {
-            self.0.with_store(|store, replies| store.handle(from, ticket, request, replies));
+        let Some(agent) = from else { return };
+        match &self.0.uplink {
+            Some(uplink) => uplink.ask_store(Mailbox { shared: Arc::clone(&self.0), agent }, ticket, request),
+            None => self.0.with_store(|store, replies| store.handle(agent, ticket, request, replies)),
         }
     }
 
@@ -300,6 +312,18 @@ impl<M: StateMachine> Mailbox<M> {
         self.shared.work.notify_all();
     }
 
+    /// Brings something from beyond this process. Dropped when the agent has stopped.
+    pub(super) fn deliver(&self, event: EventOf<M>) {
+        self.shared.lock().deliver(self.agent, event);
+        self.shared.work.notify_all();
+    }
+
+    /// Whether the agent has stopped: nothing that is delivered is of use any more.
+    pub(super) fn is_closed(&self) -> bool {
+        let state = self.shared.lock();
+        state.closing || state.slots[self.agent].stopped
+    }
+
     /// The platform's time.
     pub fn now(&self) -> Time {
         self.shared.now()
@@ -324,7 +348,7 @@ where
     /// # Errors
     /// When the operating system gives no thread.
     pub fn new(threads: usize) -> std::io::Result<Self> {
-        Self::with_store(threads, Box::new(MemoryStore::default()))
+        Self::build(threads, Box::new(MemoryStore::default()), None)
     }
 
     /// The same over a store that may be shared with other processes, or outlast this one.
@@ -332,6 +356,23 @@ where
     /// # Errors
     /// When the operating system gives no thread.
     pub fn with_store(threads: usize, store: Box<dyn EntryStore<M::Value, usize> + Send>) -> std::io::Result<Self> {
+        Self::build(threads, store, None)
+    }
+
+    /// The same with a link to other processes: who is not here is sought there, and the store is the one that all share.
+    /// Queues, blobs and presence stay within the process.
+    ///
+    /// # Errors
+    /// When the operating system gives no thread.
+    pub fn linked(threads: usize, uplink: Option<Arc<dyn Uplink<M>>>) -> std::io::Result<Self> {
+        Self::build(threads, Box::new(MemoryStore::default()), uplink)
+    }
+
+    fn build(
+        threads: usize,
+        store: Box<dyn EntryStore<M::Value, usize> + Send>,
+        uplink: Option<Arc<dyn Uplink<M>>>,
+    ) -> std::io::Result<Self> {
         let state = State {
             slots: Vec::new(),
             index: BTreeMap::new(),
@@ -352,6 +393,7 @@ where
             work: Condvar::new(),
             finished: Condvar::new(),
             started: start_of_time(),
+            uplink,
         });
         let mut platform = Self { shared: Arc::clone(&shared), threads: Vec::new() };
         for number in 0..threads.max(1) {
@@ -383,11 +425,18 @@ where
             stopped: false,
         });
         state.alive += 1;
+        let mailbox = Mailbox { shared: Arc::clone(&self.shared), agent };
+        // It must be reachable before it says its first word.
+        drop(state);
+        if let Some(uplink) = &self.shared.uplink {
+            uplink.add(id, mailbox.clone());
+        }
+        let mut state = self.shared.lock();
         state.deliver(agent, Event::Start);
         state.tell_presence(agent, true);
         drop(state);
         self.shared.work.notify_all();
-        Ok(Mailbox { shared: Arc::clone(&self.shared), agent })
+        Ok(mailbox)
     }
 
     /// From now on this agent gets all messages to agents that are not here, and is told who is, before anything that

@@ -2,13 +2,16 @@
 
 pub mod http;
 pub mod local;
+pub mod nats;
 mod network;
 pub mod node;
 mod plan;
 mod queues;
 pub mod random;
 pub mod simulator;
+mod uplink;
 
 pub use local::{LocalBus, LocalPlatform, Mailbox, Performer};
 pub use random::Random;
 pub use simulator::{Faults, Simulator, World};
+pub use uplink::Uplink;

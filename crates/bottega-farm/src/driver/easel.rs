@@ -73,6 +73,18 @@ impl Easel {
         Ok(())
     }
 
+    /// Whether the tile that a result speaks of is here.
+    pub(super) fn has(&self, zone: ZoneId, result: &ResultRef) -> bool {
+        self.tiles.get(&zone).is_some_and(|(id, _)| *id == result.digest)
+    }
+
+    /// Takes in a tile that was painted elsewhere, and keeps it.
+    pub(super) fn take_in(&mut self, zone: ZoneId, result: &ResultRef, tile: Tile) -> io::Result<()> {
+        self.tiles.insert(zone, (result.digest, tile));
+        let row = self.rows.get(&zone).filter(|row| row.result == Some(*result)).cloned();
+        row.map_or(Ok(()), |row| self.keep(&row))
+    }
+
     /// Puts a zone into the film and lets its tile go.
     pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef, mask: &Mask) -> Result<(), String> {
         let (id, tile) = self.tiles.remove(&zone).ok_or("its tile is not here")?;
@@ -135,6 +147,13 @@ struct Sitting {
 
 impl Shared {
     pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
+        let Some(from) = order.from else { return self.sit(order, mailbox) };
+        let (shared, to) = (Arc::clone(self), mailbox.clone());
+        // What cannot be had is painted again, to the same bits.
+        self.with_tile(order.zone, from, move |_| shared.sit(order, &to));
+    }
+
+    fn sit(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
         let tile = order.from.and_then(|from| {
             let (id, tile) = self.easel().tiles.remove(&order.zone)?;
             // Another tile than the one meant is of no use. The zone is painted from the start, to the same bits.
@@ -147,6 +166,10 @@ impl Shared {
         self.begin_outstanding();
         let cancel = CancelSwitch::default();
         self.state().orders.insert((order.zone, order.fence), cancel.clone());
+        if self.stop.is_requested() {
+            // Whoever cancelled all orders may not have seen this one.
+            cancel.cancel();
+        }
         let sitting = Sitting {
             cancel,
             half: None,
@@ -157,6 +180,12 @@ impl Shared {
             order,
         };
         sitting.go_on(start, tile);
+    }
+
+    /// Nobody wants what is painted under any order.
+    pub(super) fn cancel_orders(&self) {
+        self.state().orders.values().for_each(CancelSwitch::cancel);
+        self.changed.notify_all();
     }
 
     /// Nobody wants what is painted under this order.
@@ -187,10 +216,6 @@ impl Sitting {
         let PaintOrder { rect, tunables, .. } = self.order;
         let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel: self.cancel.clone() };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
-        if shared.stop.is_requested() {
-            // It was asked for after the look above, and the engine was told before this zone was begun.
-            shared.engine.cancel();
-        }
     }
 
     fn painted(mut self, end: u32, painted: Result<Painted, EngineError>) {
@@ -221,6 +246,11 @@ impl Sitting {
                 let digest = digest(&tile);
                 let result = ResultRef { fence: self.order.fence, samples: end, digest };
                 let error = self.half.take().and_then(|half| tile.relative_error(&half));
+                if let Some(Err(reason)) =
+                    self.shared.link.as_ref().map(|link| link.put(digest, &tile, &self.shared.stop))
+                {
+                    return self.done(Err(reason));
+                }
                 self.shared.easel().tiles.insert(self.order.zone, (digest, tile));
                 let busy = self.busy;
                 self.done(Ok(PaintResult { result, busy, error }));

@@ -65,8 +65,9 @@ impl Tally {
         let left = samples - row.samples_done().min(samples - 1);
         let scale = row.choice.map(|_| f64::from(samples) / f64::from(left));
         let time = row.time_estimated.zip(scale).map(|(time, scale)| time.as_secs_f64() * scale);
-        let before = self.shares.get(&row.zone).filter(|_| row.is_settled());
-        let time = before.map_or(time, |share| share.time);
+        // Of a zone that is painted the row does not say how much of it T_est was for.
+        let before = self.shares.get(&row.zone).and_then(|share| share.time);
+        let time = if row.is_settled() { before } else { time };
         let share = Share {
             complexity: row.complexity,
             time,

@@ -152,10 +152,6 @@ impl RenderEngine for Recorder {
         };
         self.engine.start(task, Box::new(see));
     }
-
-    fn cancel(&self) {
-        self.engine.cancel();
-    }
 }
 
 impl Observer for Recorder {

@@ -12,7 +12,9 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneTask};
+use bottega_engines::{
+    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneTask,
+};
 use bottega_image::{AovSet, Layout, SampleValues, Tile};
 
 pub(crate) use survey::{survey, tunables};
@@ -22,7 +24,6 @@ type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 struct Shared {
     queue: Mutex<(VecDeque<(ZoneTask, Done)>, bool)>,
     filled: Condvar,
-    cancelled: AtomicU64,
     /// Tasks that still shall fail.
     failures: AtomicUsize,
     samples: AtomicU64,
@@ -37,11 +38,9 @@ const LOOKS: u32 = 60_000;
 
 impl Shared {
     /// Waits until the task is called off, if enough is painted.
-    fn hold(&self, generation: u64) {
+    fn hold(&self, cancel: &CancelSwitch) {
         for _ in 0..LOOKS {
-            if self.samples.load(Ordering::Relaxed) < self.held_from.load(Ordering::Relaxed)
-                || self.cancelled.load(Ordering::Relaxed) != generation
-            {
+            if self.samples.load(Ordering::Relaxed) < self.held_from.load(Ordering::Relaxed) || cancel.is_cancelled() {
                 return;
             }
             thread::sleep(Duration::from_millis(1));
@@ -68,13 +67,13 @@ fn radiance(x: u32, y: u32, sample: u32, tunables: Tunables, weight: u32) -> f32
     (bits >> 8) as f32 / (1 << 24) as f32
 }
 
-fn paint(shared: &Shared, task: ZoneTask, generation: u64) -> Painted {
+fn paint(shared: &Shared, task: ZoneTask) -> Painted {
     let mut tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout()));
     let mut complete = true;
     let mut count = 0;
     'rows: for y in task.rect.y0..task.rect.y1 {
         for x in task.rect.x0..task.rect.x1 {
-            if shared.cancelled.load(Ordering::Relaxed) != generation {
+            if task.cancel.is_cancelled() {
                 complete = false;
                 break 'rows;
             }
@@ -108,14 +107,13 @@ fn work(shared: &Shared) {
                 queue = shared.filled.wait(queue).unwrap();
             }
         };
-        let generation = shared.cancelled.load(Ordering::Relaxed);
         let fails = shared.failures.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok();
         if fails {
             let (rect, reason) = (task.rect, "it was told to".to_owned());
             done(Err(EngineError::Zone { engine: "fake".to_owned(), rect, reason }));
         } else {
-            shared.hold(generation);
-            done(Ok(paint(shared, task, generation)));
+            shared.hold(&task.cancel);
+            done(Ok(paint(shared, task)));
         }
     }
 }
@@ -125,7 +123,6 @@ impl FakeEngine {
         let shared = Arc::new(Shared {
             queue: Mutex::default(),
             filled: Condvar::new(),
-            cancelled: AtomicU64::new(0),
             failures: AtomicUsize::new(0),
             samples: AtomicU64::new(0),
             weight,
@@ -185,14 +182,5 @@ impl RenderEngine for FakeEngine {
     fn start(&self, task: ZoneTask, done: Done) {
         self.shared.queue.lock().unwrap().0.push_back((task, done));
         self.shared.filled.notify_one();
-    }
-
-    fn cancel(&self) {
-        self.shared.cancelled.fetch_add(1, Ordering::Relaxed);
-        let waiting = std::mem::take(&mut self.shared.queue.lock().unwrap().0);
-        for (task, done) in waiting {
-            let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout()));
-            done(Ok(Painted { tile, busy: Duration::ZERO, parts: Vec::new(), complete: false }));
-        }
     }
 }

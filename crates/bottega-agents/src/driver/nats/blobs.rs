@@ -1,0 +1,117 @@
+//! Blobs in an object store: scenes and pixels, which never travel in messages.
+
+use async_nats::jetstream::{
+    Context,
+    object_store::{self, GetErrorKind, InfoErrorKind, ObjectStore},
+    stream::StorageType,
+};
+use tokio::{io::AsyncReadExt, runtime::Handle};
+use tokio_stream::StreamExt;
+
+use super::NatsError;
+
+/// A blob that could not be kept or had.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the blob `{name}`: {reason}")]
+pub struct BlobError {
+    /// Its name.
+    pub name: String,
+    /// What is wrong.
+    pub reason: String,
+}
+
+pub(super) async fn open(context: &Context, farm: &str) -> Result<ObjectStore, NatsError> {
+    let keep = |reason: String| NatsError::Keep { what: "pixels and scenes", reason };
+    let bucket = format!("bottega-{farm}");
+    match context.get_object_store(&bucket).await {
+        Ok(store) => Ok(store),
+        Err(_) => {
+            let description = Some("pixels and scenes".to_owned());
+            let storage = StorageType::File;
+            let config = object_store::Config {
+                bucket,
+                description,
+                storage,
+                num_replicas: 1,
+                ..object_store::Config::default()
+            };
+            context.create_object_store(config).await.map_err(|error| keep(error.to_string()))
+        }
+    }
+}
+
+/// The blobs of a farm. Its methods block: they are for threads that work.
+#[derive(Clone)]
+pub struct NatsBlobs {
+    store: ObjectStore,
+    handle: Handle,
+}
+
+impl NatsBlobs {
+    pub(super) fn new(store: ObjectStore, handle: Handle) -> Self {
+        Self { store, handle }
+    }
+
+    /// Keeps a blob.
+    ///
+    /// # Errors
+    /// The server does not take it.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
+        let mut bytes = bytes;
+        let kept = self.handle.block_on(self.store.put(name, &mut bytes));
+        kept.map(|_| ()).map_err(|error| BlobError { name: name.to_owned(), reason: error.to_string() })
+    }
+
+    /// Whether there is a blob of this name.
+    ///
+    /// # Errors
+    /// The server does not say.
+    pub fn has(&self, name: &str) -> Result<bool, BlobError> {
+        match self.handle.block_on(self.store.info(name)) {
+            Ok(info) => Ok(!info.deleted),
+            Err(error) if error.kind() == InfoErrorKind::NotFound => Ok(false),
+            Err(error) => Err(BlobError { name: name.to_owned(), reason: error.to_string() }),
+        }
+    }
+
+    /// Reads a blob; `None`: there is none of this name.
+    ///
+    /// - `bytes_max`: larger ones are refused.
+    ///
+    /// # Errors
+    /// The server does not give it, or it is not what was put in.
+    pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
+        let wrong = |reason: String| BlobError { name: name.to_owned(), reason };
+        self.handle.block_on(async {
+            let mut object = match self.store.get(name).await {
+                Ok(object) => object,
+                Err(error) if error.kind() == GetErrorKind::NotFound => return Ok(None),
+                Err(error) => return Err(wrong(error.to_string())),
+            };
+            if object.info().size > bytes_max {
+                return Err(wrong(format!("it has {} bytes, more than {bytes_max}", object.info().size)));
+            }
+            let mut bytes = Vec::with_capacity(object.info().size);
+            object.read_to_end(&mut bytes).await.map_err(|error| wrong(error.to_string()))?;
+            Ok(Some(bytes))
+        })
+    }
+
+    /// Lets all blobs go of whose names it is true.
+    pub fn forget_all(&self, mut is_dead: impl FnMut(&str) -> bool) {
+        self.handle.block_on(async {
+            let Ok(mut list) = self.store.list().await else { return };
+            let mut names = Vec::new();
+            while let Some(Ok(info)) = list.next().await {
+                if is_dead(&info.name) {
+                    names.push(info.name);
+                }
+            }
+            for name in names {
+                if let Err(error) = self.store.delete(&name).await {
+                    tracing::debug!(%error, name, "a blob was not let go");
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,95 @@
+//! Names of agents and entries as tokens of subjects and keys.
+//!
+//! Letters, digits, `-` and `_` stand for themselves, every other byte is `=` and two hexadecimal digits: so a name is one
+//! token, whatever it holds, and two names are never one.
+
+use std::fmt::Write;
+
+use crate::Key;
+
+/// A name as one token.
+pub(super) fn token(name: &str) -> String {
+    let mut token = String::with_capacity(name.len() + 8);
+    for byte in name.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => token.push(char::from(byte)),
+            // Writing to a string does not fail.
+            _ => _ = write!(token, "={byte:02x}"),
+        }
+    }
+    // A token is never empty.
+    if token.is_empty() { "=".to_owned() } else { token }
+}
+
+/// The name that a token stands for; `None`: it is no token of ours.
+pub(super) fn name(token: &str) -> Option<String> {
+    if token == "=" {
+        return Some(String::new());
+    }
+    let mut bytes = Vec::with_capacity(token.len());
+    let mut rest = token.as_bytes();
+    while let Some((&first, after)) = rest.split_first() {
+        rest = after;
+        if first != b'=' {
+            bytes.push(first);
+            continue;
+        }
+        let digits = std::str::from_utf8(rest.get(..2)?).ok()?;
+        bytes.push(u8::from_str_radix(digits, 16).ok()?);
+        rest = &rest[2..];
+    }
+    let name = String::from_utf8(bytes).ok()?;
+    (self::token(&name) == token).then_some(name)
+}
+
+/// The key of an entry: its parts are tokens.
+pub(super) fn key(key: &Key) -> String {
+    key.to_string().split('/').map(token).collect::<Vec<_>>().join(".")
+}
+
+/// The entry that a key stands for.
+pub(super) fn entry(key: &str) -> Option<Key> {
+    let parts: Option<Vec<String>> = key.split('.').map(name).collect();
+    parts.map(|parts| Key::from(parts.join("/")))
+}
+
+/// What to watch for all entries whose names begin with whole parts, and end in a stroke.
+pub(super) fn below(prefix: &Key) -> String {
+    let folder = prefix.to_string();
+    match folder.rsplit_once('/') {
+        Some((folder, _)) => format!("{}.>", key(&Key::from(folder))),
+        None => ">".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn a_name_is_one_token_and_comes_back(text in "\\PC{0,20}") {
+            let token = token(&text);
+            prop_assert!(!token.contains(['.', '*', '>', ' ']));
+            prop_assert_eq!(name(&token), Some(text));
+        }
+
+        #[test]
+        fn no_token_makes_a_reader_panic(text in "\\PC{0,20}") {
+            _ = name(&text);
+            _ = entry(&text);
+        }
+    }
+
+    #[test]
+    fn a_folder_is_watched_whole() {
+        let zone = Key::from("work/7/zone/12".to_owned());
+        assert_eq!(key(&zone), "work.7.zone.12");
+        assert_eq!(entry("work.7.zone.12"), Some(zone));
+        assert_eq!(below(&Key::from("work/7/".to_owned())), "work.7.>");
+        assert_eq!(below(&Key::from("work".to_owned())), ">");
+        assert_eq!(key(&Key::from("agent/a@b c".to_owned())), "agent.a=40b=20c");
+    }
+}

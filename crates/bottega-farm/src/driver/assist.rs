@@ -1,0 +1,84 @@
+//! Render Agents of this process in the work of a Master elsewhere.
+
+use bottega_agents::{Bus, LocalBus, Performative};
+
+use super::*;
+use crate::{contents::message, protocol};
+
+/// Paints with the others until the Master lets the agents of this process go, or until `stop` is requested. Returns
+/// whether the work has ended.
+///
+/// - `settings`: those of the work, but for `agents`, `processors` and `experts`, which are this machine's.
+///
+/// # Errors
+/// The engine cannot do what all zones need, or the operating system gives no thread.
+pub fn assist(
+    settings: &JobSettings,
+    engine: Arc<dyn RenderEngine>,
+    observer: Arc<dyn Observer>,
+    stop: &StopSwitch,
+    link: Link,
+) -> Result<bool, JobError> {
+    settings.work()?;
+    let (here, master) = (link.name.clone(), link.master());
+    let easel = Easel::new(settings, BTreeMap::new(), None);
+    let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, Some(link)));
+    let platform = LocalPlatform::linked(1, shared.uplink())?;
+    let bus = platform.bus();
+    let add = |id: &AgentId, agent: FarmAgent| {
+        let seen = Seen { agent, shared: Arc::clone(&shared) };
+        let performer = last_of(&shared);
+        platform.add(id, seen, performer).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
+    };
+    add_render_agents(settings, &master, &here, &shared, &add)?;
+    let on_stop = Arc::downgrade(&shared);
+    stop.when_requested(move || {
+        if let Some(shared) = on_stop.upgrade() {
+            shared.cancel_orders();
+        }
+    });
+    let end = shared.wait();
+    stop.forget();
+    if stop.is_requested() {
+        leave(bus, settings.agents, &here, &master);
+    }
+    platform.stop();
+    if let Some(link) = &shared.link {
+        link.uplink.flush();
+    }
+    match end {
+        Some(End::Abandoned(reason)) if !stop.is_requested() => Err(JobError::Abandoned { reason }),
+        end => Ok(end.is_some()),
+    }
+}
+
+/// The agents say goodbye: what they had in hand is given to others at once.
+fn leave(mut bus: LocalBus<Seen>, agents: usize, here: &str, master: &AgentId) {
+    for i in 0..agents {
+        let id = AgentId::new(format!("render-{}@{here}", i + 1));
+        let to = vec![master.clone()];
+        bus.publish(message(Performative::Cancel, protocol::SUBSCRIBE, &id, to, FarmContent::Unsubscription));
+    }
+}
+
+/// Carries out the effects of one agent. When all agents are gone, the work is over here.
+fn last_of(shared: &Arc<Shared>) -> Performer<Seen> {
+    struct Present(Arc<Shared>);
+    impl Drop for Present {
+        fn drop(&mut self) {
+            let left = {
+                let mut state = self.0.state();
+                state.present -= 1;
+                state.present
+            };
+            if thread::panicking() {
+                self.0.end(End::Abandoned("an agent of the farm ended before the work".to_owned()));
+            } else if left == 0 {
+                self.0.end(End::Finished(Vec::new()));
+            }
+        }
+    }
+    shared.state().present += 1;
+    let present = Present(Arc::clone(shared));
+    Box::new(move |effect, mailbox| present.0.perform(effect, mailbox))
+}

@@ -1,0 +1,135 @@
+//! A job over several machines: names that are not taken, and pixels that go from one machine to another.
+
+use std::{fmt::Write, io::Read, sync::Arc, thread, time::Duration};
+
+use bottega_agents::{
+    AgentId, BlobId,
+    driver::nats::{BlobError, NatsUplink},
+};
+use bottega_image::Tile;
+use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
+
+use super::StopSwitch;
+use crate::{FarmCodec, ResultRef, WorkId, WorkKeys, digest, wire};
+
+/// The largest tile that is taken from another machine, in bytes.
+const TILE_BYTES_MAX: usize = 1 << 30;
+/// Numbers of a tile have so many bytes.
+const LANES: usize = 4;
+/// How often a server that is there, and does not do what it is asked, is asked again.
+const TRIES_MAX: u32 = 20;
+const BETWEEN_TRIES: Duration = Duration::from_millis(250);
+
+/// What joins this process to the others that paint a work.
+#[derive(Clone)]
+pub struct Link {
+    /// The link itself.
+    pub uplink: Arc<NatsUplink<FarmCodec>>,
+    /// The work.
+    pub work: WorkId,
+    /// The name of this process, which no other has: agents are called after it.
+    pub name: String,
+}
+
+impl Link {
+    /// The Master of the work, whichever process leads it.
+    pub fn master(&self) -> AgentId {
+        AgentId::new(format!("master@work-{}", self.work.0))
+    }
+
+    fn blob(&self, tile: BlobId) -> String {
+        let mut name = format!("work-{}/tile-", self.work.0);
+        // Writing to a string does not fail.
+        tile.0.iter().for_each(|byte| _ = write!(name, "{byte:02x}"));
+        name
+    }
+
+    /// Puts a tile where the others can read it.
+    ///
+    /// # Errors
+    /// Nobody takes it, with the reason.
+    pub(super) fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
+        let mut bytes = Vec::new();
+        wire::put_tile(tile, &mut bytes);
+        let packed = pack(&bytes).map_err(|error| error.to_string())?;
+        let name = self.blob(id);
+        self.patiently(stop, || self.uplink.blobs().put(&name, &packed))
+    }
+
+    /// Reads a tile that another machine has painted, and makes sure that it is the one.
+    ///
+    /// # Errors
+    /// It is not there, or another one, with the reason.
+    pub(super) fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
+        let name = self.blob(result.digest);
+        let packed = self.patiently(stop, || self.uplink.blobs().get(&name, TILE_BYTES_MAX))?;
+        let packed = packed.ok_or("its tile is nowhere")?;
+        let bytes = unpack(&packed).map_err(|error| format!("its tile cannot be unpacked: {error}"))?;
+        let tile = wire::get_tile(&mut wire::Reader::new(&bytes)).map_err(|error| error.to_string())?;
+        if digest(&tile) == result.digest { Ok(tile) } else { Err("its tile is another one".to_owned()) }
+    }
+
+    /// Tries until it is done, for as long as the server is away, and some times when it is there; not when the user wants
+    /// to stop.
+    fn patiently<T>(&self, stop: &StopSwitch, attempt: impl Fn() -> Result<T, BlobError>) -> Result<T, String> {
+        let mut tries = 1;
+        loop {
+            match attempt() {
+                Ok(done) => return Ok(done),
+                Err(error) if tries == TRIES_MAX || stop.is_requested() => return Err(error.to_string()),
+                Err(error) => tracing::debug!(%error, "trying again"),
+            }
+            tries += u32::from(self.uplink.is_connected());
+            thread::sleep(BETWEEN_TRIES);
+        }
+    }
+
+    /// Lets go of all that the farm keeps of the work.
+    pub fn forget(&self) {
+        self.uplink.forget(&WorkKeys::new(self.work).prefix());
+        let prefix = format!("work-{}/", self.work.0);
+        self.uplink.blobs().forget_all(|name| name.starts_with(&prefix));
+    }
+}
+
+/// Bytes of numbers of four bytes each, packed without loss: sorted by their place in a number, for the first ones differ
+/// least.
+fn pack(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    let sorted: Vec<u8> = (0..LANES).flat_map(|lane| bytes.iter().skip(lane).step_by(LANES)).copied().collect();
+    let mut packed = Vec::new();
+    ZlibEncoder::new(&sorted[..], Compression::fast()).read_to_end(&mut packed)?;
+    Ok(packed)
+}
+
+fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut sorted = Vec::new();
+    // A few bytes can stand for very many.
+    ZlibDecoder::new(packed).take(TILE_BYTES_MAX as u64).read_to_end(&mut sorted)?;
+    let mut bytes = vec![0; sorted.len()];
+    let mut from = sorted.iter();
+    for lane in 0..LANES {
+        for (to, byte) in bytes.iter_mut().skip(lane).step_by(LANES).zip(&mut from) {
+            *to = *byte;
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_packed_comes_back(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert_eq!(unpack(&pack(&bytes).unwrap()).unwrap(), bytes);
+        }
+
+        #[test]
+        fn no_bytes_make_unpacking_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            _ = unpack(&bytes);
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The jobs of a farm as its notices have them, and who leads each.
+//!
+//! - `job-N`: the job; changed by compare-and-set, so that no change is lost.
+//! - `lead-N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `seat-NAME`: a machine that is there, and what it paints.
+
+use std::{sync::Arc, thread, time::Duration};
+
+use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
+use bottega_farm::FarmCodec;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::job::{Job, JobState, Order};
+use crate::error::CliError;
+
+/// How often those who hold something say so.
+pub(super) const RENEW_EVERY: Duration = Duration::from_millis(500);
+/// Who has not led for so long has gone.
+const LEADER_SILENT: Duration = Duration::from_millis(2500);
+/// Who has not sat for so long has gone.
+const SEAT_EMPTY: Duration = Duration::from_secs(3);
+/// The largest list of files, and the largest picture.
+const ORDER_BYTES_MAX: usize = 1 << 28;
+const PICTURE_BYTES_MAX: usize = 1 << 32;
+/// How often a change is tried that others keep coming before.
+const TRIES_MAX: u32 = 100;
+const BETWEEN_TRIES: Duration = Duration::from_millis(20);
+
+/// Who leads a job, and how far it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Lead {
+    /// The process; `None`: it has laid it down.
+    pub(crate) leader: Option<String>,
+    /// Predicted share of all cost that is done, 0..=1.
+    pub(crate) done: f64,
+    pub(crate) zones_done: usize,
+    pub(crate) zones: usize,
+}
+
+/// A machine that is there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Seat {
+    pub(crate) name: String,
+    pub(crate) threads: usize,
+    /// The job that it paints.
+    pub(crate) job: Option<u32>,
+}
+
+/// The right to lead a job: one process has it.
+#[derive(Debug)]
+pub(crate) struct Lease {
+    number: u32,
+    revision: u64,
+}
+
+/// The jobs of a farm.
+#[derive(Clone)]
+pub(crate) struct JobBoard {
+    pub(crate) uplink: Arc<NatsUplink<FarmCodec>>,
+}
+
+impl JobBoard {
+    /// Keeps a job. Returns its number.
+    pub(crate) fn submit(&self, job: &Job, order: &Order) -> Result<u32, CliError> {
+        self.uplink.blobs().put(&order_blob(job.work), &text(order)).map_err(CliError::Blob)?;
+        let first = self.all().last().map_or(1, |(number, _)| number + 1);
+        for number in first..first + TRIES_MAX {
+            let put = self.uplink.notices().update(&job_name(number), &text(job), 0).map_err(CliError::Blob)?;
+            if put.is_some() {
+                return Ok(number);
+            }
+        }
+        Err(too_busy())
+    }
+
+    /// Lets go of what nobody will ask for: pixels of jobs that are over.
+    pub(crate) fn sweep(&self) {
+        let jobs = self.all();
+        let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
+        let work = |name: &str| name.strip_prefix("work-")?.split('/').next()?.parse().ok();
+        self.uplink.blobs().forget_all(|name| work(name).is_some_and(|work| !is_live(work)));
+    }
+
+    /// All jobs, by number.
+    pub(crate) fn all(&self) -> Vec<(u32, Job)> {
+        let notices = self.uplink.notices().all("job-");
+        let read = notices.iter().filter_map(|notice| Some((number_of(&notice.name)?, read(notice)?)));
+        let mut all: Vec<(u32, Job)> = read.collect();
+        all.sort_by_key(|(number, _)| *number);
+        all
+    }
+
+    pub(crate) fn get(&self, number: u32) -> Option<Job> {
+        self.uplink.notices().get(&job_name(number)).and_then(|notice| read(&notice))
+    }
+
+    /// Changes a job, whoever else does so at the same time; not at all where `change` says `false`. Returns it as it is
+    /// then.
+    pub(crate) fn change(&self, number: u32, change: impl Fn(&mut Job) -> bool) -> Result<Job, CliError> {
+        let notices = self.uplink.notices();
+        for _ in 0..TRIES_MAX {
+            let notice = notices.get(&job_name(number)).ok_or_else(|| no_such(number))?;
+            let mut job: Job = read(&notice).ok_or_else(|| no_such(number))?;
+            if !change(&mut job) {
+                return Ok(job);
+            }
+            let put = notices.update(&notice.name, &text(&job), notice.revision).map_err(CliError::Blob)?;
+            if put.is_some() {
+                return Ok(job);
+            }
+            // The other's change is on its way.
+            thread::sleep(BETWEEN_TRIES);
+        }
+        Err(too_busy())
+    }
+
+    /// Writes a line into a job's log. That it could not be written stops nobody.
+    pub(crate) fn log(&self, number: u32, line: &str) {
+        let said = self.change(number, |job| {
+            job.say(line);
+            true
+        });
+        if let Err(error) = said {
+            tracing::warn!(%error, line, "the log of the job was not written");
+        }
+    }
+
+    /// Forgets a job and all that was kept for it.
+    pub(crate) fn remove(&self, number: u32) -> Result<(), CliError> {
+        let job = self.get(number).ok_or_else(|| no_such(number))?;
+        self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
+        self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
+        let prefix = format!("job-{}/", job.work);
+        self.uplink.blobs().forget_all(|name| name.starts_with(&prefix));
+        Ok(())
+    }
+
+    /// What a job asks for.
+    pub(crate) fn order(&self, job: &Job) -> Result<Order, CliError> {
+        let bytes = self.uplink.blobs().get(&order_blob(job.work), ORDER_BYTES_MAX).map_err(CliError::Blob)?;
+        bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).ok_or_else(|| {
+            CliError::failed("the farm does not know what the job asks for", "call it off, and ask again")
+        })
+    }
+
+    /// Keeps the picture of a job: the bytes of the file that was asked for.
+    pub(crate) fn keep_picture(&self, job: &Job, bytes: &[u8]) -> Result<(), CliError> {
+        self.uplink.blobs().put(&picture_blob(job.work), bytes).map_err(CliError::Blob)
+    }
+
+    /// The picture of a job, if the farm has it.
+    pub(crate) fn picture(&self, job: &Job) -> Result<Option<Vec<u8>>, CliError> {
+        self.uplink.blobs().get(&picture_blob(job.work), PICTURE_BYTES_MAX).map_err(CliError::Blob)
+    }
+
+    /// Who leads a job now, and how far it is.
+    pub(crate) fn lead(&self, number: u32) -> Option<Lead> {
+        let notice = self.uplink.notices().get(&lead_name(number))?;
+        let lead: Lead = read(&notice)?;
+        let leader = lead.leader.filter(|_| notice.unchanged < LEADER_SILENT);
+        Some(Lead { leader, ..lead })
+    }
+
+    /// Takes the lead of a job, if nobody has it. `None`: somebody has.
+    pub(crate) fn claim(&self, number: u32, me: &str) -> Result<Option<Lease>, CliError> {
+        let notice = self.uplink.notices().get(&lead_name(number));
+        let before: Lead = notice.as_ref().and_then(read).unwrap_or_default();
+        if before.leader.is_some() && notice.as_ref().is_some_and(|notice| notice.unchanged < LEADER_SILENT) {
+            return Ok(None);
+        }
+        let lead = Lead { leader: Some(me.to_owned()), ..before };
+        let revision = notice.map_or(0, |notice| notice.revision);
+        let taken = self.uplink.notices().update(&lead_name(number), &text(&lead), revision).map_err(CliError::Blob)?;
+        Ok(taken.map(|revision| Lease { number, revision }))
+    }
+
+    /// Renews a lease. `false`: somebody else has it now.
+    ///
+    /// # Errors
+    /// The server does not say.
+    pub(crate) fn renew(&self, lease: &mut Lease, lead: &Lead) -> Result<bool, BlobError> {
+        let put = self.uplink.notices().update(&lead_name(lease.number), &text(lead), lease.revision)?;
+        match put {
+            Some(revision) => lease.revision = revision,
+            None => {
+                // It was ours, and the word that it was written got lost.
+                let notice = self.uplink.notices().get(&lead_name(lease.number));
+                let now: Option<Lead> = notice.as_ref().and_then(read);
+                match (notice, now) {
+                    (Some(notice), Some(now)) if now.leader == lead.leader => lease.revision = notice.revision,
+                    _ => return Ok(false),
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Machines that are there.
+    pub(crate) fn seats(&self) -> Vec<Seat> {
+        let notices = self.uplink.notices().all("seat-");
+        notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY).filter_map(read).collect()
+    }
+
+    /// Says that a machine is there.
+    pub(crate) fn sit(&self, seat: &Seat) {
+        if let Err(error) = self.uplink.notices().put(&format!("seat-{}", seat.name), &text(seat)) {
+            tracing::debug!(%error, "the farm does not answer");
+        }
+    }
+
+    /// Says that it has gone.
+    pub(crate) fn rise(&self, name: &str) {
+        if let Err(error) = self.uplink.notices().remove(&format!("seat-{name}")) {
+            tracing::debug!(%error, "the farm does not answer");
+        }
+    }
+}
+
+/// How it ends where somebody called a job off, or it cannot be painted.
+pub(crate) fn ended_badly(number: u32, state: &JobState) -> Option<CliError> {
+    let remedy = format!("see `bottega jobs log {number}`");
+    match state {
+        JobState::Failed { reason } => Some(CliError::failed(format!("job {number} failed: {reason}"), remedy)),
+        JobState::Cancelled => Some(CliError::failed(format!("job {number} was called off"), remedy)),
+        JobState::Active | JobState::Paused | JobState::Done { .. } => None,
+    }
+}
+
+fn read<T: DeserializeOwned>(notice: &Notice) -> Option<T> {
+    serde_json::from_slice(&notice.text)
+        .inspect_err(|error| tracing::warn!(%error, name = notice.name, "a notice that cannot be read"))
+        .ok()
+}
+
+fn text(what: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(what).expect("structures of numbers and text can be written")
+}
+
+fn job_name(number: u32) -> String {
+    format!("job-{number}")
+}
+
+fn lead_name(number: u32) -> String {
+    format!("lead-{number}")
+}
+
+fn number_of(name: &str) -> Option<u32> {
+    name.strip_prefix("job-")?.parse().ok()
+}
+
+fn order_blob(work: u64) -> String {
+    format!("job-{work}/order")
+}
+
+fn picture_blob(work: u64) -> String {
+    format!("job-{work}/picture")
+}
+
+fn no_such(number: u32) -> CliError {
+    CliError::failed(format!("the farm has no job {number}"), "`bottega jobs list` shows those that it has")
+}
+
+fn too_busy() -> CliError {
+    CliError::failed("too many change the jobs of the farm at once", "try again")
+}

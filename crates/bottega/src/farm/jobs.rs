@@ -1,0 +1,221 @@
+//! `bottega jobs`: what a farm is asked for, and what becomes of it.
+
+use std::{path::PathBuf, process::ExitCode, time::Duration};
+
+use clap::{Args, Subcommand, ValueHint};
+use serde_json::json;
+
+use super::{
+    address::{FarmAddress, saved_address},
+    client::write_picture,
+    job::{Job, JobState, unix_seconds},
+    job_board::{JobBoard, Lead},
+};
+use crate::{error::CliError, reporter::duration};
+
+/// See and steer the jobs of a farm.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example:\n  bottega jobs list\n  bottega jobs priority 3 30\n  bottega jobs fetch 3 -o picture.exr"
+)]
+pub(crate) struct JobsArgs {
+    #[command(subcommand)]
+    command: JobsCommand,
+    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
+    farm: Option<FarmAddress>,
+    /// Print JSON, an object a line, instead of text for people.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum JobsCommand {
+    /// All jobs and how far they are.
+    List,
+    /// One job: who paints it, and how far it is.
+    Show { number: u32 },
+    /// Have nobody paint a job until it is resumed. What is painted is kept.
+    Pause { number: u32 },
+    /// Go on with a job that was paused.
+    Resume { number: u32 },
+    /// Call a job off.
+    Cancel { number: u32 },
+    /// Say how urgent a job is: jobs have machines in proportion to their priorities.
+    Priority {
+        number: u32,
+        #[arg(value_parser = clap::value_parser!(u32).range(1..=1000))]
+        priority: u32,
+    },
+    /// What has happened to a job.
+    Log { number: u32 },
+    /// Write the picture of a job that the farm has finished.
+    Fetch {
+        number: u32,
+        /// Default: as it was asked for.
+        #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+        output: Option<PathBuf>,
+    },
+    /// Forget a job that is over, and its picture.
+    Remove { number: u32 },
+}
+
+pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
+    let board = JobBoard { uplink: args.farm.clone().map_or_else(saved_address, Ok)?.link()? };
+    match &args.command {
+        JobsCommand::List => list(&board, args.json),
+        JobsCommand::Show { number } => show(&board, *number, args.json)?,
+        JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, "paused")?,
+        JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, "resumed")?,
+        JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, "called off")?,
+        JobsCommand::Priority { number, priority } => {
+            board.change(*number, |job| {
+                job.say(format!("priority {priority}"));
+                job.priority = *priority;
+                true
+            })?;
+        }
+        JobsCommand::Log { number } => log(&known(&board, *number)?, args.json),
+        JobsCommand::Fetch { number, output } => fetch(&board, *number, output.clone())?,
+        JobsCommand::Remove { number } => remove(&board, *number)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn known(board: &JobBoard, number: u32) -> Result<Job, CliError> {
+    board.change(number, |_| false)
+}
+
+fn list(board: &JobBoard, as_json: bool) {
+    let seats = board.seats();
+    if !as_json {
+        println!(
+            "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:<24} scene",
+            "job", "state", "done", "priority", "machines", "from"
+        );
+    }
+    for (number, job) in board.all() {
+        let lead = board.lead(number).unwrap_or_default();
+        let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+        if as_json {
+            println!("{}", described(number, &job, &lead, machines));
+        } else {
+            let (state, done) = (job.state.word(), done(&job, &lead));
+            println!(
+                "{number:>4}  {state:<9} {done:>4.0}%  {:>8}  {machines:>8}  {:<24} {}",
+                job.priority, job.from, job.scene
+            );
+        }
+    }
+    let idle = seats.iter().filter(|seat| seat.job.is_none()).count();
+    if !as_json && idle > 0 {
+        println!("{idle} machines wait for work");
+    }
+}
+
+/// How much is painted, in percent.
+fn done(job: &Job, lead: &Lead) -> f64 {
+    if matches!(job.state, JobState::Done { .. }) { 100.0 } else { 100.0 * lead.done }
+}
+
+fn described(number: u32, job: &Job, lead: &Lead, machines: usize) -> serde_json::Value {
+    let reason = match &job.state {
+        JobState::Failed { reason } => Some(reason),
+        _ => None,
+    };
+    json!({ "job": number, "state": job.state.word(), "reason": reason, "done": done(job, lead) / 100.0,
+        "zones_done": lead.zones_done, "zones": lead.zones, "priority": job.priority, "machines": machines,
+        "leader": lead.leader, "from": job.from, "submitted": job.submitted, "scene": job.scene, "output": job.output,
+        "kept": matches!(job.state, JobState::Done { kept: true }) })
+}
+
+fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
+    let job = known(board, number)?;
+    let lead = board.lead(number).unwrap_or_default();
+    let seats: Vec<_> = board.seats().into_iter().filter(|seat| seat.job == Some(number)).collect();
+    if as_json {
+        println!("{}", described(number, &job, &lead, seats.len()));
+        return Ok(());
+    }
+    println!("job {number}: {} -> {}", job.scene, job.output);
+    println!("asked for by {}, {} ago", job.from, ago(job.submitted));
+    println!(
+        "{}, {:.1} % done, {} of {} zones; priority {}",
+        job.state.word(),
+        done(&job, &lead),
+        lead.zones_done,
+        lead.zones,
+        job.priority
+    );
+    println!("led by {}", lead.leader.as_deref().unwrap_or("nobody"));
+    for seat in seats {
+        println!("  {} ({} processors)", seat.name, seat.threads);
+    }
+    if let JobState::Failed { reason } = &job.state {
+        println!("it failed: {reason}");
+    }
+    if let JobState::Done { kept: true } = job.state {
+        println!("the farm has the picture: bottega jobs fetch {number}");
+    }
+    Ok(())
+}
+
+fn ago(at: u64) -> String {
+    duration(Duration::from_secs(unix_seconds().saturating_sub(at)))
+}
+
+/// Pauses, resumes or calls off; what is over stays as it is.
+fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(), CliError> {
+    let before = known(board, number)?.state;
+    if before.is_over() {
+        return Err(CliError::failed(
+            format!("job {number} is over: {}", before.word()),
+            "`bottega jobs list` shows those that are not",
+        ));
+    }
+    board.change(number, |job| {
+        let changes = !job.state.is_over() && job.state != *to;
+        if changes {
+            job.say(word);
+            job.state = to.clone();
+        }
+        changes
+    })?;
+    Ok(())
+}
+
+fn log(job: &Job, as_json: bool) {
+    for line in &job.log {
+        if as_json {
+            println!("{}", json!({ "at": line.at, "text": line.text }));
+        } else {
+            println!("{:>10} ago  {}", ago(line.at), line.text);
+        }
+    }
+}
+
+fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<(), CliError> {
+    let job = known(board, number)?;
+    let remedy = match &job.state {
+        JobState::Done { kept: false } => format!("{} wrote it to {}", job.from, job.output),
+        JobState::Done { kept: true } => "somebody has removed it".to_owned(),
+        state => format!("the job is {}: see `bottega jobs show {number}`", state.word()),
+    };
+    let picture = board.picture(&job)?;
+    let picture = picture.ok_or_else(|| CliError::failed("the farm has no picture of this job", remedy))?;
+    let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
+    write_picture(&output, &picture)?;
+    println!("{}", output.display());
+    Ok(())
+}
+
+fn remove(board: &JobBoard, number: u32) -> Result<(), CliError> {
+    let job = known(board, number)?;
+    if !job.state.is_over() {
+        return Err(CliError::failed(
+            format!("job {number} is not over"),
+            format!("call it off first: bottega jobs cancel {number}"),
+        ));
+    }
+    board.remove(number)
+}

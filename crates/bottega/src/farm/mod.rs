@@ -1,0 +1,28 @@
+//! Many machines: `bottega up` has a meeting place, `bottega join` offers this machine, `bottega render --farm` asks all of
+//! them for a picture, `bottega jobs` sees and steers.
+//!
+//! A job is on the notices of the farm, its zones on the blackboard, its scene and pixels are blobs: whoever leads it may
+//! die, and any other process goes on.
+
+mod address;
+mod client;
+mod job;
+mod job_board;
+mod jobs;
+mod join;
+mod names;
+mod part;
+mod scene_files;
+mod shares;
+mod studio;
+mod up;
+
+pub(crate) use self::{
+    address::FarmAddress,
+    client::{Asked, Painted, write_picture},
+    job::PRIORITY,
+    jobs::{JobsArgs, run as jobs},
+    join::{JoinArgs, run as join},
+    part::Tools,
+    up::{UpArgs, run as up},
+};

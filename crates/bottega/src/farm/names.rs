@@ -1,0 +1,22 @@
+//! Names and numbers that nobody else has.
+
+use std::{env, process};
+
+use super::job::since_1970;
+
+/// The name of this process in a farm.
+pub(super) fn process_name() -> String {
+    let host = std::fs::read_to_string("/etc/hostname").ok();
+    let host = host.as_deref().map(str::trim).filter(|host| !host.is_empty()).map(str::to_owned);
+    let host = host.or_else(|| env::var("HOSTNAME").ok()).or_else(|| env::var("COMPUTERNAME").ok());
+    format!("{}-{:06x}", host.unwrap_or_else(|| "machine".to_owned()), fresh_number() & 0xff_ffff)
+}
+
+/// A number of this moment, in this process, on this machine.
+pub(super) fn fresh_number() -> u64 {
+    let machine = std::fs::read("/etc/machine-id").unwrap_or_default();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&machine).update(&since_1970().as_nanos().to_le_bytes()).update(&process::id().to_le_bytes());
+    let bytes = hasher.finalize();
+    u64::from_le_bytes(bytes.as_bytes()[..8].try_into().unwrap_or_default()) >> 1
+}

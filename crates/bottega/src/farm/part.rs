@@ -1,0 +1,259 @@
+//! The part of this process in a job: it leads if nobody does, and else paints for the one who leads.
+
+use std::{
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{RenderEngine, Survey};
+use bottega_farm::{
+    FarmMessage, ImportanceMap, JobReport, JobSettings, Kept, Link, Observer, Partition, Progress, StopSwitch, WorkId,
+    ZoneRow, ZoneStore,
+};
+
+use super::{
+    job::{Job, JobState},
+    job_board::{JobBoard, Lead, Lease, RENEW_EVERY, Seat},
+};
+use crate::error::CliError;
+
+/// How often is looked whether somebody wants something else.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// A process at a farm.
+#[derive(Clone)]
+pub(crate) struct Member {
+    pub(crate) board: JobBoard,
+    pub(crate) name: String,
+    pub(crate) threads: usize,
+    /// The user wants to stop.
+    pub(crate) stop: StopSwitch,
+}
+
+/// What is needed to paint.
+pub(crate) struct Tools {
+    pub(crate) settings: JobSettings,
+    pub(crate) engine: Arc<dyn RenderEngine>,
+    pub(crate) observer: Arc<dyn Observer>,
+    /// Where the job is kept on this machine too, and what was kept.
+    pub(crate) store: Option<Box<dyn ZoneStore>>,
+    pub(crate) kept: Option<Kept>,
+}
+
+/// How a part in a job ended.
+pub(crate) enum Part {
+    /// This process led the job to its end. It leads on until the picture is safe.
+    Led(Box<JobReport>, Leading),
+    /// The one who leads has let this process go: all is painted.
+    Helped,
+    /// Before the end: the user, or somebody who has a say in it, wanted something else.
+    Left(Option<Box<JobReport>>),
+}
+
+/// Takes part in a job until it is painted or somebody wants otherwise.
+///
+/// - `elsewhere`: whether this process is wanted elsewhere; asked now and then.
+pub(crate) fn take_part(
+    member: &Member,
+    number: u32,
+    job: &Job,
+    tools: &mut Tools,
+    elsewhere: impl Fn() -> bool + Send + 'static,
+) -> Result<Part, CliError> {
+    let Member { board, name, .. } = member;
+    let lease = board.claim(number, name)?;
+    let leads = lease.is_some();
+    if leads {
+        board.log(number, &format!("{name} leads"));
+    }
+    let this = StopSwitch::new();
+    let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default() });
+    let watch = Watch::begin(member, number, lease, &this, Arc::clone(&told), Box::new(elsewhere))?;
+    let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
+    let (settings, engine) = (&tools.settings, Arc::clone(&tools.engine));
+    if leads {
+        let (store, kept) = (tools.store.take(), tools.kept.take());
+        let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
+        let report = Box::new(report.map_err(CliError::Job)?);
+        return Ok(if report.stopped { Part::Left(Some(report)) } else { Part::Led(report, Leading { watch, link }) });
+    }
+    let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(CliError::Job)?;
+    Ok(if helped { Part::Helped } else { Part::Left(None) })
+}
+
+/// The lead of a job that is painted, held until it is dropped.
+pub(crate) struct Leading {
+    watch: Watch,
+    link: Link,
+}
+
+impl Leading {
+    /// The picture is safe: the job is over, and what was kept for it goes.
+    pub(crate) fn finish(self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), CliError> {
+        board.change(number, |job| {
+            job.say(match state {
+                JobState::Failed { reason } => format!("failed: {reason}"),
+                state => state.word().to_owned(),
+            });
+            job.state = state.clone();
+            true
+        })?;
+        self.link.forget();
+        drop(self.watch);
+        Ok(())
+    }
+}
+
+/// Looks after a part in a job: renews what is to be renewed, and ends the part when it is over.
+struct Watch {
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    fn begin(
+        member: &Member,
+        number: u32,
+        lease: Option<Lease>,
+        this: &StopSwitch,
+        told: Arc<Told>,
+        elsewhere: Box<dyn Fn() -> bool + Send>,
+    ) -> Result<Self, CliError> {
+        let over = Arc::new(AtomicBool::new(false));
+        let guard = Guard {
+            member: member.clone(),
+            number,
+            lease,
+            this: this.clone(),
+            told,
+            elsewhere,
+            over: Arc::clone(&over),
+            is_silent: false,
+        };
+        let thread = thread::Builder::new().name("watch".to_owned()).spawn(move || guard.run()).map_err(|error| {
+            CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+        })?;
+        Ok(Self { over, thread: Some(thread) })
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic in there was reported by the thread itself.
+            _ = thread.join();
+        }
+    }
+}
+
+struct Guard {
+    member: Member,
+    number: u32,
+    lease: Option<Lease>,
+    this: StopSwitch,
+    told: Arc<Told>,
+    elsewhere: Box<dyn Fn() -> bool + Send>,
+    over: Arc<AtomicBool>,
+    /// The farm did not answer the last time.
+    is_silent: bool,
+}
+
+impl Guard {
+    fn run(mut self) {
+        let mut renewed: Option<Instant> = None;
+        while !self.over.load(Ordering::Relaxed) {
+            if renewed.is_none_or(|at| at.elapsed() >= RENEW_EVERY) {
+                renewed = Some(Instant::now());
+                self.renew();
+            }
+            if !self.this.is_requested() && self.is_to_leave() {
+                self.this.request();
+            }
+            thread::sleep(LOOK_EVERY);
+        }
+        self.lay_down();
+    }
+
+    fn is_to_leave(&self) -> bool {
+        let Member { board, stop, .. } = &self.member;
+        let is_active = board.get(self.number).is_some_and(|job| job.state == JobState::Active);
+        // One who helps may see the lead become free: then somebody must take it.
+        let is_led = || self.lease.is_some() || board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
+        stop.is_requested() || !is_active || !is_led() || (self.elsewhere)()
+    }
+
+    fn renew(&mut self) {
+        let Member { board, name, threads, .. } = &self.member;
+        board.sit(&Seat { name: name.clone(), threads: *threads, job: Some(self.number) });
+        let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
+        let Some(lease) = &mut self.lease else { return };
+        let renewed = board.renew(lease, &lead);
+        let was_silent = std::mem::replace(&mut self.is_silent, renewed.is_err());
+        match renewed {
+            Ok(true) if was_silent => tracing::warn!("the farm answers again"),
+            Ok(true) => {}
+            Ok(false) => {
+                tracing::warn!(job = self.number, "another process leads the job now");
+                self.lease = None;
+                self.this.request();
+            }
+            Err(error) if !was_silent => tracing::warn!(%error, "the farm does not answer: waiting for it"),
+            Err(_) => {}
+        }
+    }
+
+    /// Nobody need wait until the lease is over.
+    fn lay_down(&mut self) {
+        if let Some(lease) = &mut self.lease
+            && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.told.lead() })
+        {
+            tracing::debug!(%error, "the lead was not laid down");
+        }
+    }
+}
+
+/// An observer that remembers how far the job is.
+struct Told {
+    inner: Arc<dyn Observer>,
+    lead: Mutex<Lead>,
+}
+
+impl Told {
+    fn lead(&self) -> Lead {
+        self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Observer for Told {
+    fn surveyed(&self, survey: &Arc<Survey>) {
+        self.inner.surveyed(survey);
+    }
+
+    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        self.inner.analyzed(map, partition);
+    }
+
+    fn zone_changed(&self, row: &ZoneRow) {
+        self.inner.zone_changed(row);
+    }
+
+    fn progress(&self, progress: &Progress) {
+        let Progress { zones_done, zones, cost_done, .. } = *progress;
+        *self.lead.lock().unwrap_or_else(PoisonError::into_inner) =
+            Lead { leader: None, done: cost_done, zones_done, zones };
+        self.inner.progress(progress);
+    }
+
+    fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.inner.message(now, message);
+    }
+
+    fn not_kept(&self, error: &std::io::Error) {
+        self.inner.not_kept(error);
+    }
+}

@@ -1,0 +1,184 @@
+//! The files of a scene, by their contents: sent once, kept by each machine that got them.
+
+use std::{
+    fs,
+    path::{Component, Path, PathBuf},
+};
+
+use bottega_agents::driver::nats::NatsBlobs;
+use bottega_scene::SceneFile;
+use serde::{Deserialize, Serialize};
+
+use crate::error::CliError;
+
+/// The largest file that is taken from a farm.
+const FILE_BYTES_MAX: usize = 1 << 33;
+/// Files of a scene at most.
+const FILES_MAX: usize = 1 << 16;
+
+/// A file of a scene: its name in the scene's folder, and what is in it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SentFile {
+    /// Relative to the folder of the scene; may lead out of it by `..`.
+    name: String,
+    /// BLAKE3, hexadecimal: it is kept under this name.
+    hash: String,
+}
+
+/// All files of a scene.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SceneFiles {
+    /// The scene file first.
+    files: Vec<SentFile>,
+    /// The picture that lights it, if it is no file of the scene.
+    environment: Option<SentFile>,
+}
+
+impl SceneFiles {
+    /// Puts the files where the farm can read them; those that are there already stay.
+    pub(crate) fn send(
+        scene: &Path,
+        files: &[SceneFile],
+        environment: Option<&Path>,
+        blobs: &NatsBlobs,
+    ) -> Result<Self, CliError> {
+        let name = scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let mut sent = vec![send(name, scene, blobs)?];
+        for file in files {
+            if Path::new(&file.name).is_absolute() {
+                return Err(CliError::failed(
+                    format!("the scene refers to `{}` by an absolute path", file.name),
+                    "other machines have no such file: copy it beside the scene and refer to it by a relative path",
+                ));
+            }
+            sent.push(send(file.name.clone(), &file.path, blobs)?);
+        }
+        let environment = environment.map(|path| {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            send(name, path, blobs)
+        });
+        Ok(Self { files: sent, environment: environment.transpose()? })
+    }
+
+    /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
+    pub(crate) fn fetch(&self, cache: &Path, blobs: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), CliError> {
+        if self.files.is_empty() || self.files.len() > FILES_MAX {
+            return Err(CliError::failed(
+                "the work names no scene, or too many files",
+                "who leads it is of another mind",
+            ));
+        }
+        let all = || self.files.iter().chain(&self.environment);
+        let mut hasher = blake3::Hasher::new();
+        all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.hash).as_bytes()));
+        // As deep as references lead out of the scene's folder, so that none leads out of this one.
+        let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
+        let root = cache.join("scenes").join(hasher.finalize().to_hex().as_str());
+        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join("in"));
+        for file in all() {
+            let path = file.below(&root, &folder)?;
+            if !path.exists() {
+                let kept = file.kept(cache, blobs)?;
+                place(&kept, &path)?;
+            }
+        }
+        let scene = self.files[0].below(&root, &folder)?;
+        let environment = self.environment.as_ref().map(|file| file.below(&root, &folder)).transpose()?;
+        Ok((scene, environment))
+    }
+}
+
+fn leading_out(name: &str) -> usize {
+    Path::new(name).components().take_while(|part| *part == Component::ParentDir).count()
+}
+
+fn send(name: String, path: &Path, blobs: &NatsBlobs) -> Result<SentFile, CliError> {
+    let bytes = fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let hash = blake3::hash(&bytes).to_hex().to_string();
+    let blob = blob_name(&hash);
+    if !blobs.has(&blob).map_err(CliError::Blob)? {
+        blobs.put(&blob, &bytes).map_err(CliError::Blob)?;
+    }
+    Ok(SentFile { name, hash })
+}
+
+fn blob_name(hash: &str) -> String {
+    format!("file/{hash}")
+}
+
+impl SentFile {
+    /// Where the file goes; nowhere but below `root`, whatever its name.
+    fn below(&self, root: &Path, folder: &Path) -> Result<PathBuf, CliError> {
+        let mut path = folder.to_owned();
+        for part in Path::new(&self.name).components() {
+            match part {
+                Component::Normal(part) => path.push(part),
+                Component::ParentDir => _ = path.pop(),
+                Component::CurDir => {}
+                Component::RootDir | Component::Prefix(_) => path = PathBuf::new(),
+            }
+            if !path.starts_with(root) {
+                return Err(CliError::failed(
+                    format!("a file of the scene is called `{}`, which leads out of its folder", self.name),
+                    "who leads the work is of another mind, or is not to be trusted",
+                ));
+            }
+        }
+        Ok(path)
+    }
+
+    /// The file in the cache, fetched if it was not there, and what it says it is.
+    fn kept(&self, cache: &Path, blobs: &NatsBlobs) -> Result<PathBuf, CliError> {
+        let other = || {
+            CliError::failed(
+                format!("what came for `{}` is not what was sent", self.name),
+                "try again; if it stays so, the store of the NATS server is damaged",
+            )
+        };
+        if self.hash.len() != 64 || !self.hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+            return Err(other());
+        }
+        let path = cache.join("files").join(&self.hash);
+        if path.exists() {
+            return Ok(path);
+        }
+        let bytes = blobs.get(&blob_name(&self.hash), FILE_BYTES_MAX).map_err(CliError::Blob)?.ok_or_else(other)?;
+        if blake3::hash(&bytes).to_hex().as_str() != self.hash {
+            return Err(other());
+        }
+        write_whole(&path, &bytes)?;
+        Ok(path)
+    }
+}
+
+/// Writes a file that is there as a whole or not at all.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    let wrong = |source| CliError::Write { path: path.to_owned(), source };
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(wrong)?;
+    let part = path.with_extension(format!("part-{}", std::process::id()));
+    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(wrong)
+}
+
+/// Puts a kept file into a scene's folder, without a copy where the file system can.
+fn place(kept: &Path, path: &Path) -> Result<(), CliError> {
+    let wrong = |source| CliError::Write { path: path.to_owned(), source };
+    fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(wrong)?;
+    fs::hard_link(kept, path).or_else(|_| fs::copy(kept, path).map(|_| ())).map_err(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_file_leads_out_of_the_folder_of_its_scene() {
+        let (root, folder) = (Path::new("/cache/scenes/1"), Path::new("/cache/scenes/1/in"));
+        let file = |name: &str| SentFile { name: name.to_owned(), hash: String::new() }.below(root, folder);
+        assert_eq!(file("a/b.ply").unwrap(), Path::new("/cache/scenes/1/in/a/b.ply"));
+        assert_eq!(file("../b.ply").unwrap(), Path::new("/cache/scenes/1/b.ply"));
+        for wrong in ["../../b.ply", "/etc/passwd", "../../../etc/passwd", "a/../../../x"] {
+            assert!(file(wrong).is_err(), "{wrong}");
+        }
+    }
+}

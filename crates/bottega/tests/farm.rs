@@ -1,0 +1,357 @@
+//! A farm of real processes on real NATS servers: the same bits, whoever paints and whoever dies.
+//!
+//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
+//! skipped.
+
+mod support;
+
+use std::{
+    env, fs,
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Child, Command, Output, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega_agents::driver::nats::{NatsOptions, NatsUplink};
+use bottega_farm::FarmCodec;
+use serde_json::Value;
+use support::{bottega, text};
+use tempfile::TempDir;
+
+/// Farms are timed by the clock: one at a time has the processors.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+const WAIT: Duration = Duration::from_secs(60);
+const TOKEN: &str = "0123456789abcdef0123456789abcdef";
+const PICTURE: [&str; 8] = ["--size", "96x72", "--spp", "256", "--seed", "5", "--quiet", "--zones=24"];
+
+fn servers() -> Vec<PathBuf> {
+    let named = env::var_os("BOTTEGA_NATS_SERVERS");
+    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
+    let places = env::var_os("PATH").unwrap_or_default();
+    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
+    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
+    let found = if named.is_empty() { system.into_iter().collect() } else { named };
+    if found.is_empty() {
+        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
+    }
+    found
+}
+
+/// A process that ends with the test.
+struct Process(Child);
+
+impl Process {
+    fn kill(&mut self) {
+        // It may have ended by itself.
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+
+    /// Asks it to end, and waits for that.
+    fn end(&mut self) -> bool {
+        let asked = Command::new("kill").arg("-TERM").arg(self.0.id().to_string()).status();
+        assert!(asked.expect("kill runs").success());
+        self.wait()
+    }
+
+    fn wait(&mut self) -> bool {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().expect("a child") {
+                return status.success();
+            }
+            assert!(begun.elapsed() < WAIT, "a process does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// A farm on this machine, with a state of its own.
+struct Farm {
+    folder: TempDir,
+    port: u16,
+    server: PathBuf,
+    up: Option<Process>,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Farm {
+    fn start(server: &Path) -> Self {
+        let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = tempfile::tempdir().expect("a folder");
+        let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
+        let state = folder.path().join("state/bottega/server");
+        fs::create_dir_all(&state).expect("a folder");
+        fs::write(state.join("token"), TOKEN).expect("a token");
+        let mut farm = Self { folder, port, server: server.to_owned(), up: None, _alone: alone };
+        farm.up();
+        farm
+    }
+
+    /// Starts the server, and waits until it is there.
+    fn up(&mut self) {
+        let listen = format!("127.0.0.1:{}", self.port);
+        let up = self.spawn(&["up", "--listen", &listen, "--server", text(&self.server)], "up.log");
+        self.up = Some(up);
+        self.until_says("up.log", "bottega join");
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = bottega(arguments);
+        command.env("XDG_STATE_HOME", self.path("state")).env_remove("BOTTEGA_FARM");
+        command
+    }
+
+    fn spawn(&self, arguments: &[&str], log: &str) -> Process {
+        let log = fs::File::create(self.path(log)).expect("a log");
+        let mut command = self.command(arguments);
+        command.stdout(log.try_clone().expect("a log")).stderr(log).stdin(Stdio::null());
+        Process(command.spawn().expect("the program starts"))
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("the program starts")
+    }
+
+    fn succeed(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    }
+
+    /// A machine that has joined.
+    fn join(&self, name: &str) -> Process {
+        let cache = self.path(&format!("cache-{name}"));
+        let machine = self.spawn(&["join", "--threads", "1", "--cache", text(&cache)], name);
+        self.until_says(name, "waiting for work");
+        machine
+    }
+
+    fn render(&self, output: &str, more: &[&str]) -> Process {
+        let path = self.path(output);
+        let arguments = ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm"];
+        self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{output}.log"))
+    }
+
+    /// The picture of one machine alone.
+    fn plain(&self) -> Vec<[u32; 3]> {
+        let path = self.path("plain.exr");
+        self.succeed(&[&["render", "goblets.glb", "-o", text(&path)], &PICTURE[..]].concat());
+        bits(&path)
+    }
+
+    fn said(&self, log: &str) -> String {
+        fs::read_to_string(self.path(log)).unwrap_or_default()
+    }
+
+    fn until(&self, what: &str, is_so: impl Fn() -> bool) {
+        let begun = Instant::now();
+        while !is_so() {
+            assert!(begun.elapsed() < WAIT, "{what} does not come to pass; logs:\n{}", self.logs());
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn until_says(&self, log: &str, words: &str) {
+        self.until(words, || self.said(log).contains(words));
+    }
+
+    fn logs(&self) -> String {
+        let files = fs::read_dir(self.folder.path()).expect("a folder").flatten();
+        let files = files.filter(|file| file.path().is_file() && !file.path().to_string_lossy().ends_with(".exr"));
+        files.map(|file| format!("{:?}: {}\n", file.file_name(), self.said(text(&file.path())))).collect()
+    }
+
+    fn job(&self, number: u32) -> Value {
+        serde_json::from_str(&self.succeed(&["jobs", "show", &number.to_string(), "--json"])).expect("JSON")
+    }
+
+    /// Waits until so much of a job is painted, and not all.
+    fn until_painted(&self, number: u32, share: f64) {
+        self.until("some of it is painted", || {
+            let shown = self.run(&["jobs", "show", &number.to_string(), "--json"]);
+            let job: Value = serde_json::from_slice(&shown.stdout).unwrap_or_default();
+            job["done"].as_f64().is_some_and(|done| done >= share)
+        });
+        assert_eq!(self.job(number)["state"], "active", "it was painted too soon to disturb it");
+    }
+
+    fn until_state(&self, number: u32, state: &str) {
+        self.until(state, || self.job(number)["state"] == state);
+    }
+
+    fn log_of(&self, number: u32) -> String {
+        self.succeed(&["jobs", "log", &number.to_string()])
+    }
+}
+
+fn bits(path: &Path) -> Vec<[u32; 3]> {
+    let picture = bottega_image::read_picture(path).expect("a picture");
+    picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+/// Millions of samples that a machine says it has painted.
+fn painted(log: &str) -> f64 {
+    let words = log.split(", ").filter_map(|part| part.split(" M samples").next()?.parse::<f64>().ok());
+    words.sum()
+}
+
+#[test]
+fn three_machines_and_any_server_give_the_bits_of_one() {
+    for server in servers() {
+        let farm = Farm::start(&server);
+        let plain = farm.plain();
+        let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+        assert!(farm.render("a.exr", &[]).wait(), "{}", farm.logs());
+        assert!(bits(&farm.path("a.exr")) == plain, "{server:?}: {}", farm.logs());
+        assert!(!farm.path("a.exr.bottega-journal").exists());
+        assert_eq!(farm.job(1)["state"], "done");
+        assert!(one.end() && two.end(), "{}", farm.logs());
+        for machine in ["one", "two"] {
+            assert!(painted(&farm.said(machine)) > 0.1, "{server:?}: {}", farm.logs());
+        }
+        // What was kept for it has gone.
+        let blobs = farm.path("state/bottega/server/jetstream");
+        assert!(blobs.is_dir());
+        let uplink = link(&farm);
+        let mut left = Vec::new();
+        uplink.blobs().forget_all(|name| {
+            left.push(name.to_owned());
+            false
+        });
+        assert!(left.iter().all(|name| !name.starts_with("work-")), "{left:?}");
+    }
+}
+
+fn link(farm: &Farm) -> NatsUplink<FarmCodec> {
+    let options = NatsOptions {
+        servers: vec![format!("nats://127.0.0.1:{}", farm.port)],
+        token: Some(TOKEN.to_owned()),
+        farm: "bottega".to_owned(),
+    };
+    NatsUplink::connect(&options, FarmCodec).expect("a link")
+}
+
+#[test]
+fn a_machine_that_is_killed_costs_time_and_no_pixel() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (mut one, _two) = (farm.join("one"), farm.join("two"));
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    one.kill();
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn when_the_one_who_leads_is_killed_another_goes_on_with_what_is_painted() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (_one, _two) = (farm.join("one"), farm.join("two"));
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.3);
+    let before = farm.job(1)["zones_done"].as_u64().expect("a number");
+    render.kill();
+    let killed = Instant::now();
+    farm.until("somebody else leads", || farm.log_of(1).matches(" leads").count() == 2);
+    assert!(killed.elapsed() < Duration::from_secs(5), "{:?}", killed.elapsed());
+    farm.until("it knows what is painted", || farm.job(1)["zones_done"].as_u64() >= Some(before));
+    farm.until_state(1, "done");
+    let path = farm.path("b.exr");
+    farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+    farm.succeed(&["jobs", "remove", "1"]);
+    assert!(farm.succeed(&["jobs", "list", "--json"]).is_empty());
+}
+
+#[test]
+fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
+    let Some(server) = servers().pop() else { return };
+    let mut farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _one = farm.join("one");
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    assert!(farm.up.take().expect("a server").end());
+    thread::sleep(Duration::from_secs(5));
+    farm.up();
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    assert!(farm.render("a.exr", &["--detach"]).wait(), "{}", farm.logs());
+    assert!(farm.render("b.exr", &["--detach", "--priority", "30"]).wait(), "{}", farm.logs());
+    farm.succeed(&["jobs", "pause", "1"]);
+    let _one = farm.join("one");
+    farm.until_painted(2, 0.1);
+    assert_eq!((farm.job(1)["machines"].as_u64(), farm.job(2)["machines"].as_u64()), (Some(0), Some(1)));
+    farm.succeed(&["jobs", "pause", "2"]);
+    farm.until("nobody paints it", || farm.job(2)["leader"].is_null());
+    farm.succeed(&["jobs", "resume", "2"]);
+    farm.until_state(2, "done");
+    let path = farm.path("b.exr");
+    farm.succeed(&["jobs", "fetch", "2"]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+    assert!(!farm.run(&["jobs", "remove", "1"]).status.success(), "it is not over");
+    farm.succeed(&["jobs", "cancel", "1"]);
+    assert_eq!(farm.job(1)["state"], "cancelled");
+    for (arguments, words) in [
+        (["jobs", "fetch", "1"], "the job is cancelled"),
+        (["jobs", "resume", "1"], "is over: cancelled"),
+        (["jobs", "show", "7"], "has no job 7"),
+    ] {
+        let output = farm.run(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_told() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let wrong_token = format!("nats://wrong@127.0.0.1:{}", farm.port);
+    for (arguments, code, words) in [
+        (vec!["join", &wrong_token], 1, "the line that it printed"),
+        (vec!["join", "nats://127.0.0.1:1"], 1, "bottega up"),
+        (vec!["join", "http://x"], 2, "an address such as"),
+        (vec!["jobs", "list", "--farm", "nats://x@127.0.0.1:1/a b"], 1, "letters, digits"),
+        (vec!["up", "--listen", "127.0.0.1:0", "--server", "/nowhere"], 1, "cannot start"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--detach"], 2, "--farm"),
+    ] {
+        let output = farm.run(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
+    }
+    // A job of another version is left to others, who are told.
+    let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,
+        "state":"active","log":[]}"#;
+    assert!(link(&farm).notices().update("job-9", job.as_bytes(), 0).expect("a notice").is_some());
+    let _one = farm.join("one");
+    farm.until_says("one", "install bottega 0.0.1 here");
+    farm.until("it is in the log", || farm.log_of(9).contains("is left out: the job is for version 0.0.1"));
+    // What is no job at all disturbs nobody.
+    assert!(link(&farm).notices().update("job-10", b"{", 0).expect("a notice").is_some());
+    assert_eq!(farm.succeed(&["jobs", "list", "--json"]).lines().count(), 1);
+}
