@@ -27,7 +27,8 @@ fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]),
     let mut begin = None;
     for (start, after) in delimiters(body, &delimiter) {
         if let Some(begin) = begin {
-            parts.push(part(&body[begin..start])?);
+            // The line end before a delimiter may be that of the delimiter before.
+            parts.push(part(body.get(begin..start).ok_or(MALFORMED)?)?);
         }
         if body[after..].starts_with(b"--") {
             return match parts[..] {
@@ -153,6 +154,7 @@ mod tests {
             b"--b\n\nx\n--b\n\ny\n--b\n\nz\n--b--",
             b"--b\nx\n--b\n\ny\n--b--",
             b"--b",
+            b"--b\n--b\n--b--",
         ] {
             assert_eq!(split(kind, bad), Err(MALFORMED), "{}", String::from_utf8_lossy(bad));
         }
