@@ -19,7 +19,7 @@ use self::values::{
 };
 use crate::{
     bench::MagarroArgs,
-    farm::{FarmAddress, JobsArgs, JoinArgs, PRIORITY, UpArgs},
+    farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, PRIORITY, UpArgs},
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -255,6 +255,8 @@ pub(crate) struct RenderArgs {
     /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities.
     #[arg(long, value_name = "N", requires = "farm", default_value_t = PRIORITY, value_parser = clap::value_parser!(u32).range(1..=1000), help_heading = "Work")]
     pub(crate) priority: u32,
+    #[command(flatten)]
+    pub(crate) login: LoginArgs,
     /// Go on with a picture that was interrupted.
     #[arg(long, help_heading = "Work")]
     pub(crate) resume: bool,

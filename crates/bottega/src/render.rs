@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     settings.goal = goal(args, begun)?;
     let stop = StopSwitch::new();
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.clone(), args, &subject, &stop)?;
+        let asked = Asked::submit(farm.as_ref(), args, &subject, &stop)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -83,7 +83,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let asked = args.farm.clone().map(|farm| Asked::submit(farm, args, &subject, &stop)).transpose()?;
+    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &subject, &stop)).transpose()?;
     let tools =
         Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
     let (report, leading) = match painted(asked.as_ref(), tools, &stop, &reporter)? {

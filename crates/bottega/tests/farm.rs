@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_agents::driver::nats::{NatsOptions, NatsUplink};
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Tls};
 use bottega_farm::FarmCodec;
 use serde_json::Value;
 use support::{bottega, text};
@@ -24,7 +24,6 @@ use tempfile::TempDir;
 /// Farms are timed by the clock: one at a time has the processors.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 const WAIT: Duration = Duration::from_secs(60);
-const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 const PICTURE: [&str; 8] = ["--size", "96x72", "--spp", "256", "--seed", "5", "--quiet", "--zones=24"];
 
 fn servers() -> Vec<PathBuf> {
@@ -89,9 +88,6 @@ impl Farm {
         let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().expect("a folder");
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
-        let state = folder.path().join("state/bottega/server");
-        fs::create_dir_all(&state).expect("a folder");
-        fs::write(state.join("token"), TOKEN).expect("a token");
         let mut farm = Self { folder, port, server: server.to_owned(), up: None, _alone: alone };
         farm.up();
         farm
@@ -132,10 +128,22 @@ impl Farm {
         String::from_utf8(output.stdout).expect("text")
     }
 
+    /// The lines that let one in: into everything, and to paint.
+    fn lines(&self) -> [String; 2] {
+        let said = self.said("up.log");
+        let mut lines = said.lines().filter_map(|line| line.trim().strip_prefix("bottega join "));
+        [(); 2].map(|()| lines.next().expect("a line").to_owned())
+    }
+
     /// A machine that has joined.
     fn join(&self, name: &str) -> Process {
+        self.join_by(name, None)
+    }
+
+    fn join_by(&self, name: &str, line: Option<&str>) -> Process {
         let cache = self.path(&format!("cache-{name}"));
-        let machine = self.spawn(&["join", "--threads", "1", "--cache", text(&cache)], name);
+        let arguments = ["join", "--threads", "1", "--cache", text(&cache)];
+        let machine = self.spawn(&[&arguments, line.as_slice()].concat(), name);
         self.until_says(name, "waiting for work");
         machine
     }
@@ -237,12 +245,23 @@ fn three_machines_and_any_server_give_the_bits_of_one() {
 }
 
 fn link(farm: &Farm) -> NatsUplink<FarmCodec> {
-    let options = NatsOptions {
+    let members = fs::read(farm.path("state/bottega/server/members.json")).expect("members");
+    let members: Value = serde_json::from_slice(&members).expect("JSON");
+    let seed = members["seed"].as_str().expect("a seed").to_owned();
+    NatsUplink::connect(&options(farm, Login::NKey(seed)), FarmCodec).expect("a link")
+}
+
+fn options(farm: &Farm, login: Login) -> NatsOptions {
+    let [line, _] = farm.lines();
+    let pin = line["bottega://t".len() + 32..].split('@').next().and_then(|pin| pin.parse().ok()).expect("a pin");
+    NatsOptions {
         servers: vec![format!("nats://127.0.0.1:{}", farm.port)],
-        token: Some(TOKEN.to_owned()),
+        login,
+        tls: Tls { is_required: true, pin: Some(pin), ..Tls::default() },
         farm: "bottega".to_owned(),
-    };
-    NatsUplink::connect(&options, FarmCodec).expect("a link")
+        member: "test".to_owned(),
+        is_guest: false,
+    }
 }
 
 #[test]
@@ -331,9 +350,20 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
 fn what_cannot_be_is_told() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
-    let wrong_token = format!("nats://wrong@127.0.0.1:{}", farm.port);
+    let [line, guest_line] = farm.lines();
+    let wrong_secret = line.replacen("://t", "://t0123", 1).replacen(&line[14..18], "", 1);
+    let wrong_server =
+        line.replacen(&line[line.find('@').expect("an @") - 4..], &format!("0000@127.0.0.1:{}", farm.port), 1);
+    let other = format!("nats://x@127.0.0.1:{}", farm.port);
+    let as_guest = format!("--farm={guest_line}");
     for (arguments, code, words) in [
-        (vec!["join", &wrong_token], 1, "the line that it printed"),
+        (vec!["join", &wrong_secret], 1, "the line that it printed"),
+        (vec!["join", &wrong_server], 1, "the line that it printed"),
+        (vec!["join", &other], 1, "the line that it printed"),
+        (vec!["join", &line[..40]], 2, "copy all of the line"),
+        (vec!["join", &line, "--creds", "x"], 2, "leave out --creds"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", &as_guest], 1, "may paint for the farm"),
+        (vec!["jobs", "list", "--farm", &other, "--nkey", "/nowhere"], 1, "cannot read"),
         (vec!["join", "nats://127.0.0.1:1"], 1, "bottega up"),
         (vec!["join", "http://x"], 2, "an address such as"),
         (vec!["jobs", "list", "--farm", "nats://x@127.0.0.1:1/a b"], 1, "letters, digits"),
@@ -347,11 +377,124 @@ fn what_cannot_be_is_told() {
     // A job of another version is left to others, who are told.
     let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,
         "state":"active","log":[]}"#;
-    assert!(link(&farm).notices().update("job-9", job.as_bytes(), 0).expect("a notice").is_some());
+    assert!(link(&farm).notices().update("job/9", job.as_bytes(), 0).expect("a notice").is_some());
     let _one = farm.join("one");
     farm.until_says("one", "install bottega 0.0.1 here");
     farm.until("it is in the log", || farm.log_of(9).contains("is left out: the job is for version 0.0.1"));
     // What is no job at all disturbs nobody.
-    assert!(link(&farm).notices().update("job-10", b"{", 0).expect("a notice").is_some());
+    assert!(link(&farm).notices().update("job/10", b"{", 0).expect("a notice").is_some());
     assert_eq!(farm.succeed(&["jobs", "list", "--json"]).lines().count(), 1);
+}
+
+#[test]
+fn a_guest_paints_and_can_do_nothing_else() {
+    for server in servers() {
+        let farm = Farm::start(&server);
+        let plain = farm.plain();
+        let [_, guest_line] = farm.lines();
+        let mut guest = farm.join_by("guest", Some(&guest_line));
+        farm.until_says("guest", "as a guest");
+        assert!(farm.render("a.exr", &[]).wait(), "{}", farm.logs());
+        assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+        let steer = farm.run(&["jobs", "cancel", "1", "--farm", &guest_line]);
+        assert!(!steer.status.success());
+        assert!(farm.succeed(&["jobs", "list", "--farm", &guest_line]).contains("done"), "it may look");
+        hostile(&farm);
+        assert!(guest.end(), "{}", farm.logs());
+        assert!(painted(&farm.said("guest")) > 0.1, "{server:?}: {}", farm.logs());
+    }
+}
+
+/// What a guest tries that takes its own key, and no program of ours: all of it comes to nothing.
+fn hostile(farm: &Farm) {
+    let members = fs::read_dir(farm.path("state/bottega/members")).expect("members").flatten();
+    let file = members.map(|file| file.path()).find(|path| text(path).ends_with("-guest.json")).expect("a guest");
+    let guest: Value = serde_json::from_slice(&fs::read(file).expect("a membership")).expect("JSON");
+    let [seed, member] = ["seed", "member"].map(|it| guest[it].as_str().expect("text").to_owned());
+    let link = link(farm);
+    let before = link.notices().get("job/1").expect("a job");
+    let own = NatsOptions { member: member.clone(), is_guest: true, ..options(farm, Login::NKey(seed.clone())) };
+    let evil = NatsUplink::connect(&own, FarmCodec).expect("a link");
+    // Jobs, leads, and the seats of others.
+    for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"] {
+        assert!(evil.notices().put(name, b"{}").is_err(), "{name}");
+        assert!(evil.notices().update(name, b"{}", 0).is_err(), "{name}");
+        assert!(evil.notices().remove(name).is_err(), "{name}");
+    }
+    // Scenes, orders and pictures.
+    assert!(evil.blobs().put("file/x", b"evil").is_err());
+    // Its own seat, and pixels, which are believed only with their digest.
+    assert!(evil.notices().put(&format!("seat/{member}/{member}.1"), b"{}").is_ok());
+    assert!(evil.tiles().put("work-1/tile-x", b"pixels").is_ok());
+    assert_eq!(link.notices().get("job/1").map(|job| job.revision), Some(before.revision));
+    assert!(link.notices().get("job/77").is_none() && link.notices().get("seat/other/other.1").is_none());
+    assert_eq!(link.blobs().has("file/x"), Ok(false));
+    let (heard, refused) = forbidden_subjects(farm, &seed, &member);
+    assert!(heard.is_empty(), "{heard:?}");
+    assert!(refused >= 10, "only {refused} were refused");
+}
+
+/// Speaks as others, writes rows, touches streams and listens to others. Returns what was heard of it by somebody who may
+/// hear everything, and how often the server refused.
+fn forbidden_subjects(farm: &Farm, seed: &str, member: &str) -> (Vec<String>, usize) {
+    use std::sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    };
+    use tokio_stream::StreamExt;
+    let up = fs::read(farm.path("state/bottega/server/members.json")).expect("members");
+    let up: Value = serde_json::from_slice(&up).expect("JSON");
+    let address = format!("tls://127.0.0.1:{}", farm.port);
+    let refused = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&refused);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let heard = runtime.block_on(async {
+        let connect = |seed: &str| {
+            let pin = options(farm, Login::Nobody).tls.pin.expect("a pin");
+            async_nats::ConnectOptions::with_nkey(seed.to_owned())
+                .require_tls(true)
+                .tls_client_config(pin.client_config())
+        };
+        let witness = connect(up["seed"].as_str().expect("a seed")).connect(&address).await.expect("a link");
+        let mut all = witness.subscribe("bottega.>").await.expect("a subscription");
+        let mut rows = witness.subscribe("$KV.bottega-bottega.>").await.expect("a subscription");
+        witness.flush().await.expect("an answer");
+        let evil = connect(seed).custom_inbox_prefix(format!("_INBOX_{member}")).event_callback(move |event| {
+            let count = Arc::clone(&count);
+            async move {
+                if event.to_string().contains("ermissions") {
+                    count.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        });
+        let evil = evil.connect(&address).await.expect("a link");
+        for subject in [
+            "bottega.bottega.to.other.render-1=40other.from.work-1.master=40work-1",
+            "bottega.bottega.to.work-1.master=40work-1.from.other.render-1=40other",
+            "$KV.bottega-bottega.work.1.zone.0",
+            "$KV.bottega-bottega-notices.job.1",
+            "$JS.API.STREAM.DELETE.KV_bottega-bottega",
+            "$JS.API.STREAM.PURGE.KV_bottega-bottega",
+            "$JS.API.STREAM.UPDATE.KV_bottega-bottega",
+            "$JS.API.STREAM.CREATE.evil",
+            "$O.bottega-bottega.M.x",
+            "bottega-enrol.trusted",
+        ] {
+            evil.publish(subject, "evil".into()).await.expect("sent");
+        }
+        for subject in ["bottega.>", "_INBOX.>", "$KV.>", "bottega-enrol.>"] {
+            drop(evil.subscribe(subject).await.expect("asked"));
+        }
+        evil.flush().await.expect("an answer");
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        let mut heard = Vec::new();
+        while let Ok(Some(message)) = tokio::time::timeout(Duration::from_millis(50), all.next()).await {
+            heard.push(message.subject.to_string());
+        }
+        while let Ok(Some(message)) = tokio::time::timeout(Duration::from_millis(50), rows.next()).await {
+            heard.push(message.subject.to_string());
+        }
+        heard
+    });
+    (heard, refused.load(Ordering::Relaxed))
 }

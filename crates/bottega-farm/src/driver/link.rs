@@ -53,7 +53,7 @@ impl Link {
         wire::put_tile(tile, &mut bytes);
         let packed = pack(&bytes).map_err(|error| error.to_string())?;
         let name = self.blob(id);
-        self.patiently(stop, || self.uplink.blobs().put(&name, &packed))
+        self.patiently(stop, || self.uplink.tiles().put(&name, &packed))
     }
 
     /// Reads a tile that another machine has painted, and makes sure that it is the one.
@@ -62,7 +62,7 @@ impl Link {
     /// It is not there, or another one, with the reason.
     pub(super) fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
-        let packed = self.patiently(stop, || self.uplink.blobs().get(&name, TILE_BYTES_MAX))?;
+        let packed = self.patiently(stop, || self.uplink.tiles().get(&name, TILE_BYTES_MAX))?;
         let packed = packed.ok_or("its tile is nowhere")?;
         let bytes = unpack(&packed).map_err(|error| format!("its tile cannot be unpacked: {error}"))?;
         let tile = wire::get_tile(&mut wire::Reader::new(&bytes)).map_err(|error| error.to_string())?;
@@ -88,7 +88,7 @@ impl Link {
     pub fn forget(&self) {
         self.uplink.forget(&WorkKeys::new(self.work).prefix());
         let prefix = format!("work-{}/", self.work.0);
-        self.uplink.blobs().forget_all(|name| name.starts_with(&prefix));
+        self.uplink.tiles().forget_all(|name| name.starts_with(&prefix));
     }
 }
 

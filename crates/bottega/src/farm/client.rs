@@ -6,10 +6,11 @@ use bottega_agents::driver::nats::NatsUplink;
 use bottega_farm::{FarmCodec, JobReport, StopSwitch};
 
 use super::{
-    address::{FarmAddress, saved_address},
+    address::FarmAddress,
     job::{Job, JobState, Order, unix_seconds},
     job_board::{JobBoard, ended_badly},
-    names::{fresh_number, process_name},
+    link::{FarmLink, link},
+    names::fresh_number,
     part::{Leading, Member, Part, Tools, take_part},
     scene_files::SceneFiles,
 };
@@ -40,19 +41,20 @@ pub(crate) enum Painted {
 impl Asked {
     /// Sends the scene and asks for the picture.
     pub(crate) fn submit(
-        farm: Option<FarmAddress>,
+        farm: Option<&FarmAddress>,
         args: &RenderArgs,
         subject: &Subject,
         stop: &StopSwitch,
     ) -> Result<Self, CliError> {
-        let uplink = farm.map_or_else(saved_address, Ok)?.link()?;
+        let FarmLink { uplink, name, .. } = link(farm, &args.login)?;
+        if uplink.is_guest() {
+            return Err(CliError::failed(
+                "this machine may paint for the farm, and not ask it for pictures",
+                "join by the other line that `bottega up` printed",
+            ));
+        }
         let order = Order { words: words()?, files: send_files(&uplink, args, subject)? };
-        let member = Member {
-            board: JobBoard { uplink },
-            name: process_name(),
-            threads: threads(&args.scene),
-            stop: stop.clone(),
-        };
+        let member = Member { board: JobBoard { uplink }, name, threads: threads(&args.scene), stop: stop.clone() };
         let mut job = Job {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             work: fresh_number(),

@@ -1,8 +1,8 @@
 //! The jobs of a farm as its notices have them, and who leads each.
 //!
-//! - `job-N`: the job; changed by compare-and-set, so that no change is lost.
-//! - `lead-N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
-//! - `seat-NAME`: a machine that is there, and what it paints.
+//! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
+//! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `seat/MEMBER/NAME`: a machine that is there, and what it paints.
 
 use std::{sync::Arc, thread, time::Duration};
 
@@ -78,12 +78,12 @@ impl JobBoard {
         let jobs = self.all();
         let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
         let work = |name: &str| name.strip_prefix("work-")?.split('/').next()?.parse().ok();
-        self.uplink.blobs().forget_all(|name| work(name).is_some_and(|work| !is_live(work)));
+        self.uplink.tiles().forget_all(|name| work(name).is_some_and(|work| !is_live(work)));
     }
 
     /// All jobs, by number.
     pub(crate) fn all(&self) -> Vec<(u32, Job)> {
-        let notices = self.uplink.notices().all("job-");
+        let notices = self.uplink.notices().all("job/");
         let read = notices.iter().filter_map(|notice| Some((number_of(&notice.name)?, read(notice)?)));
         let mut all: Vec<(u32, Job)> = read.collect();
         all.sort_by_key(|(number, _)| *number);
@@ -98,6 +98,7 @@ impl JobBoard {
     /// then.
     pub(crate) fn change(&self, number: u32, change: impl Fn(&mut Job) -> bool) -> Result<Job, CliError> {
         let notices = self.uplink.notices();
+        self.refuse_guests()?;
         for _ in 0..TRIES_MAX {
             let notice = notices.get(&job_name(number)).ok_or_else(|| no_such(number))?;
             let mut job: Job = read(&notice).ok_or_else(|| no_such(number))?;
@@ -114,8 +115,21 @@ impl JobBoard {
         Err(too_busy())
     }
 
+    fn refuse_guests(&self) -> Result<(), CliError> {
+        if !self.uplink.is_guest() {
+            return Ok(());
+        }
+        Err(CliError::failed(
+            "this machine may paint for the farm, and not steer its jobs",
+            "join by the other line that `bottega up` printed",
+        ))
+    }
+
     /// Writes a line into a job's log. That it could not be written stops nobody.
     pub(crate) fn log(&self, number: u32, line: &str) {
+        if self.uplink.is_guest() {
+            return;
+        }
         let said = self.change(number, |job| {
             job.say(line);
             true
@@ -128,6 +142,7 @@ impl JobBoard {
     /// Forgets a job and all that was kept for it.
     pub(crate) fn remove(&self, number: u32) -> Result<(), CliError> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
+        self.refuse_guests()?;
         self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
         let prefix = format!("job-{}/", job.work);
@@ -163,6 +178,9 @@ impl JobBoard {
 
     /// Takes the lead of a job, if nobody has it. `None`: somebody has.
     pub(crate) fn claim(&self, number: u32, me: &str) -> Result<Option<Lease>, CliError> {
+        if self.uplink.is_guest() {
+            return Ok(None);
+        }
         let notice = self.uplink.notices().get(&lead_name(number));
         let before: Lead = notice.as_ref().and_then(read).unwrap_or_default();
         if before.leader.is_some() && notice.as_ref().is_some_and(|notice| notice.unchanged < LEADER_SILENT) {
@@ -197,20 +215,20 @@ impl JobBoard {
 
     /// Machines that are there.
     pub(crate) fn seats(&self) -> Vec<Seat> {
-        let notices = self.uplink.notices().all("seat-");
+        let notices = self.uplink.notices().all("seat/");
         notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY).filter_map(read).collect()
     }
 
     /// Says that a machine is there.
     pub(crate) fn sit(&self, seat: &Seat) {
-        if let Err(error) = self.uplink.notices().put(&format!("seat-{}", seat.name), &text(seat)) {
+        if let Err(error) = self.uplink.notices().put(&seat_name(&seat.name), &text(seat)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
     /// Says that it has gone.
     pub(crate) fn rise(&self, name: &str) {
-        if let Err(error) = self.uplink.notices().remove(&format!("seat-{name}")) {
+        if let Err(error) = self.uplink.notices().remove(&seat_name(name)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
@@ -237,15 +255,21 @@ fn text(what: &impl Serialize) -> Vec<u8> {
 }
 
 fn job_name(number: u32) -> String {
-    format!("job-{number}")
+    format!("job/{number}")
 }
 
 fn lead_name(number: u32) -> String {
-    format!("lead-{number}")
+    format!("lead/{number}")
+}
+
+/// A machine may say of itself alone that it is there.
+fn seat_name(process: &str) -> String {
+    let member = process.split_once('.').map_or(process, |(member, _)| member);
+    format!("seat/{member}/{process}")
 }
 
 fn number_of(name: &str) -> Option<u32> {
-    name.strip_prefix("job-")?.parse().ok()
+    name.strip_prefix("job/")?.parse().ok()
 }
 
 fn order_blob(work: u64) -> String {
@@ -256,7 +280,7 @@ fn picture_blob(work: u64) -> String {
     format!("job-{work}/picture")
 }
 
-fn no_such(number: u32) -> CliError {
+pub(super) fn no_such(number: u32) -> CliError {
     CliError::failed(format!("the farm has no job {number}"), "`bottega jobs list` shows those that it has")
 }
 

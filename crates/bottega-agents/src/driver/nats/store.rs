@@ -24,7 +24,12 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 ///
 /// A bucket is a stream of this shape. It is made as one, for the library's own way of making buckets does not read what
 /// servers before 2.10 say of an account.
-pub(super) async fn open(context: &Context, bucket: String, what: &'static str) -> Result<kv::Store, NatsError> {
+pub(super) async fn open(
+    context: &Context,
+    bucket: String,
+    what: &'static str,
+    may_make: bool,
+) -> Result<kv::Store, NatsError> {
     let keep = |reason: String| NatsError::Keep { what, reason };
     let wanted = stream::Config {
         name: format!("KV_{bucket}"),
@@ -42,6 +47,7 @@ pub(super) async fn open(context: &Context, bucket: String, what: &'static str) 
     };
     let store = match context.get_key_value(&bucket).await {
         Ok(store) => store,
+        Err(error) if !may_make => return Err(keep(error.to_string())),
         Err(_) => {
             context.create_stream(wanted.clone()).await.map_err(|error| keep(error.to_string()))?;
             context.get_key_value(&bucket).await.map_err(|error| keep(error.to_string()))?

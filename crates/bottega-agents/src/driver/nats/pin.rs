@@ -1,0 +1,120 @@
+//! A server that is known by its certificate alone: no authority need vouch for it, and no other can take its place.
+
+use std::{fmt, str::FromStr, sync::Arc};
+
+use rustls::{
+    ClientConfig, DigitallySignedStruct, Error, SignatureScheme,
+    client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier},
+    crypto::{CryptoProvider, ring, verify_tls12_signature, verify_tls13_signature},
+    pki_types::{CertificateDer, ServerName, UnixTime},
+};
+
+/// Bytes of a pin: as hard to hit as a token is to guess.
+const BYTES: usize = 16;
+
+/// The digest of a certificate (BLAKE3, cut).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Pin([u8; BYTES]);
+
+impl Pin {
+    /// Of a certificate in DER.
+    pub fn of(certificate: &[u8]) -> Self {
+        let hash = blake3::hash(certificate);
+        let mut pin = [0; BYTES];
+        pin.copy_from_slice(&hash.as_bytes()[..BYTES]);
+        Self(pin)
+    }
+
+    /// Of a client that talks to no other server.
+    pub fn client_config(self) -> ClientConfig {
+        let provider = Arc::new(ring::default_provider());
+        let verifier = Arc::new(OnlyThis { pin: self, provider: Arc::clone(&provider) });
+        ClientConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .expect("the provider knows the versions of TLS that it is made for")
+            .dangerous()
+            .with_custom_certificate_verifier(verifier)
+            .with_no_client_auth()
+    }
+}
+
+impl fmt::Display for Pin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl FromStr for Pin {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        if text.len() != 2 * BYTES || !text.is_ascii() {
+            return Err(());
+        }
+        let mut pin = [0; BYTES];
+        for (byte, at) in pin.iter_mut().zip((0..text.len()).step_by(2)) {
+            *byte = u8::from_str_radix(&text[at..at + 2], 16).map_err(|_| ())?;
+        }
+        Ok(Self(pin))
+    }
+}
+
+#[derive(Debug)]
+struct OnlyThis {
+    pin: Pin,
+    provider: Arc<CryptoProvider>,
+}
+
+impl ServerCertVerifier for OnlyThis {
+    fn verify_server_cert(
+        &self,
+        certificate: &CertificateDer<'_>,
+        _intermediates: &[CertificateDer<'_>],
+        _server_name: &ServerName<'_>,
+        _ocsp_response: &[u8],
+        _now: UnixTime,
+    ) -> Result<ServerCertVerified, Error> {
+        if Pin::of(certificate) == self.pin {
+            Ok(ServerCertVerified::assertion())
+        } else {
+            Err(Error::General("the server has another certificate than that of the farm".to_owned()))
+        }
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        verify_tls12_signature(message, certificate, signed, &self.provider.signature_verification_algorithms)
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        verify_tls13_signature(message, certificate, signed, &self.provider.signature_verification_algorithms)
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        self.provider.signature_verification_algorithms.supported_schemes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pin_is_read_as_it_is_written() {
+        let pin = Pin::of(b"certificate");
+        assert_eq!(pin.to_string().parse(), Ok(pin));
+        assert_ne!(Pin::of(b"another"), pin);
+        for wrong in ["", "12", "zz", "éééééééééééééééé", &"0".repeat(33)] {
+            assert!(wrong.parse::<Pin>().is_err(), "{wrong}");
+        }
+    }
+}

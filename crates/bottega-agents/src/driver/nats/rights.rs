@@ -1,0 +1,46 @@
+//! What a server is to allow whom.
+//!
+//! Who only paints may say what its own agents say, that it is there, and what it has painted; it may read scenes and be
+//! told. It cannot speak as a Master, write rows, jobs or who leads, or touch streams.
+
+use super::names;
+
+/// The inbox of one who has no key yet.
+pub(super) const NEWCOMER: &str = "NEWCOMER";
+
+/// Subjects that one may say something on, and hear.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rights {
+    /// Said.
+    pub publish: Vec<String>,
+    /// Heard.
+    pub subscribe: Vec<String>,
+}
+
+impl Rights {
+    /// Of one who knows the word of a group, and has no key yet.
+    pub fn of_newcomer(group: &str) -> Self {
+        Self { publish: vec![names::enrolment(group)], subscribe: vec![format!("{}.>", names::inbox(NEWCOMER))] }
+    }
+
+    /// Of a member that only paints.
+    pub fn of_guest(farm: &str, member: &str) -> Self {
+        let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
+        let [objects, tiles] = [names::objects(farm), names::tiles(farm)].map(|bucket| format!("OBJ_{bucket}"));
+        let mut publish = vec![
+            names::said_by(farm, member),
+            format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
+            format!("$O.{}.>", names::tiles(farm)),
+            "$JS.FC.>".to_owned(),
+        ];
+        publish.extend([&rows, &notices, &objects, &tiles].map(|stream| format!("$JS.API.STREAM.INFO.{stream}")));
+        for stream in [&notices, &objects, &tiles] {
+            for call in ["DIRECT.GET", "STREAM.MSG.GET", "CONSUMER.CREATE"] {
+                publish.push(format!("$JS.API.{call}.{stream}"));
+                publish.push(format!("$JS.API.{call}.{stream}.>"));
+            }
+            publish.push(format!("$JS.API.CONSUMER.INFO.{stream}.>"));
+        }
+        Self { publish, subscribe: vec![format!("{}.>", names::inbox(member)), names::said_to(farm, member)] }
+    }
+}
