@@ -14,12 +14,13 @@ pub(crate) use self::values::{
     ToneArg, parse_duration,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rect,
-    parse_size, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rate,
+    parse_rect, parse_size, parse_stops, parse_time,
 };
 use crate::{
     bench::MagarroArgs,
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, PRIORITY, UpArgs},
+    frames::Frames,
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -74,7 +75,7 @@ pub(crate) enum Command {
 }
 
 /// Which scene file, and how it is read.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct FileArgs {
     /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
     #[arg(value_hint = ValueHint::FilePath)]
@@ -115,7 +116,7 @@ impl FileArgs {
 }
 
 /// Which scene, which camera, how large: what `render` and `analyze` share.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
     #[command(flatten)]
     pub(crate) file: FileArgs,
@@ -173,7 +174,7 @@ impl SceneArgs {
     }
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
@@ -246,6 +247,13 @@ pub(crate) struct RenderArgs {
     /// Let a GPU take part where it can (the look at the scene): part of its name, see `bottega devices`.
     #[arg(long, value_name = "NAME", help_heading = "Work")]
     pub(crate) gpu: Option<String>,
+    /// Paint an animation: frames FIRST..LAST, both included. The number of a frame takes the place of `####` in the name of
+    /// the output. With --farm all frames are painted at once, by all machines.
+    #[arg(long, value_name = "FIRST..LAST", conflicts_with_all = ["at", "resume", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
+    pub(crate) frames: Option<Frames>,
+    /// Frames a second: frame N shows the scene at N / FPS seconds.
+    #[arg(long, value_name = "FPS", default_value_t = 24.0, requires = "frames", value_parser = parse_rate, help_heading = "Work")]
+    pub(crate) fps: f32,
     /// Paint with all machines of a farm: the one that `bottega up` runs on this machine, or the one named.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, conflicts_with_all = ["record", "time"], help_heading = "Work")]
     pub(crate) farm: Option<Option<FarmAddress>>,

@@ -9,6 +9,7 @@ mod devices;
 mod diff;
 mod error;
 mod farm;
+mod frames;
 mod info;
 mod keeping;
 mod platform;
@@ -25,7 +26,11 @@ use clap::{CommandFactory, Parser};
 use cli::{Cli, Command};
 use error::CliError;
 
+/// Exit code of a program that was told more than somebody wanted to hear, as shells have it: 128 and SIGPIPE.
+const NOBODY_LISTENS: i32 = 141;
+
 fn main() -> ExitCode {
+    end_quietly_when_nobody_listens();
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| "warn".into()))
         .with_writer(io::stderr)
@@ -56,4 +61,16 @@ fn report(error: CliError) -> ExitCode {
     let code = if error.is_usage() { 2 } else { 1 };
     eprintln!("{:?}", miette::Report::new(error));
     ExitCode::from(code)
+}
+
+/// `bottega jobs list | head -1` ends the reader first: that is no fault of anybody's. The standard library panics then.
+fn end_quietly_when_nobody_listens() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let words = panic.payload().downcast_ref::<String>();
+        if words.is_some_and(|words| words.starts_with("failed printing to std") && words.contains("Broken pipe")) {
+            std::process::exit(NOBODY_LISTENS);
+        }
+        tell(panic);
+    }));
 }

@@ -18,6 +18,7 @@ use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
+    frames,
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
@@ -43,6 +44,16 @@ const DEFAULT_DEPTH: u32 = 16;
 const INTERRUPTED: u8 = 130;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
+    let stop = StopSwitch::new();
+    stop_on_signal(&stop)?;
+    match &args.frames {
+        Some(frames) => frames::run(args, frames, &stop),
+        None => one(args, &stop),
+    }
+}
+
+/// Paints one picture.
+pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliError> {
     let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
@@ -56,9 +67,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
-    let stop = StopSwitch::new();
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.as_ref(), args, &subject, &stop)?;
+        let asked = Asked::submit(farm.as_ref(), args, &subject, stop)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -74,7 +84,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let painter = Arc::clone(&engine);
     reporter.watch(move || painter.samples_done());
-    stop_on_signal(&stop)?;
     settings.goal = goal(args, begun)?;
     let (painter, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
         (Arc::clone(&engine) as _, Arc::clone(&reporter) as _);
@@ -83,10 +92,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &subject, &stop)).transpose()?;
+    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &subject, stop)).transpose()?;
     let tools =
         Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
-    let (report, leading) = match painted(asked.as_ref(), tools, &stop, &reporter)? {
+    let (report, leading) = match painted(asked.as_ref(), tools, stop, &reporter)? {
         Painted::Here(report, leading) => (*report, leading),
         Painted::Elsewhere(picture) => return had(args, &reporter, &picture, &keeping.path),
     };
@@ -132,7 +141,7 @@ fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -
 }
 
 /// Which voice, dashboard and trace.
-fn reporter(args: &RenderArgs, dashboard: Option<Dashboard>) -> Result<Reporter, CliError> {
+pub(crate) fn reporter(args: &RenderArgs, dashboard: Option<Dashboard>) -> Result<Reporter, CliError> {
     let voice = match (args.scene.json, args.quiet) {
         (true, _) => Voice::Json,
         (_, true) => Voice::Quiet,
@@ -283,6 +292,11 @@ fn hinted_crop(subject: &Subject) -> Option<Rect> {
     let frame = subject.frame();
     let (x1, y1) = (x.saturating_add(width).min(frame.x1), y.saturating_add(height).min(frame.y1));
     (x < x1 && y < y1).then(|| Rect::new(x, y, x1, y1))
+}
+
+/// How a work ends that the user stopped.
+pub(crate) fn interrupted() -> ExitCode {
+    ExitCode::from(INTERRUPTED)
 }
 
 /// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.

@@ -122,3 +122,14 @@ fn resume_without_anything_to_resume_says_so() {
     let picture = folder.path().join("picture.exr");
     fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to go on with", "--resume"]);
 }
+
+#[cfg(unix)]
+#[test]
+fn when_nobody_listens_it_ends_quietly() {
+    let mut command = support::bottega(&["info", "cornell-box.glb"]);
+    let mut child =
+        command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().expect("a start");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("an end");
+    assert_eq!((output.status.code(), told(&output)), (Some(141), String::new()));
+}

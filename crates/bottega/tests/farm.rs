@@ -24,7 +24,10 @@ use tempfile::TempDir;
 /// Farms are timed by the clock: one at a time has the processors.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 const WAIT: Duration = Duration::from_secs(60);
-const PICTURE: [&str; 8] = ["--size", "96x72", "--spp", "256", "--seed", "5", "--quiet", "--zones=24"];
+const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--zones=24"];
+/// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
+const FEW: &str = "--spp=256";
+const MANY: &str = "--spp=1600";
 
 fn servers() -> Vec<PathBuf> {
     let named = env::var_os("BOTTEGA_NATS_SERVERS");
@@ -101,6 +104,15 @@ impl Farm {
         self.until_says("up.log", "bottega join");
     }
 
+    /// The server itself, as if its machine had lost power.
+    fn kill_server(&self) {
+        let number = fs::read_to_string(self.path("state/bottega/server/server.pid")).unwrap_or_default();
+        if !number.trim().is_empty() {
+            // It may be gone already.
+            _ = Command::new("kill").args(["-KILL", number.trim()]).stderr(Stdio::null()).status();
+        }
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -149,15 +161,23 @@ impl Farm {
     }
 
     fn render(&self, output: &str, more: &[&str]) -> Process {
+        self.render_by(output, FEW, more)
+    }
+
+    fn render_by(&self, output: &str, samples: &str, more: &[&str]) -> Process {
         let path = self.path(output);
-        let arguments = ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm"];
+        let arguments = ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", samples];
         self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{output}.log"))
     }
 
     /// The picture of one machine alone.
     fn plain(&self) -> Vec<[u32; 3]> {
+        self.plain_by(FEW)
+    }
+
+    fn plain_by(&self, samples: &str) -> Vec<[u32; 3]> {
         let path = self.path("plain.exr");
-        self.succeed(&[&["render", "goblets.glb", "-o", text(&path)], &PICTURE[..]].concat());
+        self.succeed(&[&["render", "goblets.glb", "-o", text(&path), samples], &PICTURE[..]].concat());
         bits(&path)
     }
 
@@ -203,6 +223,13 @@ impl Farm {
 
     fn log_of(&self, number: u32) -> String {
         self.succeed(&["jobs", "log", &number.to_string()])
+    }
+}
+
+impl Drop for Farm {
+    fn drop(&mut self) {
+        self.up = None;
+        self.kill_server();
     }
 }
 
@@ -310,6 +337,66 @@ fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
     assert!(farm.up.take().expect("a server").end());
     thread::sleep(Duration::from_secs(5));
     farm.up();
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
+    let Some(server) = servers().pop() else { return };
+    let mut farm = Farm::start(&server);
+    let plain = farm.plain_by(MANY);
+    let mut machines = [farm.join("m0"), farm.join("m1"), farm.join("m2")];
+    assert!(farm.render_by("a.exr", MANY, &["--detach"]).wait(), "{}", farm.logs());
+    let mut killed = Vec::new();
+    for turn in 0.. {
+        thread::sleep(Duration::from_secs(3));
+        let shown = farm.run(&["jobs", "show", "1", "--json"]);
+        let job: Value = serde_json::from_slice(&shown.stdout).unwrap_or_default();
+        if job["state"] == "done" {
+            break;
+        }
+        assert!(turn < 60, "{}", farm.logs());
+        match turn % 3 {
+            0 => {
+                let leader = job["leader"].as_str().unwrap_or_default().to_owned();
+                killed.push(format!("machine, while {leader} led"));
+                let next = turn / 3 % 3;
+                machines[next].kill();
+                machines[next] = farm.join(&format!("m{next}-{turn}"));
+            }
+            1 => {
+                killed.push("server".to_owned());
+                farm.kill_server();
+            }
+            _ => {
+                killed.push("up".to_owned());
+                farm.up = None;
+                farm.up();
+            }
+        }
+    }
+    assert!(killed.len() >= 3, "it was painted too soon: {killed:?}");
+    let path = farm.path("a.exr");
+    farm.succeed(&["jobs", "fetch", "1"]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn a_leader_that_was_stopped_for_a_while_finds_another_and_does_no_harm() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _one = farm.join("one");
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    let signal = |what: &str| {
+        let sent = Command::new("kill").args([what, &render.0.id().to_string()]).status();
+        assert!(sent.expect("kill runs").success());
+    };
+    signal("-STOP");
+    farm.until("another one leads", || farm.log_of(1).matches(" leads").count() == 2);
+    signal("-CONT");
     assert!(render.wait(), "{}", farm.logs());
     assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
 }
@@ -497,4 +584,23 @@ fn forbidden_subjects(farm: &Farm, seed: &str, member: &str) -> (Vec<String>, us
         heard
     });
     (heard, refused.load(Ordering::Relaxed))
+}
+
+#[test]
+fn an_animation_has_the_pictures_of_its_frames() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let (_one, _two) = (farm.join("one"), farm.join("two"));
+    let alone = farm.path("alone-##.exr");
+    let picture = ["--size", "48x36", "--spp", "64", "--quiet"];
+    let frames = ["render", "goblets.glb", "--frames", "3..6", "--fps", "12"];
+    farm.succeed(&[&frames[..], &picture, &["-o", text(&alone)]].concat());
+    let together = farm.path("together.exr");
+    farm.succeed(&[&frames[..], &picture, &["-o", text(&together), "--farm", "--threads", "1"]].concat());
+    for frame in 3..=6 {
+        let alone = bits(&farm.path(&format!("alone-{frame:02}.exr")));
+        assert!(bits(&farm.path(&format!("together.{frame:04}.exr"))) == alone, "{frame}: {}", farm.logs());
+    }
+    assert!(farm.succeed(&["jobs", "list", "--json"]).is_empty(), "nobody needs the jobs any more");
+    farm.until_says("one", "done");
 }

@@ -167,6 +167,12 @@ pub(super) fn parse_factor(text: &str) -> Result<f32, String> {
     }
 }
 
+/// A number above nothing.
+pub(super) fn parse_rate(text: &str) -> Result<f32, String> {
+    let rate = text.parse().ok().filter(|rate: &f32| rate.is_finite() && *rate > 0.0);
+    rate.ok_or_else(|| "a number above 0 is needed".to_owned())
+}
+
 pub(super) fn parse_time(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|time| time.is_finite()).ok_or_else(|| "a number of seconds is needed".to_owned())
 }

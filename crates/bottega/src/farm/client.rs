@@ -47,26 +47,11 @@ impl Asked {
         stop: &StopSwitch,
     ) -> Result<Self, CliError> {
         let FarmLink { uplink, name, .. } = link(farm, &args.login)?;
-        if uplink.is_guest() {
-            return Err(CliError::failed(
-                "this machine may paint for the farm, and not ask it for pictures",
-                "join by the other line that `bottega up` printed",
-            ));
-        }
-        let order = Order { words: words()?, files: send_files(&uplink, args, subject)? };
-        let member = Member { board: JobBoard { uplink }, name, threads: threads(&args.scene), stop: stop.clone() };
-        let mut job = Job {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            work: fresh_number(),
-            scene: shown(&args.scene.file.scene),
-            output: shown(&args.output),
-            from: member.name.clone(),
-            submitted: unix_seconds(),
-            priority: args.priority,
-            state: JobState::Active,
-            log: Vec::new(),
-        };
-        job.say(format!("asked for by {}", member.name));
+        let board = JobBoard { uplink };
+        board.refuse_guests()?;
+        let order = Order { words: words()?, files: send_files(&board.uplink, args, subject)?, frame: None };
+        let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
+        let job = new_job(args, &member.name);
         member.board.sweep();
         let number = member.board.submit(&job, &order)?;
         Ok(Self { member, number })
@@ -157,7 +142,25 @@ pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     super::scene_files::write_whole(path, bytes)
 }
 
-fn words() -> Result<Vec<String>, CliError> {
+/// A job that is asked for now.
+pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
+    let mut job = Job {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        work: fresh_number(),
+        scene: shown(&args.scene.file.scene),
+        output: shown(&args.output),
+        from: from.to_owned(),
+        submitted: unix_seconds(),
+        priority: args.priority,
+        state: JobState::Active,
+        log: Vec::new(),
+    };
+    job.say(format!("asked for by {from}"));
+    job
+}
+
+/// What the user wrote, from `render` on.
+pub(super) fn words() -> Result<Vec<String>, CliError> {
     let words = env::args_os().skip(1).map(|word| {
         word.into_string().map_err(|_| {
             CliError::usage("an argument is no UTF-8 text", "other machines cannot be told of it: rename the file")
@@ -166,7 +169,8 @@ fn words() -> Result<Vec<String>, CliError> {
     words.collect()
 }
 
-fn send_files(
+/// Has the farm keep the files of a scene.
+pub(super) fn send_files(
     uplink: &Arc<NatsUplink<FarmCodec>>,
     args: &RenderArgs,
     subject: &Subject,

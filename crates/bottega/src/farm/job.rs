@@ -100,6 +100,8 @@ pub(crate) struct Order {
     /// What its user wrote, from `render` on.
     pub(crate) words: Vec<String>,
     pub(crate) files: SceneFiles,
+    /// The frame, where it is one of an animation.
+    pub(crate) frame: Option<u32>,
 }
 
 impl Order {
@@ -112,6 +114,9 @@ impl Order {
                 "install the same version of bottega on all machines",
             ));
         };
+        if let Some(frame) = self.frame {
+            *args = args.at_frame(frame);
+        }
         args.scene.file.scene = scene.to_owned();
         // References out of the scene's folder lie within the cache: where they are was decided when they were fetched.
         args.scene.file.allow_outside = true;

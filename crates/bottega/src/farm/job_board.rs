@@ -115,7 +115,8 @@ impl JobBoard {
         Err(too_busy())
     }
 
-    fn refuse_guests(&self) -> Result<(), CliError> {
+    /// Who may only paint may not do anything else.
+    pub(super) fn refuse_guests(&self) -> Result<(), CliError> {
         if !self.uplink.is_guest() {
             return Ok(());
         }

@@ -5,6 +5,9 @@
 //! die, and any other process goes on.
 
 mod address;
+mod animation;
+mod cache;
+mod chunks;
 mod client;
 mod discovery;
 mod job;
@@ -20,9 +23,11 @@ mod server;
 mod shares;
 mod studio;
 mod up;
+mod worker;
 
 pub(crate) use self::{
     address::FarmAddress,
+    animation::animate,
     client::{Asked, Painted, write_picture},
     job::PRIORITY,
     jobs::{JobsArgs, run as jobs},

@@ -9,10 +9,12 @@ use bottega_agents::driver::nats::NatsBlobs;
 use bottega_scene::SceneFile;
 use serde::{Deserialize, Serialize};
 
+use super::{
+    cache::Cache,
+    chunks::{self, Contents},
+};
 use crate::error::CliError;
 
-/// The largest file that is taken from a farm.
-const FILE_BYTES_MAX: usize = 1 << 33;
 /// Files of a scene at most.
 const FILES_MAX: usize = 1 << 16;
 
@@ -21,8 +23,7 @@ const FILES_MAX: usize = 1 << 16;
 pub(crate) struct SentFile {
     /// Relative to the folder of the scene; may lead out of it by `..`.
     name: String,
-    /// BLAKE3, hexadecimal: it is kept under this name.
-    hash: String,
+    contents: Contents,
 }
 
 /// All files of a scene.
@@ -61,7 +62,7 @@ impl SceneFiles {
     }
 
     /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
-    pub(crate) fn fetch(&self, cache: &Path, blobs: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), CliError> {
+    pub(crate) fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), CliError> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(CliError::failed(
                 "the work names no scene, or too many files",
@@ -70,18 +71,21 @@ impl SceneFiles {
         }
         let all = || self.files.iter().chain(&self.environment);
         let mut hasher = blake3::Hasher::new();
-        all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.hash).as_bytes()));
+        all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.contents.hash).as_bytes()));
         // As deep as references lead out of the scene's folder, so that none leads out of this one.
         let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
-        let root = cache.join("scenes").join(hasher.finalize().to_hex().as_str());
+        let root = cache.scene(hasher.finalize().to_hex().as_str());
         let folder = (0..depth).fold(root.clone(), |folder, _| folder.join("in"));
         for file in all() {
             let path = file.below(&root, &folder)?;
             if !path.exists() {
-                let kept = file.kept(cache, blobs)?;
-                place(&kept, &path)?;
+                chunks::fetch(&file.name, &file.contents, cache, store)?;
+                place(&cache.file(&file.contents.hash), &path)?;
             }
+            Cache::touch(&path);
         }
+        let in_use: Vec<PathBuf> = all().map(|file| cache.file(&file.contents.hash)).collect();
+        cache.trim(&root, &in_use);
         let scene = self.files[0].below(&root, &folder)?;
         let environment = self.environment.as_ref().map(|file| file.below(&root, &folder)).transpose()?;
         Ok((scene, environment))
@@ -92,18 +96,8 @@ fn leading_out(name: &str) -> usize {
     Path::new(name).components().take_while(|part| *part == Component::ParentDir).count()
 }
 
-fn send(name: String, path: &Path, blobs: &NatsBlobs) -> Result<SentFile, CliError> {
-    let bytes = fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    let hash = blake3::hash(&bytes).to_hex().to_string();
-    let blob = blob_name(&hash);
-    if !blobs.has(&blob).map_err(CliError::Blob)? {
-        blobs.put(&blob, &bytes).map_err(CliError::Blob)?;
-    }
-    Ok(SentFile { name, hash })
-}
-
-fn blob_name(hash: &str) -> String {
-    format!("file/{hash}")
+fn send(name: String, path: &Path, store: &NatsBlobs) -> Result<SentFile, CliError> {
+    Ok(SentFile { name, contents: chunks::send(path, store)? })
 }
 
 impl SentFile {
@@ -124,29 +118,6 @@ impl SentFile {
                 ));
             }
         }
-        Ok(path)
-    }
-
-    /// The file in the cache, fetched if it was not there, and what it says it is.
-    fn kept(&self, cache: &Path, blobs: &NatsBlobs) -> Result<PathBuf, CliError> {
-        let other = || {
-            CliError::failed(
-                format!("what came for `{}` is not what was sent", self.name),
-                "try again; if it stays so, the store of the NATS server is damaged",
-            )
-        };
-        if self.hash.len() != 64 || !self.hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-            return Err(other());
-        }
-        let path = cache.join("files").join(&self.hash);
-        if path.exists() {
-            return Ok(path);
-        }
-        let bytes = blobs.get(&blob_name(&self.hash), FILE_BYTES_MAX).map_err(CliError::Blob)?.ok_or_else(other)?;
-        if blake3::hash(&bytes).to_hex().as_str() != self.hash {
-            return Err(other());
-        }
-        write_whole(&path, &bytes)?;
         Ok(path)
     }
 }
@@ -174,7 +145,8 @@ mod tests {
     #[test]
     fn no_file_leads_out_of_the_folder_of_its_scene() {
         let (root, folder) = (Path::new("/cache/scenes/1"), Path::new("/cache/scenes/1/in"));
-        let file = |name: &str| SentFile { name: name.to_owned(), hash: String::new() }.below(root, folder);
+        let contents: Contents = serde_json::from_str(r#"{"hash":"","chunks":[]}"#).unwrap();
+        let file = |name: &str| SentFile { name: name.to_owned(), contents: contents.clone() }.below(root, folder);
         assert_eq!(file("a/b.ply").unwrap(), Path::new("/cache/scenes/1/in/a/b.ply"));
         assert_eq!(file("../b.ply").unwrap(), Path::new("/cache/scenes/1/b.ply"));
         for wrong in ["../../b.ply", "/etc/passwd", "../../../etc/passwd", "a/../../../x"] {

@@ -1,4 +1,4 @@
-//! A NATS server as a child of this process.
+//! A NATS server as a child of this process; or one that an earlier such process left behind.
 
 use std::{
     env, fs,
@@ -49,16 +49,26 @@ impl Setup {
         let quoted = |path: &Path| format!("{:?}", path.display().to_string());
         let text = format!(
             "listen: \"{}\"\ntls {{ cert_file: {}, key_file: {} }}\njetstream {{ store_dir: {} }}\nlog_file: {}\n\
-             authorization {{\n  timeout: 5\n  users: [\n{}  ]\n}}\n",
+             pid_file: {}\nauthorization {{\n  timeout: 5\n  users: [\n{}  ]\n}}\n",
             self.listen,
             quoted(&certificate_file),
             quoted(&key_file),
             quoted(&self.folder.join("jetstream")),
             quoted(&self.log()),
+            quoted(&self.pid_file()),
             members.users(),
         );
         write_secret(&config, text.as_bytes())?;
         Ok(config)
+    }
+
+    fn pid_file(&self) -> PathBuf {
+        self.folder.join("server.pid")
+    }
+
+    /// The number of the process that serves, where one does.
+    pub(super) fn running(&self) -> Option<u32> {
+        fs::read_to_string(self.pid_file()).ok()?.trim().parse().ok()
     }
 
     /// Where the server says what it does.
@@ -69,8 +79,14 @@ impl Setup {
 
 /// A NATS server. It ends with this.
 pub(super) struct Server {
-    child: Child,
     program: PathBuf,
+    process: Process,
+}
+
+enum Process {
+    Child(Child),
+    /// Of one who died and left it behind.
+    Adopted(u32),
 }
 
 impl Server {
@@ -83,18 +99,34 @@ impl Server {
                 "is it a NATS server? name another: --server",
             )
         })?;
-        Ok(Self { child, program: program.to_owned() })
+        Ok(Self { program: program.to_owned(), process: Process::Child(child) })
     }
 
-    /// Whether it has ended, and how.
+    /// The server of this number, which is known to be one of ours.
+    pub(super) fn adopt(program: &Path, number: u32) -> Self {
+        Self { program: program.to_owned(), process: Process::Adopted(number) }
+    }
+
+    pub(super) fn is_adopted(&self) -> bool {
+        matches!(self.process, Process::Adopted(_))
+    }
+
+    /// Whether it has ended, and how. Of one that was adopted it is not known.
     pub(super) fn ended(&mut self) -> Result<Option<ExitStatus>, CliError> {
-        self.child.try_wait().map_err(|source| CliError::Read { path: self.program.clone(), source })
+        match &mut self.process {
+            Process::Child(child) => {
+                child.try_wait().map_err(|source| CliError::Read { path: self.program.clone(), source })
+            }
+            Process::Adopted(_) => Ok(None),
+        }
     }
 
     /// What it said before it ended.
     pub(super) fn last_words(&mut self, log: &Path) -> String {
         let mut said = String::new();
-        if let Some(mut errors) = self.child.stderr.take() {
+        if let Process::Child(child) = &mut self.process
+            && let Some(mut errors) = child.stderr.take()
+        {
             _ = errors.read_to_string(&mut said);
         }
         if said.trim().is_empty() {
@@ -103,21 +135,28 @@ impl Server {
         }
         said.trim().to_owned()
     }
+}
 
-    /// How to have it read its configuration anew.
-    pub(super) fn reload(&self) -> impl Fn() -> bool + Send + Sync + 'static {
-        let (program, signal) = (self.program.clone(), format!("reload={}", self.child.id()));
-        move || {
-            let mut command = Command::new(&program);
-            command.arg("--signal").arg(&signal).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-            command.status().is_ok_and(|status| status.success())
-        }
-    }
+/// Has a server do something: `reload` its configuration, `quit`.
+pub(super) fn signal(program: &Path, what: &str, number: u32) -> bool {
+    let mut command = Command::new(program);
+    command.arg("--signal").arg(format!("{what}={number}"));
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        _ = self.child.kill();
-        _ = self.child.wait();
+        match &mut self.process {
+            Process::Child(child) => {
+                _ = child.kill();
+                _ = child.wait();
+            }
+            Process::Adopted(number) => {
+                if !signal(&self.program, "quit", *number) {
+                    tracing::warn!("the NATS server, process {number}, was not ended");
+                }
+            }
+        }
     }
 }

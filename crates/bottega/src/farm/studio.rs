@@ -7,6 +7,7 @@ use bottega_farm::{JobReport, JobSettings};
 use bottega_image::check_writable;
 
 use super::{
+    cache::Cache,
     job::Job,
     job_board::JobBoard,
     part::{Member, Tools},
@@ -25,7 +26,7 @@ pub(super) struct Studio {
 
 impl Studio {
     /// Fetches what this machine lacks of a job's scene, and loads it.
-    pub(super) fn open(member: &Member, job: &Job, cache: &Path, threads: Option<u16>) -> Result<Self, CliError> {
+    pub(super) fn open(member: &Member, job: &Job, cache: &Cache, threads: Option<u16>) -> Result<Self, CliError> {
         let own = env!("CARGO_PKG_VERSION");
         if job.version != own {
             return Err(CliError::failed(
@@ -65,10 +66,10 @@ impl Studio {
         board: &JobBoard,
         job: &Job,
         report: &JobReport,
-        cache: &Path,
+        cache: &Cache,
     ) -> Result<(), CliError> {
         let name = Path::new(&job.output).extension().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
-        let path = cache.join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
+        let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             let format = check_writable(&path)?;
             let metadata = render::metadata(&self.args, &self.subject, &self.settings, report);

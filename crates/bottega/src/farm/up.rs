@@ -3,11 +3,11 @@
 use std::{
     fs,
     net::{IpAddr, SocketAddr, UdpSocket},
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::ExitCode,
     sync::{Mutex, PoisonError},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Pin};
@@ -20,13 +20,17 @@ use super::{
     discovery::Beacon,
     link::{Answer, pinned, write_secret},
     members::Members,
-    server::{Server, Setup, program},
+    server::{Server, Setup, program, signal},
 };
 use crate::{error::CliError, render};
 
 /// How long a server may take to begin.
 const BEGIN_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(100);
+/// A server that lived for so long has not died of its configuration.
+const LIVES_LONG: Duration = Duration::from_secs(5);
+/// How often in turn it may die sooner.
+const DEATHS_MAX: u32 = 3;
 
 /// Start a farm on this machine: others join it by the line that this prints.
 #[derive(Debug, Args)]
@@ -61,12 +65,12 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     let words = Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin });
     let setup = Setup { folder, listen: args.listen };
     let config = setup.write(&members)?;
-    let mut server = Server::start(&program, &config)?;
     let [trusted, guest] = words;
     let here = FarmAddress::of_up(reachable_here(args.listen), trusted.clone());
-    let uplink = wait_until_it_answers(&mut server, &setup, &here, &trusted, members.seed())?;
+    let options = NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&here, &trusted, "up") };
+    let (mut server, uplink) = begin(&program, &config, &setup, &options)?;
     let log = setup.log();
-    let_in_newcomers(&uplink, members, setup, server.reload());
+    let_in_newcomers(&uplink, members, setup, program.clone());
     write_secret(&address_file(), here.to_string().as_bytes())?;
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
@@ -75,15 +79,7 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     if let Some(Err(error)) = &beacon {
         tracing::warn!(%error, "the local network is not told where the farm is");
     }
-    while !stop.is_requested() {
-        if let Some(status) = server.ended()? {
-            return Err(CliError::failed(
-                format!("the NATS server ended ({status})"),
-                format!("see {}", log.display()),
-            ));
-        }
-        thread::sleep(BETWEEN_TRIES);
-    }
+    keep_up(&mut server, &stop, &uplink, &program, &config, &log)?;
     if let Err(error) = fs::remove_file(address_file()) {
         tracing::debug!(%error, "the address was not removed");
     }
@@ -110,14 +106,21 @@ fn pin(members: &Members) -> Result<Pin, CliError> {
     Ok(Pin::of(&certificate))
 }
 
-fn wait_until_it_answers(
-    server: &mut Server,
+/// A server, and a link to it: the one that is there already, if it is ours, or else a new one.
+fn begin(
+    program: &Path,
+    config: &Path,
     setup: &Setup,
-    here: &FarmAddress,
-    word: &JoinWord,
-    seed: &str,
-) -> Result<NatsUplink<FarmCodec>, CliError> {
-    let options = NatsOptions { login: Login::NKey(seed.to_owned()), ..pinned(here, word, "up") };
+    options: &NatsOptions,
+) -> Result<(Server, NatsUplink<FarmCodec>), CliError> {
+    if let Some(number) = setup.running()
+        && let Ok(uplink) = NatsUplink::connect(options, FarmCodec)
+    {
+        // Nobody else's has this certificate.
+        signal(program, "reload", number);
+        return Ok((Server::adopt(program, number), uplink));
+    }
+    let mut server = Server::start(program, config)?;
     for last in (0..BEGIN_TRIES).rev() {
         if server.ended()?.is_some() {
             return Err(CliError::failed(
@@ -125,8 +128,8 @@ fn wait_until_it_answers(
                 "is another one running at the same address? choose another with --listen",
             ));
         }
-        match NatsUplink::connect(&options, FarmCodec) {
-            Ok(uplink) => return Ok(uplink),
+        match NatsUplink::connect(options, FarmCodec) {
+            Ok(uplink) => return Ok((server, uplink)),
             Err(source) if last == 0 => {
                 let remedy = format!("see {}", setup.log().display());
                 return Err(CliError::Farm { source, remedy });
@@ -137,20 +140,48 @@ fn wait_until_it_answers(
     Err(CliError::failed("the NATS server does not answer", "see its log"))
 }
 
-/// From now on those who know a word become members, and the server is told of them.
-fn let_in_newcomers(
+/// Starts the server again whenever it dies, until the user wants to stop.
+fn keep_up(
+    server: &mut Server,
+    stop: &StopSwitch,
     uplink: &NatsUplink<FarmCodec>,
-    members: Members,
-    setup: Setup,
-    reload: impl Fn() -> bool + Send + Sync + 'static,
-) {
+    program: &Path,
+    config: &Path,
+    log: &Path,
+) -> Result<(), CliError> {
+    let (mut begun, mut deaths, mut answered) = (Instant::now(), 0, Instant::now());
+    while !stop.is_requested() {
+        if uplink.is_connected() {
+            answered = Instant::now();
+        }
+        let ended = server.ended()?.map(|status| status.to_string());
+        // Of one that was adopted nothing else can be known.
+        let is_gone = || server.is_adopted() && answered.elapsed() > LIVES_LONG;
+        if let Some(status) = ended.or_else(|| is_gone().then(|| "it does not answer".to_owned())) {
+            deaths = if begun.elapsed() > LIVES_LONG { 1 } else { deaths + 1 };
+            if deaths > DEATHS_MAX {
+                let problem = format!("the NATS server ends whenever it is started ({status})");
+                return Err(CliError::failed(problem, format!("see {}", log.display())));
+            }
+            tracing::warn!("the NATS server ended ({status}); it is started again");
+            begun = Instant::now();
+            answered = begun;
+            *server = Server::start(program, config)?;
+        }
+        thread::sleep(BETWEEN_TRIES);
+    }
+    Ok(())
+}
+
+/// From now on those who know a word become members, and the server is told of them.
+fn let_in_newcomers(uplink: &NatsUplink<FarmCodec>, members: Members, setup: Setup, program: PathBuf) {
     let members = Mutex::new(members);
     uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| {
         let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
         let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
         let mut answer = members.answer(group, request);
-        let is_told = || setup.write(&members).is_ok() && reload();
-        if answer.member.is_some() && !is_told() {
+        let reload = || setup.running().is_some_and(|number| signal(&program, "reload", number));
+        if answer.member.is_some() && !(setup.write(&members).is_ok() && reload()) {
             answer = Answer { member: None, refused: Some("its server cannot be told of it".to_owned()) };
         }
         if let Some(member) = &answer.member {

@@ -1,0 +1,161 @@
+//! `bottega render --frames A..B --farm`: each frame is a job, so a machine has a frame of its own as long as there are enough,
+//! and the last ones are painted by all together.
+
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    process::ExitCode,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+
+use bottega_farm::StopSwitch;
+use bottega_image::check_writable;
+
+use super::{
+    address::state_folder,
+    cache::Cache,
+    client::{new_job, send_files, words, write_picture},
+    job::{JobState, Order},
+    job_board::{JobBoard, ended_badly},
+    link::{FarmLink, link},
+    part::Member,
+    worker::{CACHE_BYTES, Worker},
+};
+use crate::{
+    cli::RenderArgs,
+    error::CliError,
+    frames::Frames,
+    render,
+    reporter::Reporter,
+    scene::{Subject, threads},
+};
+
+/// How often is looked for frames that are painted.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A frame that is asked for.
+struct Wanted {
+    frame: u32,
+    output: PathBuf,
+}
+
+/// Asks a farm for an animation, paints with the others, and has the pictures in the end.
+pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> Result<ExitCode, CliError> {
+    let reporter = Arc::new(render::reporter(args, None)?);
+    let FarmLink { uplink, name, .. } = link(args.farm.as_ref().and_then(Option::as_ref), &args.login)?;
+    let board = JobBoard { uplink };
+    let wanted = submit(args, frames, &board, &name, &reporter)?;
+    if args.detach {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let member = Member { board: board.clone(), name, threads: threads(&args.scene), stop: stop.clone() };
+    let only = wanted.keys().copied().collect();
+    let over = Arc::new(AtomicBool::new(false));
+    let collector = {
+        let (board, reporter, stop, over) = (board.clone(), Arc::clone(&reporter), stop.clone(), Arc::clone(&over));
+        thread::Builder::new().name("frames".to_owned()).spawn(move || {
+            let collected = collect(&board, wanted, &reporter, &stop);
+            over.store(true, Ordering::Relaxed);
+            collected
+        })
+    };
+    let collector = collector.map_err(|error| {
+        CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+    })?;
+    let say = {
+        let reporter = Arc::clone(&reporter);
+        move |line: &str| reporter.say(line)
+    };
+    let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
+    let mut worker = Worker::new(member, cache, args.scene.threads, Some(only), Box::new(say));
+    while !stop.is_requested() && !over.load(Ordering::Relaxed) {
+        worker.work_once();
+    }
+    worker.leave();
+    match collector.join() {
+        Ok(collected) => collected,
+        // It was told where it happened.
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// Asks for the frames. Whatever is wrong is found out with the first of them.
+fn submit(
+    args: &RenderArgs,
+    frames: &Frames,
+    board: &JobBoard,
+    me: &str,
+    reporter: &Reporter,
+) -> Result<BTreeMap<u32, Wanted>, CliError> {
+    board.refuse_guests()?;
+    let first = args.clone().at_frame(frames.iter().next().unwrap_or_default());
+    check_writable(&first.output)?;
+    let subject = Subject::load(&first.scene)?;
+    for warning in &subject.warnings {
+        reporter.warn(warning.to_string());
+    }
+    let order = Order { words: words()?, files: send_files(&board.uplink, &first, &subject)?, frame: None };
+    board.sweep();
+    let mut wanted = BTreeMap::new();
+    for frame in frames.iter() {
+        let of_frame = args.clone().at_frame(frame);
+        let mut job = new_job(&of_frame, me);
+        job.scene = format!("{}, frame {frame}", job.scene);
+        let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
+        wanted.insert(number, Wanted { frame, output: of_frame.output });
+    }
+    if let (Some((first, _)), Some((last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
+        reporter.say(&format!("{} frames are jobs {first} to {last} of the farm", wanted.len()));
+    }
+    Ok(wanted)
+}
+
+/// Writes the pictures as they come, until all are there or the user wants to stop.
+fn collect(
+    board: &JobBoard,
+    mut wanted: BTreeMap<u32, Wanted>,
+    reporter: &Reporter,
+    stop: &StopSwitch,
+) -> Result<ExitCode, CliError> {
+    let all = wanted.len();
+    let mut failure = None;
+    while !wanted.is_empty() && !stop.is_requested() {
+        let mut over = Vec::new();
+        for (&number, Wanted { frame, output }) in &wanted {
+            let Some(job) = board.get(number) else {
+                over.push(number);
+                failure = Some(CliError::failed(format!("frame {frame} is gone"), "somebody has removed its job"));
+                continue;
+            };
+            if let Some(error) = ended_badly(number, &job.state) {
+                over.push(number);
+                failure = Some(error);
+            } else if let (JobState::Done { .. }, Some(picture)) = (&job.state, board.picture(&job)?) {
+                write_picture(output, &picture)?;
+                board.remove(number)?;
+                over.push(number);
+                let done = all - wanted.len() + over.len();
+                reporter.say(&format!("{} ({done} of {all})", output.display()));
+            }
+        }
+        over.iter().for_each(|number| _ = wanted.remove(number));
+        thread::sleep(LOOK_EVERY);
+    }
+    for &number in wanted.keys() {
+        board.change(number, |job| {
+            job.say("called off by the one who asked");
+            job.state = JobState::Cancelled;
+            true
+        })?;
+    }
+    match failure {
+        Some(error) => Err(error),
+        None if stop.is_requested() => Ok(render::interrupted()),
+        None => Ok(ExitCode::SUCCESS),
+    }
+}

@@ -1,0 +1,233 @@
+//! Files in pieces that are named by what is in them: sent and fetched several at a time, each once, each verified; what has come
+//! stays when the rest does not.
+
+use std::{
+    fs,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+};
+
+use bottega_agents::driver::nats::{BlobError, NatsBlobs};
+use serde::{Deserialize, Serialize};
+
+use super::{cache::Cache, scene_files::write_whole};
+use crate::error::CliError;
+
+/// Bytes of a piece.
+const CHUNK_BYTES: usize = 4 << 20;
+/// Pieces of a file at most: 4 TiB.
+const CHUNKS_MAX: usize = 1 << 20;
+/// Pieces under way at once.
+const AT_ONCE: usize = 8;
+
+/// Where pieces are kept by name.
+pub(super) trait ChunkStore: Sync {
+    fn has(&self, name: &str) -> Result<bool, BlobError>;
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError>;
+    fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError>;
+}
+
+impl ChunkStore for NatsBlobs {
+    fn has(&self, name: &str) -> Result<bool, BlobError> {
+        self.has(name)
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
+        self.put(name, bytes)
+    }
+
+    fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
+        self.get(name, bytes_max)
+    }
+}
+
+/// What is in a file, and in its pieces: BLAKE3, hexadecimal.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Contents {
+    pub(super) hash: String,
+    chunks: Vec<String>,
+}
+
+/// Puts the pieces of a file where others can fetch them; those that are there already stay.
+pub(super) fn send(path: &Path, store: &dyn ChunkStore) -> Result<Contents, CliError> {
+    let bytes = fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let chunks: Vec<&[u8]> = bytes.chunks(CHUNK_BYTES).collect();
+    let names: Vec<String> = chunks.iter().map(|chunk| hash_of(chunk)).collect();
+    several(chunks.len(), &|i| {
+        let name = blob_name(&names[i]);
+        let is_there = store.has(&name).map_err(CliError::Blob)?;
+        if is_there { Ok(()) } else { store.put(&name, chunks[i]).map_err(CliError::Blob) }
+    })?;
+    Ok(Contents { hash: hash_of(&bytes), chunks: names })
+}
+
+/// Brings a file into the cache, if it is not there. `name`: what users know it by.
+pub(super) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), CliError> {
+    let other = || {
+        CliError::failed(
+            format!("what came for `{name}` is not what was sent"),
+            "try again; if it stays so, the store of the NATS server is damaged",
+        )
+    };
+    let all = || std::iter::once(&contents.hash).chain(&contents.chunks);
+    if contents.chunks.len() > CHUNKS_MAX || !all().all(|hash| is_hash(hash)) {
+        return Err(other());
+    }
+    let file = cache.file(&contents.hash);
+    if file.exists() {
+        return Ok(());
+    }
+    several(contents.chunks.len(), &|i| {
+        let hash = &contents.chunks[i];
+        let path = cache.chunk(hash);
+        if path.exists() {
+            return Ok(());
+        }
+        let bytes = store.get(&blob_name(hash), CHUNK_BYTES).map_err(CliError::Blob)?.ok_or_else(other)?;
+        if hash_of(&bytes) == *hash { write_whole(&path, &bytes) } else { Err(other()) }
+    })?;
+    let mut bytes = Vec::new();
+    for hash in &contents.chunks {
+        let path = cache.chunk(hash);
+        bytes.extend(fs::read(&path).map_err(|source| CliError::Read { path, source })?);
+    }
+    let is_whole = hash_of(&bytes) == contents.hash;
+    if is_whole {
+        write_whole(&file, &bytes)?;
+    }
+    for hash in &contents.chunks {
+        // Another file may have shared it and removed it.
+        _ = fs::remove_file(cache.chunk(hash));
+    }
+    if is_whole { Ok(()) } else { Err(other()) }
+}
+
+/// Does something for each number below `count`, several at a time, until one fails.
+fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), CliError> + Sync)) -> Result<(), CliError> {
+    let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
+    thread::scope(|scope| {
+        for _ in 0..AT_ONCE.min(count) {
+            scope.spawn(|| {
+                loop {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    if i >= count {
+                        return;
+                    }
+                    if let Err(error) = work(i) {
+                        next.store(count, Ordering::Relaxed);
+                        failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                        return;
+                    }
+                }
+            });
+        }
+    });
+    failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
+}
+
+fn hash_of(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+fn is_hash(text: &str) -> bool {
+    text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+}
+
+fn blob_name(hash: &str) -> String {
+    format!("chunk/{hash}")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// A store in memory that can break down.
+    #[derive(Default)]
+    struct Shelf {
+        chunks: Mutex<BTreeMap<String, Vec<u8>>>,
+        gets: AtomicUsize,
+        gets_max: Option<usize>,
+    }
+
+    impl ChunkStore for Shelf {
+        fn has(&self, name: &str) -> Result<bool, BlobError> {
+            Ok(self.chunks.lock().unwrap().contains_key(name))
+        }
+
+        fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
+            let before = self.chunks.lock().unwrap().insert(name.to_owned(), bytes.to_owned());
+            assert!(before.is_none(), "what is there is not sent again");
+            Ok(())
+        }
+
+        fn get(&self, name: &str, _: usize) -> Result<Option<Vec<u8>>, BlobError> {
+            let gets = self.gets.fetch_add(1, Ordering::Relaxed);
+            if self.gets_max.is_some_and(|max| gets >= max) {
+                return Err(BlobError { name: name.to_owned(), reason: "it is away".to_owned() });
+            }
+            Ok(self.chunks.lock().unwrap().get(name).cloned())
+        }
+    }
+
+    fn bytes(count: usize) -> Vec<u8> {
+        (0..count).map(|i| (i / 1000 * 7 + i % 251) as u8).collect()
+    }
+
+    #[test]
+    fn a_file_comes_as_it_was_and_goes_on_where_it_was_interrupted() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, cache) = (folder.path().join("f"), Cache::new(folder.path().join("cache"), u64::MAX));
+        let content = bytes(5 * CHUNK_BYTES + 17);
+        fs::write(&path, &content).unwrap();
+        let mut shelf = Shelf { gets_max: Some(3), ..Shelf::default() };
+        let contents = send(&path, &shelf).unwrap();
+        assert_eq!(send(&path, &shelf).unwrap(), contents);
+        assert_eq!(contents.chunks.len(), 6);
+        assert!(fetch("f", &contents, &cache, &shelf).is_err());
+        shelf.gets_max = None;
+        *shelf.gets.get_mut() = 0;
+        fetch("f", &contents, &cache, &shelf).unwrap();
+        assert_eq!(shelf.gets.load(Ordering::Relaxed), 3, "what had come is not fetched again");
+        assert_eq!(fs::read(cache.file(&contents.hash)).unwrap(), content);
+        fetch("f", &contents, &cache, &shelf).unwrap();
+        assert_eq!(shelf.gets.load(Ordering::Relaxed), 3);
+    }
+
+    #[test]
+    fn what_is_not_what_was_sent_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, cache) = (folder.path().join("f"), Cache::new(folder.path().join("cache"), u64::MAX));
+        fs::write(&path, bytes(CHUNK_BYTES + 1)).unwrap();
+        let shelf = Shelf::default();
+        let contents = send(&path, &shelf).unwrap();
+        let wrong = |contents: &Contents| {
+            let told = fetch("f", contents, &cache, &shelf).unwrap_err().to_string();
+            assert!(told.contains("not what was sent"), "{told}");
+            assert!(!cache.file(&contents.hash).exists());
+        };
+        let mut swapped = contents.clone();
+        swapped.chunks.swap(0, 1);
+        wrong(&swapped);
+        wrong(&Contents { hash: "../../x".to_owned(), ..contents.clone() });
+        wrong(&Contents { chunks: vec!["0".repeat(64)], ..contents.clone() });
+        shelf.chunks.lock().unwrap().values_mut().for_each(|bytes| bytes[0] ^= 1);
+        wrong(&contents);
+    }
+
+    #[test]
+    fn an_empty_file_is_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, cache) = (folder.path().join("f"), Cache::new(folder.path().join("cache"), u64::MAX));
+        fs::write(&path, b"").unwrap();
+        let shelf = Shelf::default();
+        let contents = send(&path, &shelf).unwrap();
+        fetch("f", &contents, &cache, &shelf).unwrap();
+        assert_eq!(fs::read(cache.file(&contents.hash)).unwrap(), b"");
+    }
+}

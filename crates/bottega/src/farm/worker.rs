@@ -1,0 +1,162 @@
+//! A machine that paints for a farm: takes part in the job that needs it most, and leads it where nobody does.
+
+use std::{
+    collections::BTreeSet,
+    thread,
+    time::{Duration, Instant},
+};
+
+use super::{
+    cache::Cache,
+    job::{Job, JobState},
+    job_board::{JobBoard, RENEW_EVERY, Seat},
+    part::{Member, Part, take_part},
+    shares::{Wanting, choose, should_move},
+    studio::Studio,
+};
+use crate::error::CliError;
+
+/// Bytes of scenes that a machine keeps where nobody says.
+pub(super) const CACHE_BYTES: u64 = 20 << 30;
+/// How often is looked for work.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// A machine stays with a job for so long before it looks at others: loading a scene is not for nothing.
+const STAYS: Duration = Duration::from_secs(5);
+
+/// A machine that paints for a farm.
+pub(super) struct Worker {
+    pub(super) member: Member,
+    cache: Cache,
+    threads: Option<u16>,
+    /// The job that was painted last: its scene stays loaded.
+    studio: Option<Studio>,
+    /// Jobs that this machine cannot paint.
+    refused: BTreeSet<u32>,
+    /// The only ones that it may.
+    only: Option<BTreeSet<u32>>,
+    /// A job that is painted, and whose picture somebody else makes safe.
+    helped: Option<u32>,
+    say: Box<dyn Fn(&str)>,
+}
+
+impl Worker {
+    /// - `cache`: where scenes are kept.
+    /// - `threads`: processors to use; `None`: all.
+    /// - `only`: paint these jobs and no others.
+    /// - `say`: tells the user what it does.
+    pub(super) fn new(
+        member: Member,
+        cache: Cache,
+        threads: Option<u16>,
+        only: Option<BTreeSet<u32>>,
+        say: Box<dyn Fn(&str)>,
+    ) -> Self {
+        Self { member, cache, threads, studio: None, refused: BTreeSet::new(), only, helped: None, say }
+    }
+
+    /// Says that it has gone.
+    pub(super) fn leave(&self) {
+        self.member.board.rise(&self.member.name);
+    }
+
+    /// Whether this machine would paint a job.
+    fn would(&self, number: u32) -> bool {
+        may(&self.only, &self.refused, number) && !self.is_done_with(number)
+    }
+
+    /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
+    pub(super) fn work_once(&mut self) -> bool {
+        let Member { board, name, threads, .. } = &self.member;
+        let others: Vec<Seat> = board.seats().into_iter().filter(|seat| seat.name != *name).collect();
+        let wanting = wanting(board, |number| self.would(number));
+        let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
+        let Some((number, job)) = chosen else {
+            board.sit(&Seat { name: name.clone(), threads: *threads, job: None });
+            self.wait();
+            return false;
+        };
+        match self.take_part(number, &job) {
+            Ok(is_over) => is_over,
+            // What is wrong with one job is no reason to leave the farm.
+            Err(error) => {
+                let board = &self.member.board;
+                board.log(number, &format!("{} is left out: {error}", self.member.name));
+                eprintln!("{:?}", miette::Report::new(error));
+                self.refused.insert(number);
+                true
+            }
+        }
+    }
+
+    /// Whether a job needs no more hands, though it is not over yet.
+    fn is_done_with(&self, number: u32) -> bool {
+        let is_led = || self.member.board.lead(number).is_some_and(|lead| lead.leader.is_some());
+        self.helped == Some(number) && is_led()
+    }
+
+    /// Until it is time to say that this machine is there, or there may be work.
+    fn wait(&self) {
+        let begun = Instant::now();
+        while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
+            thread::sleep(LOOK_EVERY);
+            if !wanting(&self.member.board, |number| self.would(number)).is_empty() {
+                return;
+            }
+        }
+    }
+
+    fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, CliError> {
+        if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
+            // The old one goes first: two scenes may be more than there is room for.
+            self.studio = None;
+            self.studio = Some(Studio::open(&self.member, job, &self.cache, self.threads)?);
+        }
+        let Some(studio) = &self.studio else { return Ok(false) };
+        let before = studio.samples_done();
+        (self.say)(&format!("job {number}: painting {}", job.scene));
+        let part = take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number))?;
+        let is_over = !matches!(part, Part::Left(_));
+        if let Part::Led(report, leading) = part {
+            let state = match report.failed.len() {
+                0 => {
+                    studio.keep_picture(&self.member.board, job, &report, &self.cache)?;
+                    JobState::Done { kept: true }
+                }
+                failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
+            };
+            leading.finish(&self.member.board, number, &state)?;
+        } else if is_over {
+            self.helped = Some(number);
+        }
+        let how = if is_over { "done" } else { "left" };
+        let samples = (studio.samples_done() - before) as f64 / 1e6;
+        (self.say)(&format!("job {number}: {how}, {samples:.1} M samples here"));
+        Ok(is_over)
+    }
+
+    /// Whether another job has too few machines for its priority.
+    fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
+        let (board, me) = (self.member.board.clone(), self.member.name.clone());
+        let (only, refused) = (self.only.clone(), self.refused.clone());
+        let begun = Instant::now();
+        move || {
+            let wanting = || wanting(&board, |number| may(&only, &refused, number));
+            begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
+        }
+    }
+}
+
+fn may(only: &Option<BTreeSet<u32>>, refused: &BTreeSet<u32>, number: u32) -> bool {
+    !refused.contains(&number) && only.as_ref().is_none_or(|only| only.contains(&number))
+}
+
+/// Jobs that want machines.
+fn wanting(board: &JobBoard, is_wanted: impl Fn(u32) -> bool) -> Vec<Wanting> {
+    let all = board.all().into_iter();
+    let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
+    // Guests paint for somebody.
+    let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
+    let active =
+        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number) && is_possible(*number));
+    active.map(|(number, job)| Wanting { number, priority: job.priority }).collect()
+}
