@@ -382,6 +382,48 @@ fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
     assert!(bits(&path) == plain, "{}", farm.logs());
 }
 
+/// A server that somebody else runs, and whose disk is full.
+#[test]
+fn when_the_server_has_no_room_the_job_waits_until_it_has() {
+    let Some(server) = servers().pop() else { return };
+    let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().expect("a folder");
+    let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
+    let start = |room: &str| {
+        let config = folder.path().join("nats.conf");
+        let store = folder.path().join("store");
+        let words = format!(
+            "listen: \"127.0.0.1:{port}\"\nauthorization {{ token: \"word\" }}\n\
+             jetstream {{ store_dir: {store:?}, max_file_store: {room} }}\n"
+        );
+        fs::write(&config, words).expect("a configuration");
+        let mut command = Command::new(&server);
+        command.arg("--config").arg(&config).stdout(Stdio::null()).stderr(Stdio::null());
+        Process(command.spawn().expect("a server"))
+    };
+    let picture = ["render", "goblets.glb", "--size", "640x480", "--spp", "4", "--zones", "64", "--quiet", "-o"];
+    let [plain, farm] = ["plain.exr", "farm.exr"].map(|name| folder.path().join(name));
+    support::succeed(&[&picture[..], &[text(&plain)]].concat());
+    let mut small = start("3M");
+    thread::sleep(Duration::from_secs(1));
+    let log = fs::File::create(folder.path().join("log")).expect("a log");
+    let address = format!("--farm=nats://word@127.0.0.1:{port}");
+    let mut command = bottega(&[&picture[..], &[text(&farm), &address]].concat());
+    command.env("XDG_STATE_HOME", folder.path()).stderr(log);
+    let mut render = Process(command.spawn().expect("the program starts"));
+    let begun = Instant::now();
+    let said = || fs::read_to_string(folder.path().join("log")).unwrap_or_default();
+    while !said().contains("as with a full disk") {
+        assert!(begun.elapsed() < WAIT, "{}", said());
+        thread::sleep(Duration::from_millis(100));
+    }
+    small.kill();
+    let _large = start("1G");
+    assert!(render.wait(), "{}", said());
+    assert!(bits(&farm) == bits(&plain));
+    drop(alone);
+}
+
 #[test]
 fn a_leader_that_was_stopped_for_a_while_finds_another_and_does_no_harm() {
     let Some(server) = servers().pop() else { return };

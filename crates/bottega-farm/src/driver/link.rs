@@ -16,8 +16,8 @@ use crate::{FarmCodec, ResultRef, WorkId, WorkKeys, digest, wire};
 const TILE_BYTES_MAX: usize = 1 << 30;
 /// Numbers of a tile have so many bytes.
 const LANES: usize = 4;
-/// How often a server that is there, and does not do what it is asked, is asked again.
-const TRIES_MAX: u32 = 20;
+/// After how many tries the user is told of a server that is there, and does not do what it is asked.
+const TOLD_AFTER: [u32; 3] = [20, 240, 2400];
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 
 /// What joins this process to the others that paint a work.
@@ -69,17 +69,20 @@ impl Link {
         if digest(&tile) == result.digest { Ok(tile) } else { Err("its tile is another one".to_owned()) }
     }
 
-    /// Tries until it is done, for as long as the server is away, and some times when it is there; not when the user wants
-    /// to stop.
+    /// Tries until it is done, or the user wants to stop. A server that is away comes back, and somebody makes room on one
+    /// whose disk is full: what is painted is not thrown away meanwhile.
     fn patiently<T>(&self, stop: &StopSwitch, attempt: impl Fn() -> Result<T, BlobError>) -> Result<T, String> {
-        let mut tries = 1;
+        let mut tries: u32 = 0;
         loop {
             match attempt() {
                 Ok(done) => return Ok(done),
-                Err(error) if tries == TRIES_MAX || stop.is_requested() => return Err(error.to_string()),
+                Err(error) if stop.is_requested() => return Err(error.to_string()),
+                Err(error) if TOLD_AFTER.contains(&tries) && self.uplink.is_connected() => {
+                    tracing::warn!(%error, "the farm's server does not do what it is asked, as with a full disk; waiting for it");
+                }
                 Err(error) => tracing::debug!(%error, "trying again"),
             }
-            tries += u32::from(self.uplink.is_connected());
+            tries = tries.wrapping_add(1);
             thread::sleep(BETWEEN_TRIES);
         }
     }

@@ -86,8 +86,16 @@ impl<K: Codec> Bucket<K> {
         Self { store, codec }
     }
 
-    /// Anything but a watch.
+    /// Anything but a watch. A server that refuses at once is not asked again at once.
     pub(super) async fn ask(&self, request: StoreRequest<K::Value>) -> StoreReply<K::Value> {
+        let reply = self.ask_once(request).await;
+        if matches!(reply, StoreReply::Unavailable) {
+            tokio::time::sleep(AGAIN_AFTER).await;
+        }
+        reply
+    }
+
+    async fn ask_once(&self, request: StoreRequest<K::Value>) -> StoreReply<K::Value> {
         match request {
             StoreRequest::Get { key } => match self.entry(&key).await {
                 Ok(entry) => StoreReply::Got { key, entry },
