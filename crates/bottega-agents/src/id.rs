@@ -18,6 +18,11 @@ impl AgentId {
     pub fn new(name: impl Into<Arc<str>>) -> Self {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
+
+    /// The platform that it was born on: what stands behind the last `@` of its name. All of it where there is none.
+    pub fn home(&self) -> &str {
+        self.name.rsplit('@').next().unwrap_or(&self.name)
+    }
 }
 
 impl PartialEq for AgentId {

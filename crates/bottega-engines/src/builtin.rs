@@ -16,7 +16,7 @@ use bottega_render::{
     BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, integrator::PathIntegrator,
 };
 
-use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
 
 const NAME: &str = "builtin";
 
@@ -183,6 +183,7 @@ struct ZonePainter<'a> {
     parts: Vec<(Rect, Duration)>,
     complete: bool,
     cancel: CancelSwitch,
+    progress: TaskProgress,
 }
 
 #[derive(Clone, Copy)]
@@ -215,6 +216,7 @@ impl<'a> ZonePainter<'a> {
             parts: Vec::new(),
             complete: true,
             cancel: task.cancel,
+            progress: task.progress,
         }
     }
 
@@ -290,6 +292,7 @@ impl<'a> ZonePainter<'a> {
         block.busy += completed.busy;
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
+        self.progress.add(samples);
         self.learn(completed.busy, samples);
         if let Some(watcher) = self.shared.watcher.get() {
             watcher(&tile);

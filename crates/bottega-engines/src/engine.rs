@@ -4,7 +4,7 @@ use std::{
     ops::Range,
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     time::Duration,
 };
@@ -53,6 +53,22 @@ impl CancelSwitch {
     }
 }
 
+/// How much of a task is painted, for those who want to know that it goes on. Clones are the same counter.
+#[derive(Clone, Debug, Default)]
+pub struct TaskProgress(Arc<AtomicU64>);
+
+impl TaskProgress {
+    /// So much more is painted, in samples of single pixels.
+    pub fn add(&self, samples: u64) {
+        self.0.fetch_add(samples, Ordering::Relaxed);
+    }
+
+    /// How much is, in samples of single pixels.
+    pub fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
 /// A zone to paint, or some of its samples.
 #[derive(Clone, Debug)]
 pub struct ZoneTask {
@@ -66,6 +82,8 @@ pub struct ZoneTask {
     pub tile: Option<Tile>,
     /// Whoever has this may end it early.
     pub cancel: CancelSwitch,
+    /// The engine counts here what it has painted, as often as it knows, before the task is done too.
+    pub progress: TaskProgress,
 }
 
 /// What came of a [`ZoneTask`].

@@ -8,4 +8,6 @@ mod engine;
 
 pub use bottega_render::survey::{Survey, SurveyPixel};
 pub use builtin::{BuiltinEngine, BuiltinOptions};
-pub use engine::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Tunables, ZoneTask};
+pub use engine::{
+    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
+};

@@ -8,7 +8,7 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, Painted, RenderEngine, Tunables, ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
@@ -64,7 +64,7 @@ fn begin_with(
 ) -> mpsc::Receiver<Result<Painted, EngineError>> {
     let (sender, receiver) = mpsc::channel();
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
-    let task = ZoneTask { rect, samples, tunables, tile, cancel };
+    let task = ZoneTask { rect, samples, tunables, tile, cancel, progress: TaskProgress::default() };
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
     receiver
 }
@@ -126,11 +126,13 @@ fn an_engine_may_end_with_its_last_zone() {
     let (sender, receiver) = mpsc::channel();
     let last = Arc::clone(&engine);
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
-    let task = ZoneTask { rect: FRAME, samples: 0..64, tunables, tile: None, cancel: CancelSwitch::default() };
+    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+    let task = ZoneTask { rect: FRAME, samples: 0..64, tunables, tile: None, cancel, progress: progress.clone() };
     engine.start(
         task,
         Box::new(move |painted| {
             assert!(painted.is_ok());
+            assert_eq!(progress.get(), 64 * FRAME.area());
             while Arc::strong_count(&last) > 1 {
                 thread::yield_now();
             }

@@ -3,12 +3,15 @@
 //! Source: MAGarRO, section 3.4, "Blackboard service": IdWork, IdZone, Size, Complexity, T_est, T_real, Agent. Beside
 //! them stands what recovery needs. All times are in reference-machine time.
 
+mod trust;
+
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AgentId, NumberMap, Revision, bus::BlobId};
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
+pub use self::trust::Vote;
 use crate::{Choice, NeighborDifference, RelativePower, WorkId, WorkSettings, ZoneId};
 
 /// A zone is given up after so many agents have failed on it.
@@ -54,6 +57,11 @@ pub struct ZoneRow {
     /// An order that counts beside the one under this row's revision, because another agent took the zone over: whoever
     /// is first has painted it.
     pub rival: Option<Rival>,
+    /// What agents made of its present step, until so many made the same as the user asks for. Empty where nothing is
+    /// compared.
+    pub votes: Vec<Vote>,
+    /// The agent on whose word alone its samples rest, where others were asked for and it was believed.
+    pub word_of: Option<AgentId>,
 }
 
 /// A piece that was cut off a zone near the end of a work, so that all agents end together.
@@ -133,6 +141,8 @@ impl ZoneRow {
             root: None,
             cut: None,
             rival: None,
+            votes: Vec::new(),
+            word_of: None,
         }
     }
 
@@ -242,7 +252,12 @@ impl ZoneRow {
     /// The row after its agent failed or fell silent: back to where the next agent can take it up.
     #[must_use]
     pub fn taken_back(&self) -> Self {
-        let attempt = self.attempt + 1;
+        self.reopened(self.attempt + 1)
+    }
+
+    /// The same after so many attempts in all.
+    #[must_use]
+    pub fn reopened(&self, attempt: u32) -> Self {
         let state = match self.state {
             _ if attempt >= ATTEMPTS_MAX => ZoneState::Failed,
             ZoneState::Profiling => ZoneState::Open,
@@ -265,7 +280,7 @@ impl ZoneRow {
         let agent = self.agent.clone().filter(|_| state == ZoneState::Done);
         // Revisions begin anew with the Blackboard: an old token must never be taken for a new one.
         let result = self.result.map(|result| ResultRef { fence: Revision::ABSENT, ..result });
-        Self { state, attempt: 0, agent, result, rival: None, ..self.clone() }
+        Self { state, attempt: 0, agent, result, rival: None, votes: Vec::new(), ..self.clone() }
     }
 }
 
@@ -338,6 +353,19 @@ pub struct AgentRow {
     pub lanes: f64,
     /// Its credit, in seconds of reference-machine time.
     pub credit: f64,
+    /// How often others made the same of a zone as it did, where that is compared.
+    pub agreed: u32,
+    /// How often it has failed since it last painted something.
+    pub failures: u32,
+    /// Why it is left out of the work, if it is.
+    pub left_out: Option<String>,
+}
+
+impl AgentRow {
+    /// An agent of which only its benchmark has spoken.
+    pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
+        Self { agent, power, lanes, credit: 0.0, agreed: 0, failures: 0, left_out: None }
+    }
 }
 
 /// Any row.

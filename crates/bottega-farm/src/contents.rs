@@ -80,6 +80,25 @@ pub struct Painting {
     pub error: Option<f64>,
 }
 
+/// An order in an agent's hand, as the agent tells of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Holding {
+    /// Which zone.
+    pub zone: ZoneId,
+    /// The token of the order.
+    pub fence: Revision,
+    /// How far it is; it goes up while it is painted. 0: it is not begun, for what all zones need is not there yet.
+    pub progress: u64,
+}
+
+impl Painting {
+    /// Whether two agents made the same of a zone: all that does not depend on who painted it.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let made = |it: &Self| (it.choice, it.result.samples, it.result.digest, it.goal, it.error.map(f64::to_bits));
+        made(self) == made(other)
+    }
+}
+
 /// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LifeCycle {
@@ -152,7 +171,12 @@ pub enum FarmContent {
         /// V_cp.
         power: RelativePower,
         /// Its orders.
-        hands: Vec<(ZoneId, Revision)>,
+        hands: Vec<Holding>,
+    },
+    /// *refuse*: the Master does not call this agent any more, and takes nothing from it.
+    LeftOut {
+        /// Why not.
+        reason: String,
     },
     /// *request*: suspend, resume, terminate.
     LifeCycle(LifeCycle),

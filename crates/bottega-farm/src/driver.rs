@@ -8,19 +8,21 @@ mod assist;
 mod easel;
 mod link;
 mod machine;
+mod observer;
 mod progress;
 mod settings;
 mod stop;
 
 use std::{
     collections::BTreeMap,
+    hash::{BuildHasher, Hasher, RandomState},
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     thread,
     time::Duration,
 };
 
 use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, Uplink, driver::Performer};
-use bottega_engines::{CancelSwitch, RenderEngine, Survey};
+use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 use bottega_image::{Film, Rect};
 
 use self::easel::Easel;
@@ -28,18 +30,22 @@ use self::machine::{Preparation, benchmark};
 pub use self::{
     assist::assist,
     link::Link,
+    observer::Observer,
     progress::Progress,
-    settings::{AGENTS_MAX, JobError, JobSettings},
+    settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
     stop::StopSwitch,
 };
 use crate::{
-    Analyst, AnalystConfig, FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage,
-    FarmValue, Goal, GoalRules, ImportanceMap, Kept, Mask, Master, MasterConfig, Partition, PartitionSettings,
-    RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
-    ZoneStore,
+    Analyst, AnalystConfig, FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Goal,
+    GoalRules, Kept, Mask, Master, MasterConfig, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig,
+    ResultRef, Timing, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneStore,
 };
 
 const WORK: WorkId = WorkId(1);
+/// How often is looked whether the user wants to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// So often is looked at the end whether the engine gives back what it has.
+const LOOKS_MAX: u32 = 100;
 /// Machines go without a word, processes hardly.
 const AMONG_MACHINES: Timing = Timing {
     bids: Duration::from_millis(500),
@@ -48,25 +54,6 @@ const AMONG_MACHINES: Timing = Timing {
 };
 /// For so many agents a picture is cut where others may join.
 const AGENTS_EXPECTED: usize = 8;
-
-/// Sees a job go on. All methods are called from the job's threads and must return soon.
-pub trait Observer: Send + Sync {
-    /// The engine has had a look at the whole picture: the first that there is to see. Not called when a work is resumed.
-    fn surveyed(&self, _survey: &Arc<Survey>) {}
-    /// The Analyst has made map and zones. Not called when a work is resumed.
-    fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
-    /// A zone's row has changed.
-    fn zone_changed(&self, _row: &ZoneRow) {}
-    /// Something was painted.
-    fn progress(&self, _progress: &Progress) {}
-    /// An agent sends a message.
-    fn message(&self, _now: Time, _message: &FarmMessage) {}
-    /// The job could not be kept: it goes on, but cannot be resumed.
-    fn not_kept(&self, _error: &std::io::Error) {}
-}
-
-/// An observer that looks away.
-impl Observer for () {}
 
 /// What came of a job.
 #[derive(Debug)]
@@ -117,6 +104,8 @@ pub struct Times {
 enum End {
     Finished(Vec<ZoneId>),
     Abandoned(String),
+    /// The Master elsewhere wants nothing of the agents here.
+    LeftOut(String),
 }
 
 /// What the performers of all agents share.
@@ -144,10 +133,12 @@ struct State {
     preparing: Duration,
     benchmark: Option<RelativePower>,
     messages: u64,
-    /// Switches of what the engine is painting.
-    orders: BTreeMap<(ZoneId, Revision), CancelSwitch>,
+    /// What the engine is painting: how to end it, and how far it is.
+    orders: BTreeMap<(ZoneId, Revision), (CancelSwitch, TaskProgress)>,
     /// Agents that live here, in the work of a Master elsewhere.
     present: usize,
+    /// Agents of these that the Master has left out.
+    dismissed: usize,
 }
 
 type FarmMailbox = Mailbox<Seen>;
@@ -184,6 +175,12 @@ pub fn lead(
     link: Option<Link>,
 ) -> Result<JobReport, JobError> {
     let work = settings.work()?;
+    if settings.verify > 1 && link.is_none() {
+        return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
+    }
+    if settings.verify > 1 && !engine.describe().exact_by_pixel {
+        return Err(JobError::Verify { reason: "this engine gives no two machines the same bits" });
+    }
     let mut kept = kept;
     if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
         // The time begins anew with each run.
@@ -273,6 +270,8 @@ fn populate(
         auction,
         prefetch,
         shares_tail: link.is_some(),
+        verify: settings.verify,
+        secret: secret(),
         goals: GoalRules::default(),
         timing,
     };
@@ -300,6 +299,12 @@ fn populate(
     };
     add_render_agents(settings, &master, here, shared, &add)?;
     Ok(mailbox)
+}
+
+/// A number that nobody can guess.
+fn secret() -> u64 {
+    // Made of random bytes of the operating system.
+    RandomState::new().build_hasher().finish()
 }
 
 /// Brings the Render Agents of this process to life, who work for `master`.
@@ -408,13 +413,19 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    /// Waits for the end, and for the engine to give back what it has.
+    /// Waits for the end, and for the engine to give back what it has; when all is painted, not for one that hangs.
     fn wait(&self) -> Option<End> {
         let mut state = self.state();
+        let mut looks = 0;
         while state.outstanding > 0 || state.end.is_none() && !self.stop.is_requested() {
             // The stop switch is not under this lock: look again now and then.
-            let woken = self.changed.wait_timeout(state, Duration::from_millis(100));
-            state = woken.unwrap_or_else(PoisonError::into_inner).0;
+            let (woken, result) = self.changed.wait_timeout(state, LOOK_EVERY).unwrap_or_else(PoisonError::into_inner);
+            state = woken;
+            looks += u32::from(result.timed_out() && state.end.is_some());
+            if looks >= LOOKS_MAX {
+                tracing::warn!(outstanding = state.outstanding, "the engine does not give back what it has");
+                break;
+            }
         }
         state.end.clone()
     }
@@ -440,6 +451,10 @@ impl Shared {
             FarmEffect::Fetch(work) => self.fetch(work, mailbox),
             FarmEffect::Paint(order) => self.paint(order, mailbox),
             FarmEffect::Drop { zone, fence } => self.drop_order(zone, fence),
+            FarmEffect::Look(orders) => mailbox.complete(FarmCompletion::Looked(self.look(&orders))),
+            FarmEffect::Dismissed { reason } => self.dismissed(reason),
+            FarmEffect::LeftOut { agent, reason } => self.observer.left_out(&agent, &reason),
+            FarmEffect::TooFew { present, needed } => self.observer.too_few(present, needed),
             FarmEffect::BeginFilm(work) => {
                 let kept = self.easel().begin(&work);
                 self.tell_kept(kept);

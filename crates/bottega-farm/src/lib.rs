@@ -42,13 +42,16 @@ pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{AuctionRule, Award, Bidder, Field, MemberId, OpenZones, Proposal, Standing, award, credit_after};
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, WorkRow, ZoneRow,
-    ZoneState,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, Vote, WorkRow,
+    ZoneRow, ZoneState,
 };
 pub use compose::{BandedZone, Mask, masks};
-pub use contents::{Bid, FarmContent, FarmMessage, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol};
+pub use contents::{
+    Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol,
+};
 pub use driver::{
-    AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, assist, lead, run,
+    AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
+    lead, run,
 };
 pub use expert::{Expert, ExpertError};
 pub use goals::GoalRules;
@@ -61,6 +64,6 @@ pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use technique::{OutputMeaning, Technique};
-pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult};
+pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};

@@ -11,11 +11,14 @@ mod allot;
 mod composition;
 mod ledger;
 mod members;
+mod pace;
 mod plan;
 mod results;
 mod roster;
 mod rows;
 mod tail;
+mod trust;
+mod verify;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -25,8 +28,8 @@ use rustc_hash::FxHashMap;
 use self::{composition::Composition, ledger::Ledger, roster::Roster};
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
-    FarmEvent, FarmMessage, FarmValue, GoalRules, LifeCycle, MemberId, Offer, Order, Painting, Partition, Proposal,
-    Report, Rival, Standing, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
+    FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order, Painting, Partition,
+    Proposal, RelativePower, Report, Rival, Standing, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     award,
     contents::{answer, asking, message},
@@ -69,6 +72,10 @@ pub struct MasterConfig {
     /// Whether, near the end, zones are cut into pieces and slow agents' zones given to idle ones as well. Of use where
     /// agents have machines of their own; those who share one have its processors anyway.
     pub shares_tail: bool,
+    /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
+    pub verify: u32,
+    /// What nobody else knows: it decides what of agents that are believed is compared all the same.
+    pub secret: u64,
     /// How a goal is neared.
     pub goals: GoalRules,
     /// How long it waits for what.
@@ -92,7 +99,11 @@ enum Then {
     /// The agent gets its order, in this conversation.
     Order(u64),
     /// The agent learns, by this message, that its report is on the blackboard.
-    Receive(Box<FarmMessage>),
+    Receive {
+        confirmation: Box<FarmMessage>,
+        /// Whether something was painted.
+        well: bool,
+    },
     /// Nothing: the zone is open again.
     TakenBack,
 }
@@ -122,6 +133,16 @@ pub struct Master {
     ledger: Ledger,
     roster: Roster,
     composition: Composition,
+    /// Agents that are left out, with the reason in their rows. A hash map, for speed: never gone through.
+    left_out: FxHashMap<AgentId, Arc<AgentRow>>,
+    /// Of whom tiles could not be used, and how many; mostly nobody.
+    lost: BTreeMap<MemberId, u32>,
+    /// Zones whose rows may rest on the word of one that was found wrong; mostly none.
+    dubious: Vec<ZoneId>,
+    /// Something in the film is to be painted again: it is begun anew when it has answered.
+    film_is_stale: bool,
+    /// For how many looks there have been too few machines to compare.
+    lacking: u32,
     /// Rounds under way, by conversation. Each has its own zones and its own bidders.
     rounds: BTreeMap<u64, Round>,
     /// Whether a zone has come to wait for a winner since the agent that would have it soonest was looked for.
@@ -164,6 +185,11 @@ impl Master {
             ledger,
             roster,
             composition: Composition::default(),
+            left_out: FxHashMap::default(),
+            lost: BTreeMap::new(),
+            dubious: Vec::new(),
+            film_is_stale: false,
+            lacking: 0,
             rounds: BTreeMap::new(),
             recalls: false,
             answered: Vec::new(),

@@ -8,13 +8,16 @@ use rustc_hash::FxHashMap;
 
 use crate::{
     Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, LifeCycle, Offer, Order, PaintOrder, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
-    ZoneState,
+    FarmMessage, Holding, LifeCycle, Offer, Order, PaintOrder, PaintResult, Painting, RelativePower, Report, WorkRow,
+    ZoneId, ZoneState,
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
     short_map::ShortMap,
 };
+
+/// An order is looked at from this age on: younger ones are not missed, and most are done by then.
+const LOOK_AFTER: Duration = Duration::from_secs(5);
 
 /// What an agent is told when it is made.
 #[derive(Clone, Debug)]
@@ -40,6 +43,10 @@ struct Hand {
     order: Order,
     choice: Choice,
     begun: bool,
+    /// When it was given.
+    since: Time,
+    /// What of it is painted, in samples of single pixels, as far as was looked.
+    painted: u64,
     /// In which it was given.
     conversation: u64,
 }
@@ -53,6 +60,8 @@ pub struct RenderAgent {
     lanes: f64,
     subscribed: bool,
     suspended: bool,
+    /// The Master wants nothing of it.
+    left_out: bool,
     work: Option<WorkRow>,
     fetched: bool,
     hands: ShortMap<Hand>,
@@ -75,6 +84,7 @@ impl RenderAgent {
             lanes: 1.0,
             subscribed: false,
             suspended: false,
+            left_out: false,
             work: None,
             fetched: false,
             hands: ShortMap::default(),
@@ -97,7 +107,8 @@ impl RenderAgent {
 
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         match (message.performative, &message.content) {
-            (Performative::Agree, FarmContent::Subscribed) => self.subscribed = true,
+            (Performative::Agree, FarmContent::Subscribed) => (self.subscribed, self.left_out) = (true, false),
+            (Performative::Refuse, FarmContent::LeftOut { reason }) => self.dismissed(reason, actions),
             // The Master does not know this agent (any more).
             (Performative::Refuse, FarmContent::Nothing) => self.subscribed = false,
             (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
@@ -119,6 +130,19 @@ impl RenderAgent {
             },
             (Performative::RejectProposal | Performative::NotUnderstood, _) => {}
             _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
+        }
+    }
+
+    /// The Master has left this agent out. It asks again now and then, for the Master may have nobody else some day.
+    fn dismissed(&mut self, reason: &str, actions: &mut Vec<FarmAction>) {
+        self.subscribed = false;
+        for (zone, hand) in self.hands.iter().filter(|(_, hand)| hand.begun) {
+            actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence: hand.order.fence }));
+        }
+        self.hands.clear();
+        self.unanswered.clear();
+        if !std::mem::replace(&mut self.left_out, true) {
+            actions.push(FarmAction::Effect(FarmEffect::Dismissed { reason: reason.to_owned() }));
         }
     }
 
@@ -218,7 +242,8 @@ impl RenderAgent {
         self.unanswered.remove(zone);
         // A zone that was profiled keeps its settings, whoever paints it.
         let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
-        let mut hand = Hand { order: order.clone(), choice, begun: false, conversation: message.conversation_id };
+        let conversation = message.conversation_id;
+        let mut hand = Hand { order: order.clone(), choice, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
             hand.begin(self.power(), actions);
         }
@@ -294,14 +319,35 @@ impl RenderAgent {
         if !self.subscribed {
             return self.subscribe(actions);
         }
-        let in_hand = self.hands.iter().map(|(zone, hand)| (zone, hand.order.fence));
-        let reported = self.unanswered.iter().map(|(zone, (report, _))| (zone, report.fence));
+        let in_hand = self.hands.iter().map(|(zone, hand)| {
+            let progress = if hand.begun { hand.painted.saturating_add(1) } else { 0 };
+            Holding { zone, fence: hand.order.fence, progress }
+        });
+        let reported = self.unanswered.iter();
+        let reported = reported.map(|(zone, (report, _))| Holding { zone, fence: report.fence, progress: u64::MAX });
         let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
         let to = vec![self.config.master.clone()];
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
         actions.push(FarmAction::Send(alive));
         for (report, conversation) in self.unanswered.values() {
             actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
+        }
+        self.look(now, actions);
+    }
+
+    /// Has it looked how far orders are that take long: the next heartbeat tells it.
+    fn look(&self, now: Time, actions: &mut Vec<FarmAction>) {
+        let long = self.hands.iter().filter(|(_, hand)| hand.begun && hand.since + LOOK_AFTER <= now);
+        let long: Vec<_> = long.map(|(zone, hand)| (zone, hand.order.fence)).collect();
+        if !long.is_empty() {
+            actions.push(FarmAction::Effect(FarmEffect::Look(long)));
+        }
+    }
+
+    fn looked(&mut self, orders: &[(ZoneId, Revision, u64)]) {
+        for (zone, hand) in self.hands.iter_mut() {
+            let found = orders.iter().find(|(other, fence, _)| (*other, *fence) == (zone, hand.order.fence));
+            hand.painted = hand.painted.max(found.map_or(0, |(_, _, painted)| *painted));
         }
     }
 
@@ -387,6 +433,7 @@ impl StateMachine for RenderAgent {
             FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {
                 self.painted(now, zone, fence, outcome, actions);
             }
+            FarmEvent::Completed(FarmCompletion::Looked(orders)) => self.looked(&orders),
             FarmEvent::Completed(_) | FarmEvent::Store { .. } | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
         if self.next_heartbeat.is_some_and(|at| at <= now) {

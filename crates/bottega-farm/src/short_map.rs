@@ -49,6 +49,10 @@ impl<V> ShortMap<V> {
         self.0.iter().map(|(zone, value)| (*zone, value))
     }
 
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = (ZoneId, &mut V)> {
+        self.0.iter_mut().map(|(zone, value)| (*zone, value))
+    }
+
     pub(crate) fn values(&self) -> impl Iterator<Item = &V> {
         self.0.iter().map(|(_, value)| value)
     }

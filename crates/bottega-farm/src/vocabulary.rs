@@ -2,7 +2,7 @@
 
 use std::{ops::Range, sync::Arc, time::Duration};
 
-use bottega_agents::{Action, Event, Revision};
+use bottega_agents::{Action, AgentId, Event, Revision};
 use bottega_engines::{Survey, Tunables};
 use bottega_image::Rect;
 
@@ -30,6 +30,10 @@ pub struct PaintOrder {
     /// Own time that it will take, as far as known: for those who show progress or cut long work into passes.
     pub time_estimated: Option<Duration>,
 }
+
+/// An order takes no longer than this between two steps of its progress, in own time on all processors of its agent, or than
+/// one sample of all its pixels, whichever is longer: longer ones are painted in passes.
+pub const STEP_MAX: Duration = Duration::from_secs(10);
 
 /// Something to be done in the world.
 #[derive(Clone, Debug)]
@@ -62,6 +66,27 @@ pub enum FarmEffect {
         zone: ZoneId,
         /// The token of the order.
         fence: Revision,
+    },
+    /// Look how far orders are; ends with [`FarmCompletion::Looked`].
+    Look(Vec<(ZoneId, Revision)>),
+    /// The Master of this agent has left it out of the work.
+    Dismissed {
+        /// Why.
+        reason: String,
+    },
+    /// An agent is left out of the work from now on: for those who watch.
+    LeftOut {
+        /// Who.
+        agent: AgentId,
+        /// Why.
+        reason: String,
+    },
+    /// Zones wait for more machines than are there, to compare what these paint: for those who watch.
+    TooFew {
+        /// Machines that are there.
+        present: usize,
+        /// So many are needed.
+        needed: usize,
     },
     /// Begin a new, empty film for this work: what was composed before is void.
     BeginFilm(Arc<WorkRow>),
@@ -111,6 +136,11 @@ pub enum FarmCompletion {
         /// What came of it.
         outcome: Result<PaintResult, String>,
     },
+    /// Of [`FarmEffect::Look`].
+    Looked(
+        /// Of each order that is known: what of it is painted, in samples of single pixels.
+        Vec<(ZoneId, Revision, u64)>,
+    ),
     /// Of [`FarmEffect::Compose`].
     Composed {
         /// Which zone.

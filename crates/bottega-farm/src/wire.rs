@@ -1,4 +1,4 @@
-//! Rows and tiles as bytes: what the journal holds. Version 2, little endian, no padding.
+//! Rows and tiles as bytes: what the journal holds. Version 3, little endian, no padding.
 
 mod message;
 
@@ -9,14 +9,16 @@ use bottega_engines::Tunables;
 use bottega_image::{Aov, AovSet, Layout, Rect, Sides, Tile};
 
 use crate::{
-    Choice, Cut, Goal, InputRanges, Interval, NeighborDifference, Optimization, ResultRef, Rival, WorkId, WorkRow,
-    WorkSettings, ZoneId, ZoneRow, ZoneState,
+    Choice, Cut, Goal, InputRanges, Interval, NeighborDifference, Optimization, Painting, ResultRef, Rival, Vote,
+    WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 pub use self::message::FarmCodec;
 
 /// The longest name that is written or read.
 const NAME_BYTES_MAX: usize = 1 << 10;
+/// Offers, bids, orders or votes in one list at most.
+const LIST_MAX: usize = 1 << 16;
 
 /// What was read is not what was written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -96,6 +98,22 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
         put_agent(&rival.agent, bytes);
         put_u64(rival.fence.0, bytes);
     });
+    put_u32(row.votes.len() as u32, bytes);
+    for vote in &row.votes {
+        put_agent(&vote.agent, bytes);
+        put_painting(&vote.painting, bytes);
+    }
+    put_option(row.word_of.as_ref(), bytes, put_agent);
+}
+
+fn put_painting(painting: &Painting, bytes: &mut Vec<u8>) {
+    let Painting { choice, result, time_measured, goal, time_left, error } = painting;
+    put_choice(choice, bytes);
+    put_result(result, bytes);
+    put_duration(*time_measured, bytes);
+    put_u32(*goal, bytes);
+    put_duration(*time_left, bytes);
+    put_option(*error, bytes, put_f64);
 }
 
 fn put_choice(choice: &Choice, bytes: &mut Vec<u8>) {
@@ -136,6 +154,8 @@ pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
         root: reader.option(|reader| reader.u32().map(ZoneId))?,
         cut: reader.option(|reader| Ok(Cut { zone: ZoneId(reader.u32()?), piece: reader.rect()? }))?,
         rival: reader.option(|reader| Ok(Rival { agent: reader.agent()?, fence: Revision(reader.u64()?) }))?,
+        votes: reader.list(|reader| Ok(Vote { agent: reader.agent()?, painting: reader.painting()? }))?,
+        word_of: reader.option(Reader::agent)?,
     })
 }
 
@@ -303,6 +323,26 @@ impl<'a> Reader<'a> {
         Ok(ResultRef { fence: Revision(self.u64()?), samples: self.u32()?, digest: BlobId(self.array()?) })
     }
 
+    fn painting(&mut self) -> Result<Painting, WireError> {
+        Ok(Painting {
+            choice: self.choice()?,
+            result: self.result()?,
+            time_measured: self.duration()?,
+            goal: self.u32()?,
+            time_left: self.duration()?,
+            error: self.option(Reader::finite)?,
+        })
+    }
+
+    /// Nothing is allocated for more than is there: each element has a byte at least.
+    fn list<T>(&mut self, mut get: impl FnMut(&mut Self) -> Result<T, WireError>) -> Result<Vec<T>, WireError> {
+        let count = self.u32()? as usize;
+        if count > LIST_MAX.min(self.length()) {
+            return Err(self.error("a list"));
+        }
+        (0..count).map(|_| get(self)).collect()
+    }
+
     fn option<T>(&mut self, get: impl FnOnce(&mut Self) -> Result<T, WireError>) -> Result<Option<T>, WireError> {
         match self.u8()? {
             0 => Ok(None),
@@ -334,7 +374,21 @@ pub(crate) mod tests {
                     ZoneState::Failed,
                 ];
                 let rect = Rect::new(x, y, x + width, y + height);
+                let painting = |samples| Painting {
+                    choice: Choice {
+                        tunables: Tunables { max_depth: y, light_samples: 1 },
+                        samples,
+                        bands: Sides::all(0),
+                    },
+                    result: ResultRef { fence: Revision(5), samples, digest: BlobId([3; 32]) },
+                    time_measured: Duration::from_millis(7),
+                    goal: samples,
+                    time_left: Duration::from_millis(9),
+                    error: (y % 2 == 0).then_some(0.5),
+                };
                 ZoneRow {
+                    votes: (0..y % 3).map(|i| Vote { agent: AgentId::new("v"), painting: painting(i) }).collect(),
+                    word_of: (y % 4 == 0).then(|| AgentId::new("w")),
                     time_estimated: times.0.map(Duration::from_nanos),
                     time_measured: times.1.map(Duration::from_nanos),
                     agent: (!name.is_empty()).then(|| AgentId::new(name)),

@@ -11,9 +11,9 @@ use bottega_agents::{
 use bottega_engines::Tunables;
 use bottega_farm::{
     AdaptationRule, AuctionRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, FarmValue, Goal, GoalRules, ImportanceFunction, Level, LifeCycle, Master, MasterConfig, ONTOLOGY,
-    Optimization, Order, Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report, ResultRef,
-    Timing, WorkId, WorkSettings, ZoneId, ZoneState, analyze,
+    FarmMessage, FarmValue, Goal, GoalRules, Holding, ImportanceFunction, Level, LifeCycle, Master, MasterConfig,
+    ONTOLOGY, Optimization, Order, Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report,
+    ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneState, analyze,
 };
 use bottega_image::Rect;
 use proptest::prelude::*;
@@ -26,6 +26,7 @@ struct Stage {
     store: MemoryStore<FarmValue>,
     sent: Vec<FarmMessage>,
     composed: Vec<ZoneId>,
+    now: Time,
 }
 
 fn settings() -> WorkSettings {
@@ -39,26 +40,33 @@ impl Stage {
         let (work, settings) = (WorkId(1), settings());
         let partition = PartitionSettings::for_agents(Level::Divided, 2, settings.frame);
         let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition).unwrap();
-        let config = MasterConfig {
+        let config = Self::config();
+        let master = Master::recover(config, all.work, all.rows);
+        let now = Time::since_start(Duration::from_secs(1));
+        let mut stage = Self { master, store: MemoryStore::default(), sent: Vec::new(), composed: Vec::new(), now };
+        stage.feed(Event::Start);
+        stage
+    }
+
+    fn config() -> MasterConfig {
+        MasterConfig {
             id: AgentId::new("master"),
-            work,
+            work: WorkId(1),
             auction: AuctionRule::FinishingTime,
             prefetch: 2,
             shares_tail: true,
+            verify: 1,
+            secret: 7,
             goals: GoalRules::default(),
             timing: Timing::default(),
-        };
-        let master = Master::recover(config, all.work, all.rows);
-        let mut stage = Self { master, store: MemoryStore::default(), sent: Vec::new(), composed: Vec::new() };
-        stage.feed(Event::Start);
-        stage
+        }
     }
 
     fn feed(&mut self, event: FarmEvent) {
         let mut events = vec![event];
         while !events.is_empty() {
             let mut actions = Vec::new();
-            self.master.handle(Time::since_start(Duration::from_secs(1)), events.remove(0), &mut actions);
+            self.master.handle(self.now, events.remove(0), &mut actions);
             for action in actions {
                 match action {
                     Action::Send(message) => self.sent.push(message),
@@ -93,6 +101,23 @@ impl Stage {
             _ => None,
         };
         orders.filter_map(order).next().expect("an order")
+    }
+
+    /// The last order that was sent to an agent.
+    fn last_order(&self, agent: &str) -> Order {
+        let to = AgentId::new(agent);
+        let orders = self.sent.iter().rev().filter(|message| message.receivers.contains(&to));
+        let order = |message: &FarmMessage| match &message.content {
+            FarmContent::Profile(order) | FarmContent::Award(order) => Some(order.clone()),
+            _ => None,
+        };
+        orders.filter_map(order).next().expect("an order")
+    }
+
+    /// A new Master over the same blackboard.
+    fn rebirth(&mut self) {
+        self.master = Master::new(Self::config());
+        self.feed(Event::Start);
     }
 
     fn last_word(&self) -> Performative {
@@ -194,6 +219,82 @@ fn settings_and_samples_that_nobody_allowed_are_refused_and_the_zone_is_open_aga
 }
 
 #[test]
+fn who_fails_three_times_is_left_out_unless_nobody_else_is_here() {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    let fail = |stage: &mut Stage| {
+        let order = stage.last_order("a");
+        let (zone, fence) = (order.row.zone, order.fence);
+        let report = Report { zone, fence, outcome: Err("no paint".to_owned()) };
+        stage.tell("a", Performative::Failure, FarmContent::Report(Arc::new(report)));
+        zone
+    };
+    let left_out = |stage: &Stage, agent: &str| {
+        let to = AgentId::new(agent);
+        stage.sent.iter().any(|it| it.receivers.contains(&to) && matches!(it.content, FarmContent::LeftOut { .. }))
+    };
+    (0..4).for_each(|_| _ = fail(&mut stage));
+    assert!(!left_out(&stage, "a"), "it is the only one");
+    stage.subscribe("b");
+    let zone = fail(&mut stage);
+    assert!(left_out(&stage, "a"));
+    assert_ne!(stage.state(zone), ZoneState::Failed, "the failures of one who is left out do not count");
+    let attempts: u32 = stage.master.board().zones().map(|row| row.attempt).sum();
+    assert_eq!(attempts, 0);
+    // It is known on the blackboard, and refused with the reason; a new Master knows it too.
+    let row = stage.master.board().agent(&AgentId::new("a")).expect("a row");
+    assert!(row.left_out.as_ref().is_some_and(|reason| reason.contains("no paint")), "{row:?}");
+    stage.subscribe("a");
+    let last = stage.sent.last().expect("an answer");
+    assert!(matches!(&last.content, FarmContent::LeftOut { reason } if reason.contains("no paint")), "{last:?}");
+    stage.rebirth();
+    stage.subscribe("a");
+    assert!(matches!(stage.sent.last().expect("an answer").content, FarmContent::LeftOut { .. }));
+    // When all others are gone it may try again: the zone that fails is then what is told.
+    stage.tell("b", Performative::Cancel, FarmContent::Unsubscription);
+    let before = stage.sent.len();
+    stage.subscribe("a");
+    assert!(stage.sent[before..].iter().any(|message| message.performative == Performative::Agree));
+}
+
+#[test]
+fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not() {
+    let mut stage = Stage::new();
+    stage.subscribe("a");
+    stage.subscribe("b");
+    let order = stage.order("a");
+    let (zone, fence) = (order.row.zone, order.fence);
+    let alive = |progress| {
+        let hands = vec![Holding { zone, fence, progress }];
+        FarmContent::Alive { power: RelativePower::REFERENCE, hands }
+    };
+    // A step a minute for an hour.
+    for minute in 0..60 {
+        stage.now = Time::since_start(Duration::from_secs(60 * minute));
+        stage.tell("a", Performative::Inform, alive(minute + 1));
+        stage.tell(
+            "b",
+            Performative::Inform,
+            FarmContent::Alive { power: RelativePower::REFERENCE, hands: Vec::new() },
+        );
+    }
+    assert_eq!(stage.master.board().zone(zone).unwrap().0, fence, "the order still counts");
+    // It was given four zones to profile, and a minute for each.
+    for _ in 0..60 {
+        stage.now = stage.now + Duration::from_secs(5);
+        stage.tell("a", Performative::Inform, alive(60));
+        stage.tell(
+            "b",
+            Performative::Inform,
+            FarmContent::Alive { power: RelativePower::REFERENCE, hands: Vec::new() },
+        );
+    }
+    let withdrawn = |message: &FarmMessage| message.content == FarmContent::Withdrawn { zone, fence };
+    assert!(stage.sent.iter().any(withdrawn), "the agent is told");
+    assert!(stage.master.board().zone(zone).unwrap().0 > fence, "the order counts no more");
+}
+
+#[test]
 fn a_zone_that_was_given_to_another_is_not_taken_from_the_first() {
     let mut stage = Stage::new();
     stage.subscribe("a");
@@ -257,6 +358,7 @@ fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
             .prop_map(|(power, lanes)| FarmContent::Subscription { power: RelativePower::new(power), lanes }),
         Just(FarmContent::Subscribed),
         Just(FarmContent::Unsubscription),
+        Just(FarmContent::LeftOut { reason: "why not".to_owned() }),
         Just(FarmContent::Nothing),
         (0u32..6, 0u32..6, any::<u64>()).prop_map(|(room, zone, nanos)| FarmContent::Bids {
             room,
@@ -270,7 +372,10 @@ fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
         }),
         prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|hands| FarmContent::Alive {
             power: RelativePower::REFERENCE,
-            hands: hands.into_iter().map(|(zone, fence)| (ZoneId(zone), Revision(fence))).collect(),
+            hands: hands
+                .into_iter()
+                .map(|(zone, fence)| Holding { zone: ZoneId(zone), fence: Revision(fence), progress: fence })
+                .collect(),
         }),
         Just(FarmContent::LifeCycle(LifeCycle::Suspend)),
         prop::collection::vec(0u32..9, 0..4).prop_map(|zones| FarmContent::Offers(

@@ -19,7 +19,7 @@ use self::values::{
 };
 use crate::{
     bench::MagarroArgs,
-    farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, PRIORITY, UpArgs},
+    farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
     platform::PlatformArgs,
     rules::RulesArgs,
@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Join(JoinArgs),
     /// See and steer what a farm is asked for.
     Jobs(JobsArgs),
+    /// See and steer the machines of a farm.
+    Machines(MachinesArgs),
     /// Check, evaluate and draw expert rules.
     Rules(RulesArgs),
     /// Run a FIPA agent platform, or ask one what it knows.
@@ -261,8 +263,13 @@ pub(crate) struct RenderArgs {
     #[arg(long, requires = "farm", help_heading = "Work")]
     pub(crate) detach: bool,
     /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities.
-    #[arg(long, value_name = "N", requires = "farm", default_value_t = PRIORITY, value_parser = clap::value_parser!(u32).range(1..=1000), help_heading = "Work")]
+    #[arg(long, value_name = "N", requires = "farm", default_value_t = PRIORITY, value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)), help_heading = "Work")]
     pub(crate) priority: u32,
+    /// Do not trust the machines of the farm: each zone counts when so many different ones have painted the same, bit for bit.
+    /// Of one that was right often only a part is compared; one that was wrong is left out, and what was taken on its word is
+    /// painted again. Zones wait while there are fewer machines.
+    #[arg(long, value_name = "K", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Work")]
+    pub(crate) verify: Option<u32>,
     #[command(flatten)]
     pub(crate) login: LoginArgs,
     /// Go on with a picture that was interrupted.

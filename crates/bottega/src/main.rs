@@ -44,6 +44,7 @@ fn main() -> ExitCode {
         Command::Up(args) => farm::up(&args),
         Command::Join(args) => farm::join(&args),
         Command::Jobs(args) => farm::jobs(&args),
+        Command::Machines(args) => farm::machines(&args),
         Command::Rules(args) => rules::run(&args),
         Command::Platform(args) => platform::run(&args),
         Command::Bench(args) => bench::run(&args),

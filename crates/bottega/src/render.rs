@@ -208,6 +208,7 @@ pub(crate) fn job_settings(
         processors: threads,
         importance: args.scene.importance_function(),
         zones: args.zones,
+        verify: args.verify.unwrap_or(1),
         ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
 }

@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_agents::Time;
+use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
 use bottega_farm::{FarmMessage, ImportanceMap, Observer, Partition, Progress, ZoneRow, ZoneState};
 use bottega_web::{
@@ -281,6 +281,16 @@ impl Observer for Reporter {
             message.conversation_id,
             message.content,
         );
+    }
+
+    fn left_out(&self, agent: &AgentId, reason: &str) {
+        self.warn(format!("{agent} is left out: {reason}"));
+    }
+
+    fn too_few(&self, present: usize, needed: usize) {
+        self.warn(format!(
+            "what machines paint cannot be compared: {present} are there, {needed} are needed; zones wait for `bottega join`"
+        ));
     }
 
     fn not_kept(&self, error: &std::io::Error) {

@@ -3,6 +3,7 @@
 //! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
 //! skipped.
 
+mod farm_agents;
 mod support;
 
 use std::{
@@ -271,6 +272,25 @@ fn three_machines_and_any_server_give_the_bits_of_one() {
     }
 }
 
+#[test]
+fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (path, is_loud) = (farm.path("a.exr"), |word: &&&str| **word != "--quiet");
+    let words =
+        ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", FEW, "--verify", "2", "--json"];
+    let words: Vec<&str> = words.iter().chain(PICTURE.iter().filter(is_loud)).copied().collect();
+    let mut asker = farm.spawn(&words, "a.exr.log");
+    farm.until_says("a.exr.log", "cannot be compared: 1 are there, 2 are needed");
+    assert!(!farm.path("a.exr").exists());
+    let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+    assert!(asker.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+    assert!(!farm.said("a.exr.log").contains("left out"), "{}", farm.logs());
+    assert!(one.end() && two.end(), "{}", farm.logs());
+}
+
 fn link(farm: &Farm) -> NatsUplink<FarmCodec> {
     let members = fs::read(farm.path("state/bottega/server/members.json")).expect("members");
     let members: Value = serde_json::from_slice(&members).expect("JSON");
@@ -498,6 +518,7 @@ fn what_cannot_be_is_told() {
         (vec!["jobs", "list", "--farm", "nats://x@127.0.0.1:1/a b"], 1, "letters, digits"),
         (vec!["up", "--listen", "127.0.0.1:0", "--server", "/nowhere"], 1, "cannot start"),
         (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--detach"], 2, "--farm"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--verify", "2"], 2, "--farm"),
     ] {
         let output = farm.run(&arguments);
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");

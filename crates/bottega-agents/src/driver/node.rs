@@ -12,7 +12,9 @@ use std::{
 
 use tokio::sync::{broadcast, mpsc as lanes, oneshot};
 
+pub use super::fitted::{Anything, Reports};
 use super::{
+    fitted::{Fitted, own},
     http::{
         PATH, client,
         server::{self, Service as HttpService},
@@ -31,8 +33,8 @@ use crate::{
     wire::Calendar,
 };
 
-/// What lives on a node.
-pub type NodeMachine = BoxedMachine<PlainContent, String, ChannelEffect, ChannelReport>;
+/// What lives on a node: agents whose effects and reports are their own.
+pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
 /// Messages that go out at the same time; all to one address go one after the other.
 const LANES: usize = 8;
@@ -46,6 +48,9 @@ const TRACE_MAX: usize = 1024;
 const POLL_EVERY: Duration = Duration::from_millis(50);
 /// Threads for agents.
 const THREADS: usize = 2;
+
+/// How the gateway hears of the transport.
+type GatewayReports = Reports<ChannelReport>;
 
 /// How one who passes is put into a line for those who watch.
 pub type TraceLine = fn(&Passage, Calendar) -> String;
@@ -66,6 +71,10 @@ pub struct NodeConfig {
     pub federates: Vec<AgentId>,
     /// Who may change all entries; nobody outside can speak in this name.
     pub administrators: Vec<AgentId>,
+    /// Who elsewhere may change all entries too. Nothing proves that it is the one who speaks.
+    pub trusted: Vec<AgentId>,
+    /// Agents of this platform that stand in the white pages like its services: nobody changes that.
+    pub permanent: Vec<AgentId>,
     /// How to tell what passes.
     pub trace_line: TraceLine,
 }
@@ -144,6 +153,8 @@ impl Node {
             lease_max: config.lease_max,
             federates: config.federates,
             administrators: config.administrators,
+            trusted: config.trusted,
+            permanent: config.permanent,
             trace_line: config.trace_line,
         };
         let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
@@ -186,12 +197,33 @@ impl Node {
     /// The name is taken.
     pub fn add<M>(&self, id: &AgentId, machine: M) -> Result<(), NameTaken>
     where
-        M: StateMachine<Content = PlainContent, Value = String, Effect = ChannelEffect, Completion = ChannelReport>
-            + Send
-            + 'static,
+        M: StateMachine<Content = PlainContent, Value = String> + Send + 'static,
+        M::Effect: Send + 'static,
+        M::Completion: Send + 'static,
     {
         let machine = StandardAgent::new(id.clone(), self.ids.ams.clone(), machine);
-        self.platform.add(id, Box::new(machine), Box::new(|_, _| {})).map(drop)
+        self.add_worldly(id, machine, |_| {}).map(drop)
+    }
+
+    /// Brings an agent to life that obeys the AMS by itself and does things in the world: `perform` begins them, and must
+    /// return soon; what becomes of them is told by what is returned.
+    ///
+    /// # Errors
+    /// The name is taken.
+    pub fn add_worldly<M>(
+        &self,
+        id: &AgentId,
+        machine: M,
+        perform: impl FnMut(M::Effect) + Send + 'static,
+    ) -> Result<Reports<M::Completion>, NameTaken>
+    where
+        M: StateMachine<Content = PlainContent, Value = String> + Send + 'static,
+        M::Effect: Send + 'static,
+        M::Completion: Send + 'static,
+    {
+        let (mut perform, fitted) = (perform, Box::new(Fitted(machine)));
+        let performer = move |effect, _: &Mailbox<NodeMachine>| own(effect).map_or((), &mut perform);
+        Ok(Reports::new(self.platform.add(id, fitted, Box::new(performer))?))
     }
 
     /// Asks an agent of this or another platform, in the name of `from`, who must not live here yet, and returns what
@@ -208,7 +240,7 @@ impl Node {
     ) -> Result<Option<(Performative, PlainContent)>, NameTaken> {
         let (heard, hear) = mpsc::channel();
         let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait };
-        self.platform.add(from, Box::new(asker), Box::new(|_, _| {}))?;
+        self.add_worldly(from, asker, |()| {})?;
         // The asker itself gives up in time; it may only die with its platform.
         Ok(hear.recv().ok())
     }
@@ -261,6 +293,8 @@ struct Setup {
     lease_max: Option<Duration>,
     federates: Vec<AgentId>,
     administrators: Vec<AgentId>,
+    trusted: Vec<AgentId>,
+    permanent: Vec<AgentId>,
     trace_line: TraceLine,
 }
 
@@ -271,7 +305,7 @@ impl Setup {
         platform: &LocalPlatform<NodeMachine>,
         lanes: Vec<lanes::Sender<Outbound>>,
         trace: broadcast::Sender<Arc<str>>,
-    ) -> Mailbox<NodeMachine> {
+    ) -> GatewayReports {
         let Ids { ams, df, start, acc } = &self.ids;
         let services = vec![ams.clone(), df.clone(), start.clone(), acc.clone()];
         let entry = |id: &AgentId, kind: &str| ServiceEntry {
@@ -294,11 +328,13 @@ impl Setup {
             administrators: self.administrators.clone(),
             salt: self.salt,
         });
+        // Only inside is it sure who speaks, so only the gateway tells them apart.
+        let administrators = [&self.administrators[..], &self.trusted].concat();
         let white = Ams::new(AmsConfig {
             id: ams.clone(),
             platform: self.name.clone(),
-            services,
-            administrators: self.administrators.clone(),
+            services: [&services[..], &self.permanent].concat(),
+            administrators: administrators.clone(),
             addresses: vec![self.address.clone()],
             enters_residents: true,
         });
@@ -306,19 +342,18 @@ impl Setup {
             id: df.clone(),
             calendar: self.calendar,
             lease_max: self.lease_max,
-            administrators: self.administrators.clone(),
+            administrators,
             federates: self.federates.clone(),
             salt: self.salt,
         });
         let (calendar, line) = (self.calendar, self.trace_line);
-        let perform = move |effect: ChannelEffect, mailbox: &Mailbox<NodeMachine>| match effect {
-            ChannelEffect::Passed(passage) => {
-                // Nobody may be looking.
-                if trace.receiver_count() > 0 {
-                    _ = trace.send(line(&passage, calendar).into());
-                }
+        let perform = move |effect, mailbox: &Mailbox<NodeMachine>| match own::<ChannelEffect>(effect) {
+            Some(ChannelEffect::Passed(passage)) if trace.receiver_count() > 0 => {
+                _ = trace.send(line(&passage, calendar).into());
             }
-            ChannelEffect::Send(outbound) => dispatch(&lanes, *outbound, mailbox),
+            Some(ChannelEffect::Send(outbound)) => dispatch(&lanes, *outbound, &Reports::new(mailbox.clone())),
+            // Nobody is looking.
+            Some(ChannelEffect::Passed(_)) | None => {}
         };
         let add = |id: &AgentId, machine: NodeMachine| {
             platform
@@ -326,18 +361,18 @@ impl Setup {
                 .expect("the first agents of a platform have names of their own")
         };
         let gateway = platform
-            .add(acc, Box::new(gateway), Box::new(perform))
+            .add(acc, Box::new(Fitted(gateway)), Box::new(perform))
             .expect("the first agent of a platform has a name of its own");
         platform.set_gateway(acc);
         add(ams, Box::new(Service::new(ams.clone(), white)));
         add(df, Box::new(Service::new(df.clone(), yellow)));
         add(start, Box::new(Service::new(start.clone(), StartService::new(basic))));
-        gateway
+        Reports::new(gateway)
     }
 }
 
 /// Puts a message into the lane of its first address.
-fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, mailbox: &Mailbox<NodeMachine>) {
+fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, gateway: &GatewayReports) {
     let first = outbound.addresses.first().map_or(0, |address| {
         address.bytes().fold(0_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(byte)))
     });
@@ -346,14 +381,14 @@ fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, mailbox: &Mai
             lanes::error::TrySendError::Full(outbound) | lanes::error::TrySendError::Closed(outbound) => outbound,
         };
         let reason = "too many messages wait to be sent".to_owned();
-        mailbox.complete(ChannelReport::Failed { outbound: Box::new(outbound), reason });
+        gateway.tell(ChannelReport::Failed { outbound: Box::new(outbound), reason });
     }
 }
 
 /// The sockets of a node.
 struct Network {
     listener: std::net::TcpListener,
-    gateway: Mailbox<NodeMachine>,
+    gateway: GatewayReports,
     queues: Vec<lanes::Receiver<Outbound>>,
     platform: Arc<LocalPlatform<NodeMachine>>,
     trace: broadcast::Sender<Arc<str>>,
@@ -374,7 +409,7 @@ impl Network {
             let gateway = self.gateway.clone();
             tokio::spawn(async move {
                 while let Some(letter) = arrivals.recv().await {
-                    gateway.complete(ChannelReport::Arrived(Box::new(letter)));
+                    gateway.tell(ChannelReport::Arrived(Box::new(letter)));
                 }
             });
             for queue in self.queues {
@@ -398,13 +433,13 @@ impl Network {
 }
 
 /// Brings the messages of a lane to where they go.
-async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: Mailbox<NodeMachine>) {
+async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     static NUMBER: AtomicU64 = AtomicU64::new(1);
     while let Some(outbound) = queue.recv().await {
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         if let Err(error) = client::send(&outbound, number).await {
             let reason = chain(&error);
-            gateway.complete(ChannelReport::Failed { outbound: Box::new(outbound), reason });
+            gateway.tell(ChannelReport::Failed { outbound: Box::new(outbound), reason });
         }
     }
 }
@@ -433,8 +468,8 @@ struct Asker {
 impl StateMachine for Asker {
     type Content = PlainContent;
     type Value = String;
-    type Effect = ChannelEffect;
-    type Completion = ChannelReport;
+    type Effect = ();
+    type Completion = ();
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
         match event {

@@ -168,7 +168,7 @@ where
         let performative = message.performative;
         let (protocol, language) = (known_protocol(message.protocol.as_deref()), known_language(&message));
         let thread = Thread { message, asked, form: form.to_owned() };
-        let (reply_with, entry) = self.threads.begin(conversation_id, thread);
+        let (reply_with, entry) = self.threads.begin(conversation_id, thread, self.is_service(to));
         if let Some((key, text)) = entry {
             self.put(key, text, actions);
         }

@@ -1,10 +1,11 @@
 //! The threads of conversations with strangers: which message of theirs an agent of ours answers.
 //!
 //! Agents know messages by number, strangers by text. Most threads end within seconds and are kept in memory. A
-//! subscription lives on when its process has died, so its thread is an entry of the store; its number is a function
-//! of the texts, so that every process counts it alike.
+//! subscription with a service lives on when its process has died, so its thread is an entry of the store; its number
+//! is a function of the texts, so that every process counts it alike. A subscription with another agent lives as long
+//! as that agent, and so does its thread.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use crate::{
     AgentId, Performative, sl,
@@ -16,6 +17,8 @@ use crate::{
 const THREADS_MAX: usize = 1 << 14;
 /// The most threads in the store.
 const KEPT_MAX: usize = 1 << 13;
+/// The most threads of subscriptions with agents; the oldest end first.
+const LIVE_MAX: usize = 1 << 13;
 
 pub(super) const PREFIX: &str = "thread/";
 /// In an entry of the store: the form in which the stranger writes.
@@ -40,18 +43,41 @@ pub(super) struct Threads {
     next: u64,
     /// By number, which grows.
     short: BTreeMap<u64, Thread>,
-    /// Of subscriptions, by the number of their conversation.
+    /// Of subscriptions with services, by the number of their conversation.
     kept: BTreeMap<u64, Thread>,
+    /// Of subscriptions with other agents, likewise.
+    live: BTreeMap<u64, Thread>,
+    /// The latter in the order in which they began.
+    live_order: VecDeque<u64>,
 }
 
 impl Threads {
     pub(super) fn get(&self, number: u64) -> Option<&Thread> {
-        self.short.get(&number).or_else(|| self.kept.get(&number))
+        self.short.get(&number).or_else(|| self.kept.get(&number)).or_else(|| self.live.get(&number))
     }
 
     /// Begins a thread; returns its number, and what the store must keep of it.
-    pub(super) fn begin(&mut self, conversation: u64, thread: Thread) -> (u64, Option<(String, String)>) {
-        if thread.message.performative == Performative::Subscribe && self.kept.len() < KEPT_MAX {
+    ///
+    /// - `with_service`: it is one of the platform's services that is spoken to.
+    pub(super) fn begin(
+        &mut self,
+        conversation: u64,
+        thread: Thread,
+        with_service: bool,
+    ) -> (u64, Option<(String, String)>) {
+        let subscribes = thread.message.performative == Performative::Subscribe;
+        if subscribes && !with_service {
+            if self.live.insert(conversation, thread).is_none() {
+                self.live_order.push_back(conversation);
+            }
+            if self.live.len() > LIVE_MAX
+                && let Some(oldest) = self.live_order.pop_front()
+            {
+                self.live.remove(&oldest);
+            }
+            return (conversation, None);
+        }
+        if subscribes && self.kept.len() < KEPT_MAX {
             let entry = (key(conversation), print(&thread));
             self.kept.insert(conversation, thread);
             return (conversation, Some(entry));
@@ -66,10 +92,13 @@ impl Threads {
 
     /// Ends the thread of a subscription; returns the entry to be taken out.
     pub(super) fn end(&mut self, conversation: u64) -> Option<String> {
+        if self.live.remove(&conversation).is_some() {
+            self.live_order.retain(|other| *other != conversation);
+        }
         self.kept.remove(&conversation).map(|_| key(conversation))
     }
 
-    /// Ends the threads of all subscriptions of an agent.
+    /// Ends the threads of all subscriptions of an agent with services. Other agents end theirs themselves.
     pub(super) fn end_with(&mut self, agent: &AgentId) -> Vec<String> {
         let of_agent = |thread: &Thread| thread.message.sender.as_ref() == Some(agent);
         self.kept.extract_if(.., |_, thread| of_agent(thread)).map(|(conversation, _)| key(conversation)).collect()
@@ -124,4 +153,28 @@ pub(super) fn print_number(salt: u64, number: u64) -> String {
 /// The number behind a text that is one of ours.
 pub(super) fn parse_number(salt: u64, text: &str) -> Option<u64> {
     text.strip_prefix(&format!("b{salt:x}-"))?.parse().ok().filter(|number| number & STRANGE == 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subscriptions_with_services_are_kept_in_the_store_and_those_with_agents_in_memory() {
+        let thread =
+            || Thread { message: WireMessage::new(Performative::Subscribe), asked: None, form: STRING_FORM.to_owned() };
+        let mut threads = Threads::default();
+        let (number, entry) = threads.begin(STRANGE | 1, thread(), true);
+        assert_eq!((number, entry.map(|(key, _)| key)), (STRANGE | 1, Some(key(STRANGE | 1))));
+        assert_eq!(threads.begin(STRANGE | 2, thread(), false), (STRANGE | 2, None));
+        assert!(threads.get(STRANGE | 2).is_some());
+        assert_eq!((threads.end(STRANGE | 1), threads.end(STRANGE | 2)), (Some(key(STRANGE | 1)), None));
+        assert!(threads.get(STRANGE | 1).is_none() && threads.get(STRANGE | 2).is_none());
+        // Too many: the oldest goes.
+        for number in 0..=LIVE_MAX as u64 {
+            threads.begin(STRANGE | number, thread(), false);
+        }
+        assert!(threads.get(STRANGE).is_none() && threads.get(STRANGE | LIVE_MAX as u64).is_some());
+        assert_eq!((threads.live.len(), threads.live_order.len()), (LIVE_MAX, LIVE_MAX));
+    }
 }

@@ -122,7 +122,7 @@ impl Ams {
     }
 
     fn is_administrator(&self, agent: &AgentId) -> bool {
-        self.config.administrators.contains(agent)
+        self.config.administrators.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name))
     }
 
     /// The name in a description, if `asker` may touch its entry.

@@ -3,7 +3,7 @@
 
 use std::{
     io::{Read, Write},
-    net::{TcpListener, TcpStream},
+    net::{SocketAddr, TcpListener, TcpStream},
     sync::mpsc,
     thread,
     time::Duration,
@@ -22,7 +22,8 @@ pub(crate) const WAIT: Duration = Duration::from_secs(10);
 
 /// What JADE put on the wire.
 pub(crate) fn recorded(number: u32) -> String {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/jade_data");
+    // Tests of other crates talk as JADE, too.
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bottega-agents/tests/jade_data");
     std::fs::read_to_string(folder.join(format!("{number:02}.http"))).unwrap()
 }
 
@@ -81,9 +82,13 @@ impl Jade {
 
     /// The same with something else in its body.
     pub(crate) fn says_else(&self, number: u32, node: &Node, change: impl FnOnce(String) -> String) -> String {
-        let ours = node.local_address().port().to_string();
+        self.says_to(number, node.local_address(), change)
+    }
+
+    /// The same to a platform in another process.
+    pub(crate) fn says_to(&self, number: u32, at: SocketAddr, change: impl FnOnce(String) -> String) -> String {
         let text = recorded(number)
-            .replace("127.0.0.1:7779", &format!("127.0.0.1:{ours}"))
+            .replace("127.0.0.1:7779", &at.to_string())
             .replace("127.0.0.1:7778", &format!("127.0.0.1:{}", self.port));
         let (head, body) = text.split_once("\r\n\r\n").unwrap();
         let body = change(body.to_owned());
@@ -148,6 +153,8 @@ pub(crate) fn config(name: &str, store: Box<dyn EntryStore<String, usize> + Send
         lease_max: None,
         federates: Vec::new(),
         administrators: vec![AgentId::new(format!("root@{name}"))],
+        trusted: Vec::new(),
+        permanent: Vec::new(),
         trace_line: |passage, _| format!("{} {}", passage.way.word(), passage.message.performative),
     }
 }
@@ -157,7 +164,11 @@ pub(crate) struct Line(TcpStream);
 
 impl Line {
     pub(crate) fn to(node: &Node) -> Self {
-        let stream = TcpStream::connect(node.local_address()).unwrap();
+        Self::to_address(node.local_address())
+    }
+
+    pub(crate) fn to_address(at: SocketAddr) -> Self {
+        let stream = TcpStream::connect(at).unwrap();
         stream.set_read_timeout(Some(WAIT)).unwrap();
         Self(stream)
     }

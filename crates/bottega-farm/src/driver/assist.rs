@@ -11,7 +11,8 @@ use crate::{contents::message, protocol};
 /// - `settings`: those of the work, but for `agents`, `processors` and `experts`, which are this machine's.
 ///
 /// # Errors
-/// The engine cannot do what all zones need, or the operating system gives no thread.
+/// The engine cannot do what all zones need, the Master has left all agents of this process out, or the operating system
+/// gives no thread.
 pub fn assist(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -48,6 +49,7 @@ pub fn assist(
     }
     match end {
         Some(End::Abandoned(reason)) if !stop.is_requested() => Err(JobError::Abandoned { reason }),
+        Some(End::LeftOut(reason)) if !stop.is_requested() => Err(JobError::LeftOut { reason }),
         end => Ok(end.is_some()),
     }
 }
@@ -58,6 +60,22 @@ fn leave(mut bus: LocalBus<Seen>, agents: usize, here: &str, master: &AgentId) {
         let id = AgentId::new(format!("render-{}@{here}", i + 1));
         let to = vec![master.clone()];
         bus.publish(message(Performative::Cancel, protocol::SUBSCRIBE, &id, to, FarmContent::Unsubscription));
+    }
+}
+
+impl Shared {
+    /// The Master has left an agent of this process out. When it has left out all who paint for a Master elsewhere, this
+    /// process has no part in the work any more; one that leads goes on with others.
+    pub(super) fn dismissed(&self, reason: String) {
+        tracing::warn!(reason, "the Master has left an agent out");
+        let all_out = {
+            let mut state = self.state();
+            state.dismissed += 1;
+            state.present > 0 && state.dismissed >= state.present
+        };
+        if all_out {
+            self.end(End::LeftOut(reason));
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
 
 use bottega_agents::{Revision, Time, bus::BlobId};
-use bottega_engines::{CancelSwitch, EngineError, Painted, ZoneTask};
+use bottega_engines::{CancelSwitch, EngineError, Painted, TaskProgress, ZoneTask};
 use bottega_image::{Film, Layout, Tile};
 
 use super::{FarmMailbox, JobSettings, Progress, Shared, Times, progress::Tally};
@@ -13,7 +13,7 @@ use crate::{
 
 /// A zone that takes longer than this on all processors is painted in passes, each of which is kept: so much is lost by
 /// an interruption at most.
-const PASS: Duration = Duration::from_secs(10);
+const PASS: Duration = crate::STEP_MAX;
 
 /// Tiles, film and store of one job.
 pub(super) struct Easel {
@@ -47,7 +47,10 @@ impl Easel {
         }
     }
 
+    /// Begins the film. What was in one before is void.
     pub(super) fn begin(&mut self, work: &WorkRow) -> io::Result<()> {
+        let (width, height) = self.film.picture_size();
+        self.film = Film::new(self.film.rect(), self.layout).with_picture_size(width, height);
         self.store.as_mut().map_or(Ok(()), |store| store.put_work(work))
     }
 
@@ -141,6 +144,7 @@ struct Sitting {
     shared: Arc<Shared>,
     mailbox: FarmMailbox,
     cancel: CancelSwitch,
+    progress: TaskProgress,
     /// The samples of about the first half, where the error is to be estimated.
     half: Option<Tile>,
 }
@@ -164,14 +168,15 @@ impl Shared {
         let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
         let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
         self.begin_outstanding();
-        let cancel = CancelSwitch::default();
-        self.state().orders.insert((order.zone, order.fence), cancel.clone());
+        let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+        self.state().orders.insert((order.zone, order.fence), (cancel.clone(), progress.clone()));
         if self.stop.is_requested() {
             // Whoever cancelled all orders may not have seen this one.
             cancel.cancel();
         }
         let sitting = Sitting {
             cancel,
+            progress,
             half: None,
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
@@ -184,15 +189,25 @@ impl Shared {
 
     /// Nobody wants what is painted under any order.
     pub(super) fn cancel_orders(&self) {
-        self.state().orders.values().for_each(CancelSwitch::cancel);
+        self.state().orders.values().for_each(|(cancel, _)| cancel.cancel());
         self.changed.notify_all();
     }
 
     /// Nobody wants what is painted under this order.
     pub(super) fn drop_order(&self, zone: ZoneId, fence: Revision) {
-        if let Some(order) = self.state().orders.get(&(zone, fence)) {
-            order.cancel();
+        if let Some((cancel, _)) = self.state().orders.get(&(zone, fence)) {
+            cancel.cancel();
         }
+    }
+
+    /// How far these orders are, as far as they are under way.
+    pub(super) fn look(&self, orders: &[(ZoneId, Revision)]) -> Vec<(ZoneId, Revision, u64)> {
+        let state = self.state();
+        let found = orders.iter().filter_map(|&(zone, fence)| {
+            let (_, progress) = state.orders.get(&(zone, fence))?;
+            Some((zone, fence, progress.get()))
+        });
+        found.collect()
     }
 }
 
@@ -205,8 +220,9 @@ impl Sitting {
         }
         let mut end = start.saturating_add(self.pass).min(self.order.samples.end);
         if self.order.needs_error && self.half.is_none() {
-            // What comes after half of all samples, or after those before, is set against what comes first.
-            let middle = self.order.samples.end / 2;
+            // What comes after half of all samples, or after those before, is set against what comes first: for whoever
+            // could not have those before too.
+            let middle = (self.order.samples.end / 2).max(self.order.samples.start);
             if start >= middle {
                 self.half.clone_from(&tile);
             } else {
@@ -214,7 +230,8 @@ impl Sitting {
             }
         }
         let PaintOrder { rect, tunables, .. } = self.order;
-        let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel: self.cancel.clone() };
+        let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
+        let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel, progress };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
     }
 
@@ -239,6 +256,8 @@ impl Sitting {
                 if tile.rect() != self.order.rect {
                     return self.done(Err("the engine painted another rectangle".to_owned()));
                 }
+                // An engine may not know before a pass is done.
+                self.progress.add(1);
                 if end < self.order.samples.end {
                     self.pass_done(end, &tile);
                     return self.go_on(end, Some(tile));

@@ -9,6 +9,8 @@ use crate::{AdaptationRule, AuctionRule, Expert, Goal, ImportanceFunction, Level
 
 /// Agents of one job at most.
 pub const AGENTS_MAX: usize = 1 << 10;
+/// Agents that must make the same of a zone, at most.
+pub const VERIFY_MAX: u32 = 16;
 /// What is to be painted, and how.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
@@ -46,6 +48,8 @@ pub struct JobSettings {
     pub adaptation: AdaptationRule,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
+    /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
+    pub verify: u32,
 }
 
 impl JobSettings {
@@ -69,6 +73,7 @@ impl JobSettings {
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
             prefetch: 2,
+            verify: 1,
         }
     }
 
@@ -82,6 +87,7 @@ impl JobSettings {
             ("agents", self.agents, AGENTS_MAX),
             ("rule sets", self.experts.len(), usize::MAX),
             ("zones in hand", self.prefetch as usize, 1 << 10),
+            ("agents to compare", self.verify as usize, VERIFY_MAX as usize),
         ] {
             if value == 0 || value > most {
                 return Err(JobError::Count { what, value });
@@ -130,6 +136,18 @@ pub enum JobError {
     /// The scene could not be analyzed, or the zones make no sense.
     #[error("the job was given up: {reason}")]
     Abandoned {
+        /// Why.
+        reason: String,
+    },
+    /// What agents paint cannot be compared.
+    #[error("what agents paint cannot be compared: {reason}")]
+    Verify {
+        /// Why.
+        reason: &'static str,
+    },
+    /// The Master of the work wants nothing of this process any more.
+    #[error("its agents are left out of the job: {reason}")]
+    LeftOut {
         /// Why.
         reason: String,
     },

@@ -13,9 +13,11 @@ impl Master {
         }
         if self.begun && !self.stopping {
             self.write_offcuts(now, actions);
+            self.repaint_dubious(now, actions);
             self.plan_pass(now, actions);
             self.give_out_profiles(now, actions);
             self.close_rounds(now, actions);
+            self.give_out_comparisons(now, actions);
             self.recall(now);
             while self.open_round(now, actions) {}
         }
@@ -41,6 +43,7 @@ impl Master {
         self.pass_begun = now;
         actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
         self.introduce(&self.roster.present(), actions);
+        self.doubt_all();
     }
 
     fn give_out_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
@@ -193,6 +196,12 @@ impl Master {
     }
 
     fn compose(&mut self, actions: &mut Vec<FarmAction>) {
+        if self.film_is_stale {
+            if self.composition.composing_count() > 0 {
+                return;
+            }
+            self.begin_film_anew(actions);
+        }
         while self.composition.composing_count() < COMPOSING_MAX {
             let all_chosen = self.board.zone_count() == self.ledger.chosen_count();
             let Some((zone, mask)) = self.composition.next(&self.board, all_chosen) else { return };
@@ -201,10 +210,23 @@ impl Master {
         }
     }
 
+    /// What was composed is void; the rows say what is to be composed.
+    fn begin_film_anew(&mut self, actions: &mut Vec<FarmAction>) {
+        let Some(work) = self.board.work().cloned() else { return };
+        self.film_is_stale = false;
+        self.composition = Composition::default();
+        self.board.zones().for_each(|row| self.composition.see(row));
+        actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
+    }
+
     /// Workflow, step 8: the picture is whole.
     fn finish(&mut self, actions: &mut Vec<FarmAction>) {
         let zone_count = self.board.zone_count();
-        if self.ledger.settled_count() < zone_count || !self.writes.is_empty() || !self.owed.is_empty() {
+        if self.film_is_stale
+            || self.ledger.settled_count() < zone_count
+            || !self.writes.is_empty()
+            || !self.owed.is_empty()
+        {
             return;
         }
         let failed: Vec<ZoneId> =

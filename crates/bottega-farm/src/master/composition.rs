@@ -101,6 +101,11 @@ impl Composition {
         ZoneId(self.cursor)
     }
 
+    /// Whether a zone is in the film, or on its way there.
+    pub(super) fn has(&self, zone: ZoneId) -> bool {
+        self.composing.contains(&zone) || self.composed.contains(&zone)
+    }
+
     /// Zones that the film has not answered about.
     pub(super) fn composing_count(&self) -> usize {
         self.composing.len()

@@ -1,6 +1,6 @@
 //! What the rows of the Blackboard mean for the Master, kept in step with them so that no event costs a look at all.
 
-use std::{cmp::Reverse, collections::BTreeSet, time::Duration};
+use std::{cmp::Reverse, collections::BTreeSet, ops::Bound, time::Duration};
 
 use bottega_agents::NumberMap;
 
@@ -17,6 +17,10 @@ pub(super) struct Ledger {
     zones: NumberMap<Counted>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
+    /// Some agents have said what they make of them, and others are to say it too; the most expensive first.
+    comparisons: BTreeSet<(Reverse<u64>, ZoneId)>,
+    /// The one of them that was looked at last.
+    compared_last: Option<(Reverse<u64>, ZoneId)>,
     /// Waiting for an auction, or offered in one.
     pub(super) open: OpenZones,
     /// By the number of their agent, zones with T_est in the order of their ids. There are few for each.
@@ -36,6 +40,7 @@ struct Counted {
     complexity: f64,
     time_estimated: Duration,
     chosen: bool,
+    voted: bool,
     holders: Holders,
 }
 
@@ -54,6 +59,7 @@ impl Ledger {
             complexity: row.complexity,
             time_estimated: row.time_estimated.unwrap_or_default(),
             chosen: row.choice.is_some() || row.state == ZoneState::Failed,
+            voted: !row.votes.is_empty(),
             holders,
         };
         if let Some(before) = self.zones.get(row.zone.0) {
@@ -64,6 +70,9 @@ impl Ledger {
             self.uncount(row.zone, &before, changed);
         }
         match row.state {
+            ZoneState::Open | ZoneState::Profiled if counted.voted => {
+                self.comparisons.insert(counted.rank(row.zone));
+            }
             ZoneState::Open => _ = self.unseen.insert(counted.rank(row.zone)),
             ZoneState::Profiled if counted.waiting => self.waiting += 1,
             ZoneState::Profiled => self.open.insert(self.rule, counted.offer(row.zone)),
@@ -82,6 +91,9 @@ impl Ledger {
 
     fn uncount(&mut self, zone: ZoneId, before: &Counted, changed: &mut Vec<MemberId>) {
         match before.state {
+            ZoneState::Open | ZoneState::Profiled if before.voted => {
+                self.comparisons.remove(&before.rank(zone));
+            }
             ZoneState::Open => _ = self.unseen.remove(&before.rank(zone)),
             ZoneState::Profiled if before.waiting => self.waiting -= 1,
             ZoneState::Profiled => self.open.remove(self.rule, &before.offer(zone)),
@@ -128,6 +140,29 @@ impl Ledger {
         self.unseen.first().map(|(_, zone)| *zone)
     }
 
+    /// Zones that wait for what others make of them: some of the most expensive, and some in turn.
+    pub(super) fn comparisons(&mut self, first: usize, next: usize) -> Vec<ZoneId> {
+        let from = self.compared_last.map_or(Bound::Unbounded, Bound::Excluded);
+        let in_turn: Vec<_> = self.comparisons.range((from, Bound::Unbounded)).take(next).copied().collect();
+        // Behind the last one come the first again.
+        self.compared_last = in_turn.last().copied();
+        let first = self.comparisons.iter().take(first).map(|(_, zone)| *zone);
+        let mut zones: Vec<ZoneId> = first.chain(in_turn.iter().map(|(_, zone)| *zone)).collect();
+        zones.sort_unstable();
+        zones.dedup();
+        zones
+    }
+
+    /// How many zones wait for what others make of them.
+    pub(super) fn comparison_count(&self) -> usize {
+        self.comparisons.len()
+    }
+
+    /// Zones that somebody has in hand.
+    pub(super) fn in_hand_count(&self) -> usize {
+        self.in_hand
+    }
+
     /// Whether all zones that are not settled wait for the next pass, and there are any.
     pub(super) fn all_wait(&self) -> bool {
         self.waiting > 0 && self.waiting + self.settled == self.zones.len()
@@ -144,7 +179,7 @@ impl Ledger {
     }
 
     pub(super) fn assert_invariants(&self) {
-        let waiting = self.unseen.len() + self.open.len() + self.waiting;
+        let waiting = self.unseen.len() + self.comparisons.len() + self.open.len() + self.waiting;
         assert_eq!(self.in_hand + waiting + self.settled, self.zones.len(), "each zone is in one place");
     }
 }

@@ -10,15 +10,8 @@ impl Master {
         }
         match (message.performative, &message.content) {
             (Performative::Subscribe, FarmContent::Subscription { power, lanes }) => {
-                let member = sender.and_then(|sender| self.roster.get(sender)).map(|member| &member.row);
-                let credit = member.or_else(|| self.board.agent(&message.sender)).map_or(0.0, |row| row.credit);
                 let lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
-                self.subscribe(
-                    now,
-                    message,
-                    AgentRow { agent: message.sender.clone(), power: *power, lanes, credit },
-                    actions,
-                );
+                self.subscribe(now, message, *power, lanes, actions);
             }
             (Performative::Cancel, FarmContent::Unsubscription) => {
                 if let Some(sender) = sender {
@@ -31,6 +24,7 @@ impl Master {
                     return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
                 };
                 self.repeat_orders(now, sender, hands, actions);
+                self.watch_pace(now, sender, hands, actions);
             }
             (Performative::Propose, FarmContent::Bids { room, bids }) => {
                 let proposal = Proposal { room: (*room).min(self.config.prefetch), bids: bids.clone() };
@@ -51,7 +45,21 @@ impl Master {
     }
 
     /// Workflow, steps 1 and 4: the agent is on the list, and is told of the scene when there is one.
-    fn subscribe(&mut self, now: Time, message: &FarmMessage, row: AgentRow, actions: &mut Vec<FarmAction>) {
+    fn subscribe(
+        &mut self,
+        now: Time,
+        message: &FarmMessage,
+        power: RelativePower,
+        lanes: f64,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let agent = &message.sender;
+        if let Some(reason) = self.refused(agent) {
+            return self.answer(message, Performative::Refuse, FarmContent::LeftOut { reason }, actions);
+        }
+        let known = self.roster.get_by_name(agent).map(|member| &member.row).or_else(|| self.board.agent(agent));
+        let known = known.cloned().unwrap_or_else(|| AgentRow::new(agent.clone(), power, lanes));
+        let row = AgentRow { power, lanes, left_out: None, ..known };
         let Some(id) = self.roster.join(now, row.clone()) else {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
         };
@@ -71,7 +79,7 @@ impl Master {
     }
 
     /// An agent is gone: what it had in hand is open again, or its rival's.
-    fn dismiss(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+    pub(super) fn dismiss(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
         let round = self.roster.leave(agent).and_then(|member| member.round);
         if let Some(round) = round.and_then(|round| self.rounds.get_mut(&round)) {
             round.awaited.retain(|other| *other != agent);
@@ -98,6 +106,7 @@ impl Master {
                 // The other one goes on, under the token that it has.
                 (Some(other), _) if is_here(other) => return,
                 (Some(_), Some(rival)) if is_here(&rival.agent) => ZoneRow { agent: None, ..row.clone() },
+                _ if self.left_out.contains_key(agent) => row.reopened(row.attempt),
                 _ => row.taken_back(),
             };
             self.write(now, row, Then::TakenBack, actions);
@@ -105,18 +114,13 @@ impl Master {
     }
 
     /// An agent does not know of an order that it should have: it was lost on the way, or with the agent's memory.
-    fn repeat_orders(
-        &mut self,
-        now: Time,
-        agent: MemberId,
-        known: &[(ZoneId, Revision)],
-        actions: &mut Vec<FarmAction>,
-    ) {
+    fn repeat_orders(&mut self, now: Time, agent: MemberId, known: &[Holding], actions: &mut Vec<FarmAction>) {
         let missing = |zone: &ZoneId| {
             self.board.zone(*zone).is_some_and(|(_, row)| {
                 let revision = self.board.revision(*zone);
                 let fence = row.fence_of(self.roster.name(agent), revision);
-                let is_known = fence.is_none_or(|fence| known.contains(&(*zone, fence)));
+                let is_told = |fence| known.iter().any(|hand| (hand.zone, hand.fence) == (*zone, fence));
+                let is_known = fence.is_none_or(is_told);
                 let being_written = self.writes.contains_key(zone);
                 let on_its_way = self.sent.get(zone).is_some_and(|&sent| now < sent + self.config.timing.heartbeat);
                 !is_known && !being_written && !on_its_way
@@ -150,6 +154,9 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
+        // What others made of it is nothing that an agent should know before.
+        let row =
+            if row.votes.is_empty() { row.clone() } else { Arc::new(ZoneRow { votes: Vec::new(), ..(**row).clone() }) };
         let order = Order { work: work.clone(), row: row.clone(), fence };
         let (performative, protocol, content) = if row.state == ZoneState::Profiling {
             (Performative::Request, protocol::REQUEST, FarmContent::Profile(order))
@@ -192,5 +199,6 @@ impl Master {
             self.take_all_back(now, agent, actions);
         }
         self.help_all(now, actions);
+        self.count_machines(actions);
     }
 }

@@ -1,7 +1,7 @@
 //! What becomes of the reports of agents and of the film.
 
 use super::*;
-use crate::Goal;
+use crate::{Goal, Vote};
 
 /// A zone takes no longer, in reference-machine time: sums over all zones stay within what a [`Duration`] holds.
 const TIME_MAX: Duration = Duration::from_secs(1 << 30);
@@ -30,49 +30,60 @@ impl Master {
             return;
         }
         let valid = row.fence_of(&message.sender, revision) == Some(fence);
-        if !valid && row.result.is_some_and(|result| result.fence == fence) {
+        let is_counted = |vote: &Vote| vote.painting.result.fence == fence;
+        let is_there = row.result.is_some_and(|result| result.fence == fence) || row.votes.iter().any(is_counted);
+        if !valid && is_there {
             // It is on the blackboard already; the confirmation was lost.
             return actions.push(FarmAction::Send(received()));
         }
-        if !valid {
+        if !valid || self.left_out.contains_key(&message.sender) {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
         }
         let after = match &report.outcome {
             Err(reason) => Err(reason.as_str()),
-            Ok(painting) => self.accepted(row, fence, painting),
+            Ok(painting) => self
+                .accepted(row, fence, painting)
+                .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
         };
         match after {
-            Ok(row) => {
+            Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
-                // Whoever painted it is responsible for it.
-                let row = ZoneRow { agent: Some(message.sender.clone()), rival: None, ..row };
-                let then = Then::Receive(Box::new(received()));
+                let then = Then::Receive { confirmation: Box::new(received()), well: true };
                 self.write(now, row, then, actions);
+                self.pronounce(now, zone, &verdict, actions);
             }
             Err(reason) => {
                 tracing::warn!(zone = zone.0, agent = %message.sender, reason, "zone failed");
-                let after = Self::failed(row, &message.sender);
+                let after = self.failed(zone, &message.sender);
                 if report.outcome.is_ok() {
                     self.answer(message, Performative::Disconfirm, refuse(reason), actions);
                     if let Some(row) = after {
                         self.write(now, row, Then::TakenBack, actions);
                     }
                 } else if let Some(row) = after {
-                    let then = Then::Receive(Box::new(received()));
+                    let then = Then::Receive { confirmation: Box::new(received()), well: false };
                     self.write(now, row, then, actions);
                 } else {
                     actions.push(FarmAction::Send(received()));
                 }
+                let reason = reason.to_owned();
+                self.strike(now, &message.sender, (zone, fence), &reason, actions);
             }
         }
     }
 
     /// The zone's row after `agent` has failed on it: the rival's, if there is one. `None`: it stays as it is, for the
-    /// agent that took it over goes on.
-    fn failed(row: &ZoneRow, agent: &AgentId) -> Option<ZoneRow> {
+    /// agent that took it over goes on. The failures of an agent that is left out for this one do not count against it.
+    pub(super) fn failed(&self, zone: ZoneId, agent: &AgentId) -> Option<ZoneRow> {
+        let (_, row) = self.board.zone(zone)?;
         match (&row.agent, &row.rival) {
             (Some(newer), Some(rival)) if rival.agent == *agent && newer != agent => None,
             (_, Some(rival)) if rival.agent != *agent => Some(ZoneRow { agent: None, ..row.clone() }),
+            _ if self.is_last_straw(agent) => {
+                let failed = self.roster.get_by_name(agent).map_or(&[][..], |member| &member.failed);
+                let before = failed.iter().filter(|(other, _)| *other == zone).count() as u32;
+                Some(row.reopened(row.attempt.saturating_sub(before)))
+            }
             _ => Some(row.taken_back()),
         }
     }
@@ -132,8 +143,19 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         let asked = self.composition.composed(zone, outcome.is_ok());
-        let Err(reason) = outcome else { return };
-        tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
+        let painter = self.board.zone(zone).and_then(|(_, row)| row.agent.clone()).filter(|_| asked);
+        let reason = outcome.err();
+        if let Some(reason) = &reason {
+            tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
+            self.lose(now, zone, asked, actions);
+        }
+        if let Some(painter) = painter {
+            self.judge_tile(now, &painter, reason.as_deref(), actions);
+        }
+    }
+
+    /// The samples of a zone are nowhere.
+    fn lose(&mut self, now: Time, zone: ZoneId, asked: bool, actions: &mut Vec<FarmAction>) {
         if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| asked && row.state == ZoneState::Done) {
             // Paint it again, with the settings that its neighbours' bands were made for.
             let attempt = row.attempt + 1;

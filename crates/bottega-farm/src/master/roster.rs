@@ -2,15 +2,21 @@
 
 use std::{collections::BTreeSet, time::Duration};
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::{AgentId, Revision, Time};
 use rustc_hash::FxHashMap;
 
-use crate::{AgentRow, MemberId, auction::Field};
+use super::pace::Watched;
+use crate::{AgentRow, Holding, MemberId, ZoneId, auction::Field};
 
 /// Agents that a Master takes at most.
 pub(super) const MEMBERS_MAX: usize = 1 << 14;
 /// Zones to profile that an agent has in hand at most. They are short; more of them hide the way of a message.
 const PROFILE_WINDOW: usize = 4;
+
+/// Agents that are looked at for one zone.
+const FREE_LOOKED_AT: usize = 64;
+/// Failures of an agent whose zones are remembered.
+const FAILED_KEPT: usize = 16;
 
 /// One agent.
 #[derive(Clone, Debug)]
@@ -31,6 +37,10 @@ pub(super) struct Member {
     load: Duration,
     /// When it will have painted them, as far as can be known.
     pub(super) ready: Time,
+    /// Its orders, as it tells of them.
+    watched: Watched,
+    /// The orders that it has failed on since it last painted something.
+    pub(super) failed: Vec<(ZoneId, Revision)>,
     /// Where it stands in the orders.
     places: Places,
 }
@@ -310,6 +320,35 @@ impl Roster {
         }
     }
 
+    /// Takes what an agent says of its orders: see [`Watched::see`].
+    pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<(Holding, Duration)> {
+        self.members[id.index()].as_mut()?.watched.see(now, hands)
+    }
+
+    /// An agent has failed on an order. Returns whether that was not known.
+    pub(super) fn note_failure(&mut self, id: MemberId, order: (ZoneId, Revision)) -> bool {
+        let member = self.members[id.index()].as_mut().filter(|member| !member.failed.contains(&order));
+        let is_new = member.is_some();
+        if let Some(member) = member {
+            let old = (member.failed.len() + 1).saturating_sub(FAILED_KEPT);
+            member.failed.drain(..old);
+            member.failed.push(order);
+        }
+        is_new
+    }
+
+    /// An agent has painted something.
+    pub(super) fn forget_failures(&mut self, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut() {
+            member.failed.clear();
+        }
+    }
+
+    /// How many are here.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
     /// All who are here.
     pub(super) fn iter(&self) -> impl Iterator<Item = &Member> {
         self.members.iter().flatten()
@@ -335,6 +374,12 @@ impl Roster {
     /// Who may bid, the first to be idle first; `count_max` of them.
     pub(super) fn bidders(&self, count_max: usize) -> Vec<MemberId> {
         self.free.iter().take(count_max).map(|(_, id)| *id).collect()
+    }
+
+    /// The first to be idle of those who may bid and of whom `is_wanted` holds, as far as is looked.
+    pub(super) fn first_free(&self, is_wanted: impl Fn(&AgentId) -> bool) -> Option<MemberId> {
+        let free = self.free.iter().take(FREE_LOOKED_AT).map(|(_, id)| *id);
+        free.into_iter().find(|id| is_wanted(self.name(*id)))
     }
 
     /// Whether anybody was passed over and not asked again since.
@@ -384,6 +429,8 @@ impl Member {
             hands: 0,
             load: Duration::ZERO,
             ready: now,
+            watched: Watched::default(),
+            failed: Vec::new(),
             places: Places::default(),
         }
     }

@@ -63,8 +63,12 @@ impl Master {
             FarmValue::Zone(row) => self.see_zone(now, revision, &row, actions),
             FarmValue::Agent(row) => {
                 // If it is not here it is known from an earlier life of this Master; its lease begins anew.
-                let is_new = self.roster.get_by_name(&row.agent).is_none();
-                if is_new && let Some(id) = self.roster.join(now, (*row).clone()) {
+                let is_out = self.left_out.contains_key(&row.agent);
+                let is_new = !is_out && self.roster.get_by_name(&row.agent).is_none();
+                if is_new && row.left_out.is_some() {
+                    self.left_out.insert(row.agent.clone(), Arc::clone(&row));
+                    self.doubt_all();
+                } else if is_new && let Some(id) = self.roster.join(now, (*row).clone()) {
                     self.refresh_hands(now, id);
                 }
                 self.board.see(revision, FarmValue::Agent(row));
@@ -89,7 +93,9 @@ impl Master {
         }
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
         self.sent.remove(&zone);
+        self.film_is_stale |= row.state != ZoneState::Done && self.composition.has(zone);
         self.composition.see(row);
+        self.doubt(row);
         self.note_cut(row);
         self.recalls |= row.state == ZoneState::Profiled;
         match self.writes.get(&zone) {
@@ -162,9 +168,13 @@ impl Master {
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
             Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
-            Then::Receive(confirmation) => {
-                let agent = confirmation.receivers.first().and_then(|agent| self.roster.find(agent));
+            Then::Receive { confirmation, well } => {
+                let name = confirmation.receivers.first().cloned();
+                let agent = name.as_ref().and_then(|agent| self.roster.find(agent));
                 actions.push(FarmAction::Send(*confirmation));
+                if let Some(name) = name.filter(|_| well) {
+                    self.succeed(&name, actions);
+                }
                 if write.row.state == ZoneState::Done {
                     self.credit(&write.row, actions);
                 }

@@ -4,6 +4,8 @@ use super::*;
 
 /// An idle agent takes a zone over when it would be painted in this share of the time that its holder will still need.
 const WORTH_IT: f64 = 0.8;
+/// An idle agent profiles a zone too that another has been at for longer than this.
+const PROFILE_MAX: Duration = Duration::from_secs(60);
 /// Agents that are looked at as possibly too slow.
 const LAGGARDS_MAX: usize = 4;
 /// Idle agents that may take something over at one look.
@@ -22,7 +24,8 @@ impl Master {
         let is_whole = row.cut.is_none_or(|cut| self.board.zone(cut.zone).is_some());
         // A revision makes one write at most, of all that any Master may try: so no two pieces get one id.
         let offcut = ZoneId(u32::try_from(revision.0).ok()?.checked_add(work.zone_count)?);
-        let is_free = is_whole && self.board.zone(offcut).is_none() && !self.writes.contains_key(&zone);
+        let is_free =
+            is_whole && row.votes.is_empty() && self.board.zone(offcut).is_none() && !self.writes.contains_key(&zone);
         row.cut_to(share, offcut, &work.settings.frame).filter(|_| is_free)
     }
 
@@ -61,16 +64,22 @@ impl Master {
         let (own, name) = (helper.own(), self.roster.name(agent));
         let worth_it = |zone: ZoneId, ready: Time| {
             let (_, row) = self.board.zone(zone)?;
-            let is_free = row.state == ZoneState::Awarded && row.rival.is_none() && !self.writes.contains_key(&zone);
+            let is_free = row.rival.is_none() && row.is_new_to(name) && !self.writes.contains_key(&zone);
+            let sent = self.sent.get(&zone);
+            if row.state == ZoneState::Profiling {
+                // Nobody knows how long it should take, but it is short, or has been forgotten.
+                let is_long = sent.is_some_and(|&sent| now - sent > PROFILE_MAX);
+                return (is_free && is_long && row.agent.as_ref() != Some(name)).then_some(zone);
+            }
             let left = if ready >= now {
                 ready - now
             } else {
                 // It should have been finished. Nothing better is known than that it goes on as it did.
-                self.sent.get(&zone).map_or(Duration::ZERO, |&sent| now - sent)
+                sent.map_or(Duration::ZERO, |&sent| now - sent)
             };
             let takes = own * row.time_estimated?.as_secs_f64();
             let gain = takes < WORTH_IT * left.as_secs_f64();
-            (is_free && gain && row.agent.as_ref() != Some(name)).then_some(zone)
+            (is_free && row.state == ZoneState::Awarded && gain && row.agent.as_ref() != Some(name)).then_some(zone)
         };
         let zones = self.roster.laggards(now, LAGGARDS_MAX).flat_map(|member| {
             // The last one it will come to last.
@@ -97,7 +106,7 @@ impl Master {
     /// Of a zone that two agents have and that `row` says to be painted: who has it in vain, under which token.
     pub(super) fn rivals(&self, row: &ZoneRow) -> Option<Vec<(AgentId, Revision)>> {
         let (revision, before) = self.board.zone(row.zone)?;
-        if before.rival.is_none() || !row.is_settled() {
+        if before.rival.is_none() || row.is_in_hand() {
             return None;
         }
         let vain = before.holders().filter(|agent| row.agent.as_ref() != Some(agent));

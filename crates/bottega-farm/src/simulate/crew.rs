@@ -60,6 +60,12 @@ pub enum IncidentKind {
     Leave,
     /// Its machine becomes so many times slower.
     Slow(f64),
+    /// Its machine paints no more, while it goes on to say that it lives.
+    Hang,
+    /// Such a share of its orders fails from then on.
+    Break(f64),
+    /// What it paints is wrong in such a share of its orders from then on.
+    Lie(f64),
 }
 
 /// Why a crew cannot be had.
@@ -171,7 +177,8 @@ impl Crew {
                     let mark = Mark { at: incident.at.as_secs_f64(), come: 0, factor: factor.recip() };
                     marks[self.agents[incident.agent].machine].push(mark);
                 }
-                IncidentKind::Fail | IncidentKind::Leave => {
+                IncidentKind::Break(_) | IncidentKind::Lie(_) => {}
+                IncidentKind::Fail | IncidentKind::Leave | IncidentKind::Hang => {
                     let first = &mut gone[incident.agent];
                     *first = Some(first.map_or(incident.at, |first| first.min(incident.at)));
                 }
@@ -217,7 +224,9 @@ impl FromStr for Crew {
     ///
     /// - `8`: eight agents of speed 1, each with a processor of its own; `4x0.25`: four of speed 0.25; `2x1:8`: two with
     ///   eight processors each.
-    /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (from then on four times slower).
+    /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (from then on four times
+    ///   slower), `agent-3@hang=8s` (lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1`
+    ///   (a tenth of what it paints is wrong).
     fn from_str(text: &str) -> Result<Self, CrewError> {
         let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
         let words: Vec<&str> = lines
@@ -268,7 +277,7 @@ impl Crew {
             .ok_or_else(|| wrong("before the `@` must stand an agent, such as agent-3"))?;
         let (what, time) =
             what.split_once('=').ok_or_else(|| wrong("behind the `@` must stand what and when, such as fail=12s"))?;
-        let (time, factor) = time.split_once(':').unwrap_or((time, "4"));
+        let (time, factor) = time.split_once(':').map_or((time, None), |(time, factor)| (time, Some(factor)));
         let at = seconds(time).ok_or_else(|| wrong("the time must be a number of seconds, such as 12s"))?;
         let count = self.agents.len();
         let member = self.agents.get_mut(agent).ok_or(CrewError::NoSuchAgent { agent, count })?;
@@ -280,10 +289,16 @@ impl Crew {
             "fail" => IncidentKind::Fail,
             "leave" => IncidentKind::Leave,
             "slow" => {
-                let factor = factor.parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
+                let factor = factor.unwrap_or("4").parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
                 IncidentKind::Slow(factor.ok_or_else(|| wrong("behind the `:` must stand how many times slower"))?)
             }
-            _ => return Err(wrong("an agent can join, leave, fail or become slow")),
+            "hang" => IncidentKind::Hang,
+            "break" | "lie" => {
+                let share = factor.unwrap_or("1").parse().ok().filter(|share| (0.0..=1.0).contains(share));
+                let share = share.ok_or_else(|| wrong("behind the `:` must stand a share from 0 to 1"))?;
+                if what == "lie" { IncidentKind::Lie(share) } else { IncidentKind::Break(share) }
+            }
+            _ => return Err(wrong("an agent can join, leave, fail, hang, break, lie or become slow")),
         };
         self.incidents.push(Incident { at, agent, kind });
         Ok(())
@@ -313,6 +328,9 @@ mod tests {
         assert_eq!(crew.incidents[0], Incident { at: Duration::from_millis(1500), agent: 0, kind: IncidentKind::Fail });
         assert_eq!(crew.incidents[1].kind, IncidentKind::Slow(4.0));
         assert_eq!("8".parse(), Ok(Crew::equal(8)));
+        let crew: Crew = "2,agent-0@hang=1s,agent-1@lie=2s:0.5,agent-1@break=3s".parse().unwrap();
+        let kinds: Vec<IncidentKind> = crew.incidents.iter().map(|incident| incident.kind).collect();
+        assert_eq!(kinds, [IncidentKind::Hang, IncidentKind::Lie(0.5), IncidentKind::Break(1.0)]);
     }
 
     #[test]
@@ -330,6 +348,7 @@ mod tests {
             ("2,agent-1@fail=soon", "seconds"),
             ("2,bob@fail=1s", "agent-3"),
             ("2,agent-1@slow=1s:0", "slower"),
+            ("2,agent-1@lie=1s:2", "share"),
         ] {
             let error = text.parse::<Crew>().unwrap_err().to_string();
             assert!(error.contains(names), "{text}: {error}");

@@ -16,6 +16,8 @@ pub(super) struct FilmLog {
     pub(super) films: u32,
     zone_count: usize,
     composed: NumberMap<()>,
+    /// Those of them that were painted wrong.
+    wrong: BTreeSet<ZoneId>,
     /// Of each zone the latest order that was begun, and whose it was, by index.
     newest: NumberMap<(Revision, u32)>,
     /// Orders that count though there are later ones, because a zone was taken over.
@@ -34,6 +36,7 @@ impl FilmLog {
             films: 0,
             zone_count,
             composed: NumberMap::with_room_for(zone_count),
+            wrong: BTreeSet::new(),
             newest: NumberMap::with_room_for(zone_count),
             rivals: BTreeSet::new(),
             older: BTreeMap::new(),
@@ -57,6 +60,7 @@ impl FilmLog {
     pub(super) fn begin(&mut self) {
         self.films += 1;
         self.composed = NumberMap::with_room_for(self.zone_count);
+        self.wrong.clear();
     }
 
     /// An agent begins to paint.
@@ -84,7 +88,10 @@ impl FilmLog {
     pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef) {
         let fresh = self.composed.insert(zone.0, ()).is_none();
         self.must(fresh, || format!("{zone} is composed twice"));
-        let painted = result.digest == digest(zone, result.samples, result.fence);
+        let painted = result.digest == digest(zone, result.samples, flaw(&result.digest));
+        if flaw(&result.digest) != 0 {
+            self.wrong.insert(zone);
+        }
         self.must(painted, || format!("{zone} is composed of samples that nobody painted"));
         let valid = self.is_valid(zone, result.fence);
         self.must(valid, || format!("{zone} is composed under {:?}, and there is a later order", result.fence));
@@ -98,6 +105,16 @@ impl FilmLog {
 
     pub(super) fn is_composed(&self, zone: ZoneId) -> bool {
         self.composed.contains(zone.0)
+    }
+
+    /// Whether a zone of the picture was painted wrong.
+    pub(super) fn is_wrong(&self, zone: ZoneId) -> bool {
+        self.wrong.contains(&zone)
+    }
+
+    /// Zones of the picture that were painted wrong.
+    pub(super) fn wrong_count(&self) -> usize {
+        self.wrong.len()
     }
 
     pub(super) fn composed_count(&self) -> usize {
@@ -122,11 +139,20 @@ impl FilmLog {
     }
 }
 
-/// Stands for the samples that were painted under an order.
-pub(super) fn digest(zone: ZoneId, samples: u32, fence: Revision) -> BlobId {
+/// Stands for the samples of a zone: the same for all who paint it.
+///
+/// - `flaw`: what is wrong with them; 0: nothing.
+pub(super) fn digest(zone: ZoneId, samples: u32, flaw: u64) -> BlobId {
     let mut digest = [0; 32];
     digest[..4].copy_from_slice(&zone.0.to_le_bytes());
     digest[4..8].copy_from_slice(&samples.to_le_bytes());
-    digest[8..16].copy_from_slice(&fence.0.to_le_bytes());
+    digest[8..16].copy_from_slice(&flaw.to_le_bytes());
     BlobId(digest)
+}
+
+/// What is wrong with the samples that a digest stands for.
+pub(super) fn flaw(digest: &BlobId) -> u64 {
+    let mut bytes = [0; 8];
+    bytes.copy_from_slice(&digest.0[8..16]);
+    u64::from_le_bytes(bytes)
 }

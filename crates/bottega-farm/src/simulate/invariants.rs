@@ -1,6 +1,6 @@
 //! What must hold after every simulated run, whatever went wrong in it.
 
-use bottega_agents::driver::Simulator;
+use bottega_agents::{AgentId, driver::Simulator};
 use bottega_image::Rect;
 
 use super::{film::BROKEN_MAX, studio::Studio};
@@ -13,9 +13,11 @@ use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneI
 /// - On the Blackboard every zone is done or given up, and all together cover the frame exactly once.
 /// - What is done was done under the latest order, by the agent that the row names; the pieces of a zone cover it with its band
 ///   exactly once.
+/// - Where what agents paint is compared, what is wrong in the picture was believed on one agent's word; nothing is that
+///   rests on the word of one that was found wrong.
 /// - Credits are numbers.
 /// - No agent that lives has anything in hand but orders that were taken from it.
-pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) -> Vec<String> {
+pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow, verify: u32) -> Vec<String> {
     let studio = simulator.world();
     let film = &studio.film;
     let mut broken = film.broken.clone();
@@ -27,6 +29,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
     let Some((_, failed)) = &film.finished else { return broken };
     let mut zones: Vec<&ZoneRow> = Vec::with_capacity(work.zone_count as usize);
     let mut given_up: Vec<ZoneId> = Vec::new();
+    let (mut words, mut convicts) = (Vec::new(), Vec::new());
     let prefix = WorkKeys::new(work.work).prefix();
     for entry in simulator.store().with_prefix(&prefix) {
         match &entry.value {
@@ -36,6 +39,11 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
                     (ZoneState::Done, Some(ResultRef { fence, .. })) => {
                         must(film.is_composed(row.zone), &|| format!("{} is done and not composed", row.zone));
                         must(film.is_valid(row.zone, fence), &|| format!("{} is done under {fence:?}", row.zone));
+                        let is_sound = verify < 2 || row.word_of.is_some() || !film.is_wrong(row.zone);
+                        must(is_sound, &|| format!("{} is wrong, and was compared", row.zone));
+                        if let Some(agent) = &row.word_of {
+                            words.push(agent.clone());
+                        }
                         let whose = film.whose(row.zone, fence).map(|agent| &studio.names[agent]);
                         must(whose == row.agent.as_ref(), &|| format!("{} was painted by {whose:?}", row.zone));
                     }
@@ -44,11 +52,16 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow) ->
                 }
             }
             FarmValue::Agent(row) => {
+                if row.left_out.is_some() && row.failures == 0 {
+                    convicts.push(row.agent.clone());
+                }
                 must(row.credit.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit));
             }
             FarmValue::Work(_) => {}
         }
     }
+    let is_convict = |agent: &&AgentId| convicts.contains(agent);
+    must(!words.iter().any(|agent| is_convict(&agent)), &|| format!("the word of one of {convicts:?} counts"));
     given_up.sort_unstable();
     must(given_up == *failed, &|| format!("{given_up:?} were given up, and {failed:?} are told"));
     let done = zones.len() - given_up.len();

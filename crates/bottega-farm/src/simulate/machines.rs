@@ -20,6 +20,8 @@ pub(super) struct Job {
     pub(super) fence: Revision,
     /// Samples a pixel that there will be at its end.
     pub(super) samples: u32,
+    /// What is wrong with the samples that it goes on from; 0: nothing.
+    pub(super) flaw: u64,
     /// Whether it begins with the first sample.
     pub(super) first: bool,
     pub(super) begun: Time,
@@ -75,6 +77,13 @@ impl Machines {
             dropped.extend(machine.jobs.extract_if(.., |job| unwanted(job)));
         });
         dropped
+    }
+
+    /// Processor time at speed 1 that is left of a job, in seconds.
+    pub(super) fn left(&mut self, now: Time, machine: usize, zone: ZoneId, fence: Revision) -> Option<f64> {
+        self.alter(now, machine, |_| {});
+        let mut jobs = self.machines[machine].jobs.iter();
+        jobs.find(|job| (job.zone, job.fence) == (zone, fence)).map(|job| job.left)
     }
 
     /// The jobs that are done at `now`.
@@ -140,7 +149,7 @@ mod tests {
 
     fn job(zone: u32, work: f64, width: f64) -> Job {
         let (zone, fence) = (ZoneId(zone), Revision(1));
-        Job { agent: 0, zone, fence, samples: 1, first: true, begun: Time::ZERO, left: work, width, busy: 0.0 }
+        Job { agent: 0, zone, fence, samples: 1, flaw: 0, first: true, begun: Time::ZERO, left: work, width, busy: 0.0 }
     }
 
     fn at(seconds: f64) -> Time {

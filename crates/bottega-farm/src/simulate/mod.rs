@@ -63,6 +63,8 @@ pub struct Plan {
     /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
     /// [`MasterConfig::shares_tail`].
     pub shares_tail: bool,
+    /// Agents that must make the same of a zone before it counts: see [`MasterConfig::verify`].
+    pub verify: u32,
     /// How long is waited for what.
     pub timing: Timing,
     /// What agents know of rendering.
@@ -87,6 +89,7 @@ impl Plan {
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
             prefetch: 2,
+            verify: 1,
             timing: Timing::default(),
             expert: Expert::path_tracing(),
             seed,
@@ -110,6 +113,10 @@ pub struct Outcome {
     pub zones: usize,
     /// Zones that were given up.
     pub failed: usize,
+    /// Zones of the picture that were painted wrong.
+    pub wrong: usize,
+    /// Whether zones ever waited for more machines than there were, to compare what these paint.
+    pub lacked_machines: bool,
     /// Messages until the picture was whole.
     pub messages: u64,
     /// Films that were begun: one for each Master that lived.
@@ -137,6 +144,8 @@ pub struct AgentOutcome {
     pub busy: Duration,
     /// Orders that it carried out.
     pub orders: u32,
+    /// Why it was left out of the work, if it was.
+    pub left_out: Option<String>,
 }
 
 impl Outcome {
@@ -203,7 +212,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
         return Err(SimulationError::Unfinished { after: limit, painted, zones: piece.zone_count() });
     };
     play.simulator.run_until(end + AFTERWARDS);
-    let broken = invariants::check(&play.simulator, &piece.work);
+    let broken = invariants::check(&play.simulator, &piece.work, plan.verify);
     if !broken.is_empty() {
         return Err(SimulationError::Broken { broken });
     }
@@ -218,6 +227,8 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
         work: Duration::from_secs_f64(work),
         zones: piece.zone_count(),
         failed: failed.len(),
+        wrong: studio.film.wrong_count(),
+        lacked_machines: studio.lacked_machines,
         messages,
         films: studio.film.films,
         spans: std::mem::take(&mut studio.spans),
@@ -234,6 +245,7 @@ fn agents(plan: &Plan, studio: &Studio) -> Vec<AgentOutcome> {
         lanes: seat.lanes,
         busy: Duration::from_secs_f64(seat.busy),
         orders: seat.orders,
+        left_out: seat.left_out.clone(),
     };
     studio.names.iter().zip(&studio.seats).map(outcome).collect()
 }
@@ -278,6 +290,9 @@ impl<'a> Play<'a> {
                 lanes: f64::from(processors) / f64::from(neighbors[agent.machine]),
                 busy: 0.0,
                 orders: 0,
+                breaks: 0.0,
+                lies: 0.0,
+                left_out: None,
             };
             studio.add_agent(AgentId::new(format!("agent-{index}")), seat);
         }
@@ -292,13 +307,15 @@ impl<'a> Play<'a> {
             simulator.record_trace();
         }
         let master = AgentId::new("master");
-        let Plan { auction, prefetch, shares_tail, timing, .. } = *plan;
+        let Plan { auction, prefetch, shares_tail, timing, verify, .. } = *plan;
         let config = MasterConfig {
             id: master.clone(),
             work: piece.work.work,
             auction,
             prefetch,
             shares_tail,
+            verify,
+            secret: plan.seed ^ 0x5ec7e7,
             goals: GoalRules::default(),
             timing,
         };
@@ -346,6 +363,16 @@ impl<'a> Play<'a> {
             Happening::Befalls(index, IncidentKind::Slow(factor)) => {
                 let now = self.simulator.now();
                 self.simulator.world_mut().slow_down(now, index, factor);
+            }
+            Happening::Befalls(index, IncidentKind::Hang) => {
+                let now = self.simulator.now();
+                self.simulator.world_mut().hang(now, index);
+            }
+            Happening::Befalls(index, IncidentKind::Break(share)) => {
+                self.simulator.world_mut().seats[index].breaks = share;
+            }
+            Happening::Befalls(index, IncidentKind::Lie(share)) => {
+                self.simulator.world_mut().seats[index].lies = share;
             }
             Happening::Befalls(index, IncidentKind::Fail) => {
                 let id = name(index);

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::Time;
+use bottega_agents::{AgentId, Time};
 use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 use bottega_image::Rect;
 
@@ -177,6 +177,14 @@ impl Observer for Recorder {
             self.log().power.get_or_insert(power.get());
         }
         self.observer.message(now, message);
+    }
+
+    fn left_out(&self, agent: &AgentId, reason: &str) {
+        self.observer.left_out(agent, reason);
+    }
+
+    fn too_few(&self, present: usize, needed: usize) {
+        self.observer.too_few(present, needed);
     }
 
     fn not_kept(&self, error: &std::io::Error) {

@@ -3,13 +3,13 @@
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
-    AgentId, Time,
+    AgentId, Revision, Time,
     driver::{Random, World},
 };
 use rustc_hash::FxHashMap;
 
 use super::{
-    film::{FilmLog, digest},
+    film::{FilmLog, digest, flaw},
     machines::{Job, Machines},
     workpiece::Workpiece,
 };
@@ -17,6 +17,8 @@ use crate::{FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, Rela
 
 /// What an agent's benchmark takes.
 const BENCHMARK: Duration = Duration::from_millis(6);
+/// By how much a machine that hangs becomes slower: what it paints in a run is less than a step of progress.
+const HUNG: f64 = 1e-12;
 /// Spans that are kept at most; more is counted, not shown.
 pub const SPANS_MAX: usize = 1 << 22;
 
@@ -57,6 +59,12 @@ pub(super) struct Seat {
     pub(super) busy: f64,
     /// Orders done.
     pub(super) orders: u32,
+    /// Share of its orders that fails.
+    pub(super) breaks: f64,
+    /// Share of its orders that it paints wrong.
+    pub(super) lies: f64,
+    /// Why its Master has left it out, if it has.
+    pub(super) left_out: Option<String>,
 }
 
 /// Machines, film, and what is seen of both.
@@ -76,6 +84,8 @@ pub(super) struct Studio {
     done: Vec<Job>,
     pub(super) spans: Vec<Span>,
     pub(super) spans_left_out: u64,
+    /// It was told that there were too few machines to compare.
+    pub(super) lacked_machines: bool,
     pub(super) film: FilmLog,
 }
 
@@ -94,6 +104,7 @@ impl Studio {
             done: Vec::new(),
             spans: Vec::new(),
             spans_left_out: 0,
+            lacked_machines: false,
         }
     }
 
@@ -112,12 +123,24 @@ impl Studio {
         self.machines.set_speed(now, self.seats[agent].machine, factor.recip());
     }
 
+    /// The agent's machine hangs.
+    pub(super) fn hang(&mut self, now: Time, agent: usize) {
+        self.machines.set_speed(now, self.seats[agent].machine, HUNG);
+    }
+
+    /// How far an order of an agent is, in millionths of a second of work that are done; more comes with time.
+    fn progress(&mut self, now: Time, agent: usize, zone: ZoneId, fence: Revision) -> Option<u64> {
+        let left = self.machines.left(now, self.seats[agent].machine, zone, fence)?;
+        Some((1_u64 << 50).saturating_sub((left.max(0.0) * 1e6) as u64))
+    }
+
     fn begin(&mut self, now: Time, agent: usize, order: &PaintOrder) {
         self.film.order(order.zone, order.fence, agent);
         let (left, width) = self.piece.cost(order);
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
-        let job = Job { agent, zone, fence, samples, first, begun: now, left, width, busy: 0.0 };
+        let flaw = order.from.map_or(0, |from| flaw(&from.digest));
+        let job = Job { agent, zone, fence, samples, flaw, first, begun: now, left, width, busy: 0.0 };
         self.machines.begin(now, self.seats[agent].machine, job);
     }
 
@@ -134,7 +157,10 @@ impl Studio {
 
     fn finished(&mut self, now: Time, job: &Job) -> FarmCompletion {
         let (zone, fence) = (job.zone, job.fence);
-        let failed = self.failures > 0.0 && self.random.unit() < self.failures;
+        let Seat { breaks, lies, .. } = self.seats[job.agent];
+        let failures = self.failures.max(breaks);
+        let failed = failures > 0.0 && self.random.unit() < failures;
+        let lie = if lies > 0.0 && self.random.unit() < lies { 1 + self.random.below(1 << 30) as u64 } else { 0 };
         let kind = match (failed, job.first) {
             (true, _) => SpanKind::Lost,
             (_, true) => SpanKind::Profiling,
@@ -144,7 +170,7 @@ impl Studio {
         let outcome = if failed {
             Err("out of memory".to_owned())
         } else {
-            let result = ResultRef { fence, samples: job.samples, digest: digest(zone, job.samples, fence) };
+            let result = ResultRef { fence, samples: job.samples, digest: digest(zone, job.samples, job.flaw ^ lie) };
             Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None })
         };
         FarmCompletion::Painted { zone, fence, outcome }
@@ -200,8 +226,19 @@ impl World<FarmAgent> for Studio {
                     self.film.take_over(row.zone, rival.fence);
                 }
             }
-            (FarmEffect::Analyzed { .. }, _)
-            | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. }, None) => {}
+            (FarmEffect::Look(orders), Some(index)) => {
+                let look = |(zone, fence)| Some((zone, fence, self.progress(now, index, zone, fence)?));
+                let found = orders.into_iter().filter_map(look).collect();
+                reports.push((Duration::ZERO, FarmCompletion::Looked(found)));
+            }
+            (FarmEffect::LeftOut { agent, reason }, _) => {
+                if let Some(&index) = self.index.get(&agent) {
+                    self.seats[index].left_out = Some(reason);
+                }
+            }
+            (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
+            (FarmEffect::Analyzed { .. } | FarmEffect::Dismissed { .. }, _)
+            | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. } | FarmEffect::Look(_), None) => {}
         }
     }
 

@@ -5,18 +5,16 @@ use std::sync::Arc;
 use bottega_agents::{Revision, driver::nats::Codec};
 
 use super::{
-    Reader, WireError, get_work, get_zone, put_agent, put_choice, put_duration, put_f64, put_option, put_result,
-    put_u32, put_u64, put_work, put_zone,
+    Reader, WireError, get_work, get_zone, put_agent, put_duration, put_f64, put_option, put_painting, put_u32,
+    put_u64, put_work, put_zone,
 };
 use crate::{
-    AgentRow, Bid, FarmContent, FarmValue, LifeCycle, Offer, Order, Painting, RelativePower, Report, WorkId, ZoneId,
+    AgentRow, Bid, FarmContent, FarmValue, Holding, LifeCycle, Offer, Order, RelativePower, Report, WorkId, ZoneId,
     contents::{LANGUAGE, ONTOLOGY, protocol},
 };
 
 /// Reasons longer than this are cut.
 const REASON_BYTES_MAX: usize = 1 << 10;
-/// Offers, bids or orders in one message at most.
-const LIST_MAX: usize = 1 << 16;
 const LIFE_CYCLES: [LifeCycle; 3] = [LifeCycle::Suspend, LifeCycle::Resume, LifeCycle::Terminate];
 
 /// How the farm writes its messages and rows.
@@ -50,10 +48,12 @@ impl Codec for FarmCodec {
                 put_work(row, bytes);
             }
             FarmValue::Agent(row) => {
-                let AgentRow { agent, power, lanes, credit } = &**row;
+                let AgentRow { agent, power, lanes, credit, agreed, failures, left_out } = &**row;
                 bytes.push(2);
                 put_agent(agent, bytes);
                 [power.get(), *lanes, *credit].into_iter().for_each(|value| put_f64(value, bytes));
+                [*agreed, *failures].into_iter().for_each(|value| put_u32(value, bytes));
+                put_option(left_out.as_deref(), bytes, put_reason);
             }
         }
     }
@@ -66,7 +66,9 @@ impl Codec for FarmCodec {
                 2 => {
                     let agent = reader.agent()?;
                     let (power, lanes, credit) = (reader.power()?, reader.finite()?, reader.finite()?);
-                    FarmValue::Agent(Arc::new(AgentRow { agent, power, lanes, credit }))
+                    let (agreed, failures) = (reader.u32()?, reader.u32()?);
+                    let left_out = reader.option(Reader::reason)?;
+                    FarmValue::Agent(Arc::new(AgentRow { agent, power, lanes, credit, agreed, failures, left_out }))
                 }
                 _ => return Err(reader.error("a row")),
             })
@@ -129,9 +131,10 @@ fn put_content(content: &FarmContent, bytes: &mut Vec<u8>) {
             bytes.push(13);
             put_f64(power.get(), bytes);
             put_u32(hands.len() as u32, bytes);
-            for (zone, fence) in hands {
+            for Holding { zone, fence, progress } in hands {
                 put_u32(zone.0, bytes);
                 put_u64(fence.0, bytes);
+                put_u64(*progress, bytes);
             }
         }
         FarmContent::LifeCycle(change) => {
@@ -139,6 +142,10 @@ fn put_content(content: &FarmContent, bytes: &mut Vec<u8>) {
             bytes.push(LIFE_CYCLES.iter().position(|known| known == change).unwrap_or_default() as u8);
         }
         FarmContent::Nothing => bytes.push(15),
+        FarmContent::LeftOut { reason } => {
+            bytes.push(16);
+            put_reason(reason, bytes);
+        }
     }
 }
 
@@ -172,7 +179,10 @@ fn get_content(reader: &mut Reader<'_>) -> Result<FarmContent, WireError> {
         12 => FarmContent::Withdrawn { zone: ZoneId(reader.u32()?), fence: Revision(reader.u64()?) },
         13 => {
             let power = reader.power()?;
-            let hands = reader.list(|reader| Ok((ZoneId(reader.u32()?), Revision(reader.u64()?))))?;
+            let hands = reader.list(|reader| {
+                let (zone, fence) = (ZoneId(reader.u32()?), Revision(reader.u64()?));
+                Ok(Holding { zone, fence, progress: reader.u64()? })
+            })?;
             FarmContent::Alive { power, hands }
         }
         14 => {
@@ -181,6 +191,7 @@ fn get_content(reader: &mut Reader<'_>) -> Result<FarmContent, WireError> {
             FarmContent::LifeCycle(*change)
         }
         15 => FarmContent::Nothing,
+        16 => FarmContent::LeftOut { reason: reader.reason()? },
         _ => return Err(reader.error("a message")),
     })
 }
@@ -212,14 +223,9 @@ fn get_order(reader: &mut Reader<'_>) -> Result<Order, WireError> {
 fn put_report(report: &Report, bytes: &mut Vec<u8>) {
     put_hand(9, report.zone, report.fence, bytes);
     match &report.outcome {
-        Ok(Painting { choice, result, time_measured, goal, time_left, error }) => {
+        Ok(painting) => {
             bytes.push(1);
-            put_choice(choice, bytes);
-            put_result(result, bytes);
-            put_duration(*time_measured, bytes);
-            put_u32(*goal, bytes);
-            put_duration(*time_left, bytes);
-            put_option(*error, bytes, put_f64);
+            put_painting(painting, bytes);
         }
         Err(reason) => {
             bytes.push(0);
@@ -231,14 +237,7 @@ fn put_report(report: &Report, bytes: &mut Vec<u8>) {
 fn get_report(reader: &mut Reader<'_>) -> Result<Report, WireError> {
     let (zone, fence) = (ZoneId(reader.u32()?), Revision(reader.u64()?));
     let outcome = match reader.u8()? {
-        1 => Ok(Painting {
-            choice: reader.choice()?,
-            result: reader.result()?,
-            time_measured: reader.duration()?,
-            goal: reader.u32()?,
-            time_left: reader.duration()?,
-            error: reader.option(Reader::finite)?,
-        }),
+        1 => Ok(reader.painting()?),
         0 => Err(reader.reason()?),
         _ => return Err(reader.error("an outcome")),
     };
@@ -255,15 +254,6 @@ impl Reader<'_> {
         let bytes = if length <= REASON_BYTES_MAX { self.bytes(length)? } else { return Err(self.error("a reason")) };
         std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| self.error("a reason"))
     }
-
-    /// Nothing is allocated for more than is there: each element has a byte at least.
-    fn list<T>(&mut self, mut get: impl FnMut(&mut Self) -> Result<T, WireError>) -> Result<Vec<T>, WireError> {
-        let count = self.u32()? as usize;
-        if count > LIST_MAX.min(self.length()) {
-            return Err(self.error("a list"));
-        }
-        (0..count).map(|_| get(self)).collect()
-    }
 }
 
 #[cfg(test)]
@@ -276,7 +266,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::{super::tests::rows, *};
-    use crate::{Choice, Goal, InputRanges, Interval, Optimization, ResultRef, WorkRow, WorkSettings, ZoneRow};
+    use crate::{
+        Choice, Goal, InputRanges, Interval, Optimization, Painting, ResultRef, WorkRow, WorkSettings, ZoneRow,
+    };
 
     fn work() -> WorkRow {
         let frame = Rect::of_size(64, 48);
@@ -326,7 +318,8 @@ mod tests {
             FarmContent::Received { zone, fence },
             FarmContent::Refused { zone, fence, reason: "too late".to_owned() },
             FarmContent::Withdrawn { zone, fence },
-            FarmContent::Alive { power, hands: vec![(zone, fence)] },
+            FarmContent::Alive { power, hands: vec![Holding { zone, fence, progress: 7 }] },
+            FarmContent::LeftOut { reason: "it failed".to_owned() },
             FarmContent::Nothing,
         ];
         all.extend(LIFE_CYCLES.map(FarmContent::LifeCycle));
@@ -345,7 +338,13 @@ mod tests {
                 bytes.push(0);
                 prop_assert_eq!(FarmCodec.read_content(&bytes), None);
             }
-            let agent = AgentRow { agent: AgentId::new("a"), power: RelativePower::new(2.0), lanes: 1.0, credit: -3.0 };
+            let agent = AgentRow {
+                credit: -3.0,
+                agreed: 12,
+                failures: 2,
+                left_out: (cut.index(2) == 0).then(|| "it failed".to_owned()),
+                ..AgentRow::new(AgentId::new("a"), RelativePower::new(2.0), 1.0)
+            };
             let values = [FarmValue::Zone(Arc::new(row)), FarmValue::Work(Arc::new(work())), FarmValue::Agent(Arc::new(agent))];
             for value in values {
                 let mut bytes = Vec::new();

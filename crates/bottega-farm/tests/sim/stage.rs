@@ -9,7 +9,7 @@ use std::{
 };
 
 use bottega_agents::{
-    AgentId, Time,
+    AgentId, Revision, Time,
     bus::BlobId,
     driver::{Faults, Random, Simulator, World},
 };
@@ -43,6 +43,8 @@ pub(crate) struct Studio {
     /// From when on which agent is how many times slower.
     pub(crate) slows: Option<(Time, AgentId, f64)>,
     pub(crate) seen: Rc<RefCell<Seen>>,
+    /// What is painted when, by order.
+    pub(crate) sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
     /// Reference-machine time painted, whether it was of use or not.
     pub(crate) painted: Duration,
 }
@@ -88,6 +90,7 @@ impl World<FarmAgent> for Studio {
                 let power = power * slow.map_or(1.0, |(_, _, times)| *times);
                 let busy = cost.mul_f64(power * (0.9 + 0.2 * random.unit()));
                 self.free.insert(agent.clone(), begin + busy);
+                self.sittings.insert((agent.clone(), order.zone, order.fence), (begin, begin + busy));
                 let (zone, fence) = (order.zone, order.fence);
                 let outcome = if random.unit() < self.failures {
                     Err("out of memory".to_owned())
@@ -106,7 +109,18 @@ impl World<FarmAgent> for Studio {
                 seen.films += 1;
                 seen.composed.clear();
             }
-            FarmEffect::Drop { .. } => {}
+            FarmEffect::Drop { .. } | FarmEffect::Dismissed { .. } => {}
+            FarmEffect::Look(orders) => {
+                let progress = |(zone, fence)| {
+                    let (begin, end) = *self.sittings.get(&(agent.clone(), zone, fence))?;
+                    let painted = now.min(end).since(begin.min(now));
+                    Some((zone, fence, painted.as_nanos() as u64))
+                };
+                let found = orders.into_iter().filter_map(progress).collect();
+                reports.push((Duration::ZERO, FarmCompletion::Looked(found)));
+            }
+            FarmEffect::TooFew { .. } => {}
+            FarmEffect::LeftOut { agent, reason } => panic!("{agent} is left out: {reason}"),
             FarmEffect::ZoneChanged(row) => _ = seen.zones.insert(row.zone, (*row).clone()),
             FarmEffect::Compose { zone, result, .. } => {
                 assert!(seen.composed.insert(zone), "{zone} is composed twice");
@@ -138,6 +152,8 @@ pub(crate) struct Scene {
     pub(crate) goal: Goal,
     pub(crate) master_may_crash: bool,
     pub(crate) shares_tail: bool,
+    /// Agents that must make the same of a zone.
+    pub(crate) verify: u32,
     /// The last agent comes so late.
     pub(crate) late: Duration,
 }
@@ -156,6 +172,7 @@ impl Scene {
             goal: Goal::Samples,
             master_may_crash: false,
             shares_tail: true,
+            verify: 1,
             late: Duration::ZERO,
         }
     }
@@ -186,6 +203,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         failures: scene.failures,
         slows: scene.slows.map(|(from, times)| (Time::since_start(from), agents[0].clone(), times)),
         seen: Rc::clone(&seen),
+        sittings: BTreeMap::new(),
         painted: Duration::ZERO,
     };
     let mut simulator = Simulator::new(seed, scene.faults.clone(), studio);
@@ -200,6 +218,8 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         auction: scene.auction,
         prefetch: 2,
         shares_tail: scene.shares_tail,
+        verify: scene.verify,
+        secret: seed,
         goals: GoalRules::default(),
         timing,
     };
@@ -325,6 +345,7 @@ pub(crate) fn troubled(seed: u64) -> Scene {
         },
         master_may_crash: true,
         shares_tail: !seed.is_multiple_of(7),
+        verify: 1,
         late: Duration::from_secs(seed % 6),
     }
 }

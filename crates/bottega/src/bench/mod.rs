@@ -11,7 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, RenderEngine, Tunables, ZoneTask};
+use bottega_engines::{
+    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, RenderEngine, TaskProgress, Tunables, ZoneTask,
+};
 use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
@@ -144,6 +146,7 @@ fn paint_zone(
         tunables: Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples },
         tile: None,
         cancel: CancelSwitch::default(),
+        progress: TaskProgress::default(),
     };
     let start = Instant::now();
     // The receiver outlives the engine's report.

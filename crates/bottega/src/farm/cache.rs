@@ -6,6 +6,8 @@ use std::{
     time::SystemTime,
 };
 
+use crate::error::CliError;
+
 /// A folder with three in it: `files` and `chunks` by their contents, `scenes` as folders of links to files.
 #[derive(Clone, Debug)]
 pub(crate) struct Cache {
@@ -27,6 +29,23 @@ impl Cache {
 
     pub(super) fn root(&self) -> &Path {
         &self.root
+    }
+
+    /// Keeps other processes of this machine from the cache until it is dropped.
+    pub(super) fn lock(&self) -> Result<fs::File, CliError> {
+        let path = self.root.join("lock");
+        let wrong = |source| CliError::Write { path: path.clone(), source };
+        fs::create_dir_all(&self.root).map_err(wrong)?;
+        let file = fs::File::create(&path).map_err(wrong)?;
+        file.lock().map_err(wrong)?;
+        Ok(file)
+    }
+
+    /// Lets go of a file, if it is there.
+    pub(super) fn remove(&self, path: &Path) {
+        if path.starts_with(&self.root) && path.exists() {
+            remove(path);
+        }
     }
 
     /// Where a file is, or will be.

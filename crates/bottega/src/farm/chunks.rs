@@ -65,6 +65,13 @@ pub(super) fn send(path: &Path, store: &dyn ChunkStore) -> Result<Contents, CliE
     Ok(Contents { hash: hash_of(&bytes), chunks: names })
 }
 
+/// Whether a file is there and holds this: a machine that lost power may have kept less than it wrote.
+pub(super) fn holds(path: &Path, contents: &Contents) -> bool {
+    let mut hasher = blake3::Hasher::new();
+    let read = fs::File::open(path).and_then(|file| hasher.update_reader(file).map(drop));
+    read.is_ok() && hasher.finalize().to_hex().as_str() == contents.hash
+}
+
 /// Brings a file into the cache, if it is not there. `name`: what users know it by.
 pub(super) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), CliError> {
     let other = || {
@@ -78,7 +85,7 @@ pub(super) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
         return Err(other());
     }
     let file = cache.file(&contents.hash);
-    if file.exists() {
+    if holds(&file, contents) {
         return Ok(());
     }
     several(contents.chunks.len(), &|i| {
@@ -197,6 +204,20 @@ mod tests {
         assert_eq!(fs::read(cache.file(&contents.hash)).unwrap(), content);
         fetch("f", &contents, &cache, &shelf).unwrap();
         assert_eq!(shelf.gets.load(Ordering::Relaxed), 3);
+    }
+
+    #[test]
+    fn what_was_damaged_in_the_cache_comes_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, cache) = (folder.path().join("f"), Cache::new(folder.path().join("cache"), u64::MAX));
+        fs::write(&path, bytes(100)).unwrap();
+        let shelf = Shelf::default();
+        let contents = send(&path, &shelf).unwrap();
+        fetch("f", &contents, &cache, &shelf).unwrap();
+        fs::write(cache.file(&contents.hash), b"half").unwrap();
+        assert!(!holds(&cache.file(&contents.hash), &contents));
+        fetch("f", &contents, &cache, &shelf).unwrap();
+        assert!(holds(&cache.file(&contents.hash), &contents));
     }
 
     #[test]

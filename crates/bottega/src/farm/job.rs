@@ -18,6 +18,8 @@ use crate::{
 const LOG_LINES_MAX: usize = 200;
 /// What a job is worth where nobody says.
 pub(crate) const PRIORITY: u32 = 10;
+/// The most that a job can be worth.
+pub(crate) const PRIORITY_MAX: u32 = 1000;
 
 /// How a job stands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 //!
 //! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
-//! - `seat/MEMBER/NAME`: a machine that is there, and what it paints.
+//! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](super::machine).
 
 use std::{sync::Arc, thread, time::Duration};
 
@@ -10,7 +10,10 @@ use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
 use bottega_farm::FarmCodec;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use super::job::{Job, JobState, Order};
+use super::{
+    job::{Job, JobState, Order},
+    machine::{Standing, order_name},
+};
 use crate::error::CliError;
 
 /// How often those who hold something say so.
@@ -42,8 +45,22 @@ pub(crate) struct Lead {
 pub(crate) struct Seat {
     pub(crate) name: String,
     pub(crate) threads: usize,
+    /// Of its program.
+    pub(crate) version: String,
     /// The job that it paints.
     pub(crate) job: Option<u32>,
+    /// What it does, as it was told.
+    pub(crate) standing: Standing,
+    /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
+    pub(crate) takes_orders: bool,
+}
+
+impl Seat {
+    /// The seat of a machine of this version that paints, or waits for work.
+    pub(crate) fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        Self { name: name.to_owned(), threads, version, job, standing: Standing::Active, takes_orders: true }
+    }
 }
 
 /// The right to lead a job: one process has it.
@@ -121,7 +138,7 @@ impl JobBoard {
             return Ok(());
         }
         Err(CliError::failed(
-            "this machine may paint for the farm, and not steer its jobs",
+            "this machine may paint for the farm, and not steer it",
             "join by the other line that `bottega up` printed",
         ))
     }
@@ -216,8 +233,17 @@ impl JobBoard {
 
     /// Machines that are there.
     pub(crate) fn seats(&self) -> Vec<Seat> {
+        self.seated().into_iter().map(|(seat, _)| seat).collect()
+    }
+
+    /// The same, with the number of each seat's last writing.
+    pub(super) fn seated(&self) -> Vec<(Seat, u64)> {
         let notices = self.uplink.notices().all("seat/");
-        notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY).filter_map(read).collect()
+        let sat_on = notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY);
+        let read = sat_on.filter_map(|notice| Some((read::<Seat>(notice)?, notice)));
+        // Nobody sits on the seat of another.
+        let own = read.filter(|(seat, notice)| seat_name(&seat.name) == notice.name);
+        own.map(|(seat, notice)| (seat, notice.revision)).collect()
     }
 
     /// Says that a machine is there.
@@ -229,9 +255,22 @@ impl JobBoard {
 
     /// Says that it has gone.
     pub(crate) fn rise(&self, name: &str) {
-        if let Err(error) = self.uplink.notices().remove(&seat_name(name)) {
-            tracing::debug!(%error, "the farm does not answer");
+        let order = order_name(name);
+        let is_told = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
+        for notice in is_told.then_some(order).into_iter().chain([seat_name(name)]) {
+            if let Err(error) = self.uplink.notices().remove(&notice) {
+                tracing::debug!(%error, "the farm does not answer");
+            }
         }
+    }
+
+    /// What a notice says, if there is one.
+    pub(super) fn read_notice<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
+        self.uplink.notices().get(name).and_then(|notice| read(&notice))
+    }
+
+    pub(super) fn put_notice(&self, name: &str, what: &impl Serialize) -> Result<(), CliError> {
+        self.uplink.notices().put(name, &text(what)).map(drop).map_err(CliError::Blob)
     }
 }
 

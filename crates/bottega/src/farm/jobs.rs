@@ -8,9 +8,11 @@ use serde_json::json;
 use super::{
     address::FarmAddress,
     client::write_picture,
-    job::{Job, JobState, unix_seconds},
-    job_board::{JobBoard, Lead, no_such},
+    job::{Job, JobState, PRIORITY_MAX, unix_seconds},
+    job_board::{JobBoard, no_such},
     link::{LoginArgs, link},
+    machine::Standing,
+    view::JobView,
 };
 use crate::{error::CliError, reporter::duration};
 
@@ -47,7 +49,7 @@ enum JobsCommand {
     /// Say how urgent a job is: jobs have machines in proportion to their priorities.
     Priority {
         number: u32,
-        #[arg(value_parser = clap::value_parser!(u32).range(1..=1000))]
+        #[arg(value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)))]
         priority: u32,
     },
     /// What has happened to a job.
@@ -71,13 +73,7 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
         JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, "paused")?,
         JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, "resumed")?,
         JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, "called off")?,
-        JobsCommand::Priority { number, priority } => {
-            board.change(*number, |job| {
-                job.say(format!("priority {priority}"));
-                job.priority = *priority;
-                true
-            })?;
-        }
+        JobsCommand::Priority { number, priority } => set_priority(&board, *number, *priority)?,
         JobsCommand::Log { number } => log(&known(&board, *number)?, args.json),
         JobsCommand::Fetch { number, output } => fetch(&board, *number, output.clone())?,
         JobsCommand::Remove { number } => remove(&board, *number)?,
@@ -98,54 +94,47 @@ fn list(board: &JobBoard, as_json: bool) {
         );
     }
     for (number, job) in board.all() {
-        let lead = board.lead(number).unwrap_or_default();
         let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+        let view = JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines);
         if as_json {
-            println!("{}", described(number, &job, &lead, machines));
+            println!("{}", json!(view));
         } else {
-            let (state, done) = (job.state.word(), done(&job, &lead));
             println!(
-                "{number:>4}  {state:<9} {done:>4.0}%  {:>8}  {machines:>8}  {:<24} {}",
-                job.priority, job.from, job.scene
+                "{number:>4}  {:<9} {:>4.0}%  {:>8}  {machines:>8}  {:<24} {}",
+                view.state,
+                100.0 * view.done,
+                job.priority,
+                job.from,
+                job.scene
             );
         }
     }
-    let idle = seats.iter().filter(|seat| seat.job.is_none()).count();
-    if !as_json && idle > 0 {
-        println!("{idle} machines wait for work");
+    let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
+    if !as_json {
+        for (standing, what) in [(Standing::Active, "wait for work"), (Standing::Suspended, "are suspended")] {
+            match idle(standing) {
+                0 => {}
+                count => println!("{count} machines {what}"),
+            }
+        }
     }
-}
-
-/// How much is painted, in percent.
-fn done(job: &Job, lead: &Lead) -> f64 {
-    if matches!(job.state, JobState::Done { .. }) { 100.0 } else { 100.0 * lead.done }
-}
-
-fn described(number: u32, job: &Job, lead: &Lead, machines: usize) -> serde_json::Value {
-    let reason = match &job.state {
-        JobState::Failed { reason } => Some(reason),
-        _ => None,
-    };
-    json!({ "job": number, "state": job.state.word(), "reason": reason, "done": done(job, lead) / 100.0,
-        "zones_done": lead.zones_done, "zones": lead.zones, "priority": job.priority, "machines": machines,
-        "leader": lead.leader, "from": job.from, "submitted": job.submitted, "scene": job.scene, "output": job.output,
-        "kept": matches!(job.state, JobState::Done { kept: true }) })
 }
 
 fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
     let seats: Vec<_> = board.seats().into_iter().filter(|seat| seat.job == Some(number)).collect();
+    let view = JobView::of(number, &job, &lead, seats.len());
     if as_json {
-        println!("{}", described(number, &job, &lead, seats.len()));
+        println!("{}", json!(view));
         return Ok(());
     }
     println!("job {number}: {} -> {}", job.scene, job.output);
     println!("asked for by {}, {} ago", job.from, ago(job.submitted));
     println!(
         "{}, {:.1} % done, {} of {} zones; priority {}",
-        job.state.word(),
-        done(&job, &lead),
+        view.state,
+        100.0 * view.done,
         lead.zones_done,
         lead.zones,
         job.priority
@@ -168,7 +157,7 @@ fn ago(at: u64) -> String {
 }
 
 /// Pauses, resumes or calls off; what is over stays as it is.
-fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(), CliError> {
+pub(crate) fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(), CliError> {
     let before = known(board, number)?.state;
     if before.is_over() {
         return Err(CliError::failed(
@@ -185,6 +174,15 @@ fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(),
         changes
     })?;
     Ok(())
+}
+
+pub(crate) fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), CliError> {
+    let change = board.change(number, |job| {
+        job.say(format!("priority {priority}"));
+        job.priority = priority;
+        true
+    });
+    change.map(drop)
 }
 
 fn log(job: &Job, as_json: bool) {

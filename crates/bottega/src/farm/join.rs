@@ -20,7 +20,7 @@ use crate::{devices::processors, error::CliError, render};
 #[command(
     after_help = "For example, with the line that `bottega up` printed:\n  bottega join bottega://WORD@10.0.0.7:4222\n\nor, in the same local network, with the word alone. \
     The machine paints for the jobs of the farm by their priorities, and leads one where nobody does. Ctrl-C hands back \
-    what it has in hand."
+    what it has in hand. `bottega machines` may suspend, resume and end it."
 )]
 pub(crate) struct JoinArgs {
     /// Where the farm is; default: the one that `bottega up` runs on this machine.
@@ -53,11 +53,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let folder = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, args.cache_size.map_or(CACHE_BYTES, |gigabytes| (gigabytes * 1e9) as u64));
     let mut worker = Worker::new(member, cache, args.threads, None, Box::new(|line| println!("{line}")));
-    while !worker.member.stop.is_requested() {
-        if worker.work_once() && args.once {
-            break;
-        }
-    }
+    worker.work(args.once);
     worker.leave();
     println!("left the farm");
     Ok(ExitCode::SUCCESS)

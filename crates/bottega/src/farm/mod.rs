@@ -1,5 +1,5 @@
 //! Many machines: `bottega up` has a meeting place, `bottega join` offers this machine, `bottega render --farm` asks all of
-//! them for a picture, `bottega jobs` sees and steers.
+//! them for a picture, `bottega jobs` and `bottega machines` see and steer.
 //!
 //! A job is on the notices of the farm, its zones on the blackboard, its scene and pixels are blobs: whoever leads it may
 //! die, and any other process goes on.
@@ -15,6 +15,8 @@ mod job_board;
 mod jobs;
 mod join;
 mod link;
+mod machine;
+mod machines;
 mod members;
 mod names;
 mod part;
@@ -23,16 +25,23 @@ mod server;
 mod shares;
 mod studio;
 mod up;
+mod view;
 mod worker;
 
+#[cfg(test)]
+pub(crate) use self::job_board::Seat;
 pub(crate) use self::{
     address::FarmAddress,
     animation::animate,
     client::{Asked, Painted, write_picture},
-    job::PRIORITY,
-    jobs::{JobsArgs, run as jobs},
+    job::{JobState, PRIORITY, PRIORITY_MAX},
+    job_board::JobBoard,
+    jobs::{JobsArgs, run as jobs, set_priority, steer},
     join::{JoinArgs, run as join},
-    link::LoginArgs,
+    link::{LoginArgs, link},
+    machine::{MachineOrder, Roster, Standing},
+    machines::{MachinesArgs, run as machines},
     part::Tools,
     up::{UpArgs, run as up},
+    view::{FarmView, JobView, MachineView},
 };

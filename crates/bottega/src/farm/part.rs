@@ -67,12 +67,13 @@ pub(crate) fn take_part(
     let Member { board, name, .. } = member;
     let lease = board.claim(number, name)?;
     let leads = lease.is_some();
+    let asked = job.from == *name;
     if leads {
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
     let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default() });
-    let watch = Watch::begin(member, number, lease, &this, Arc::clone(&told), Box::new(elsewhere))?;
+    let watch = Watch::begin(member, number, asked, lease, &this, Arc::clone(&told), Box::new(elsewhere))?;
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
     let (settings, engine) = (&tools.settings, Arc::clone(&tools.engine));
     if leads {
@@ -118,6 +119,7 @@ impl Watch {
     fn begin(
         member: &Member,
         number: u32,
+        asked: bool,
         lease: Option<Lease>,
         this: &StopSwitch,
         told: Arc<Told>,
@@ -127,6 +129,7 @@ impl Watch {
         let guard = Guard {
             member: member.clone(),
             number,
+            asked,
             lease,
             this: this.clone(),
             told,
@@ -154,6 +157,8 @@ impl Drop for Watch {
 struct Guard {
     member: Member,
     number: u32,
+    /// It is this process that asked for the job.
+    asked: bool,
     lease: Option<Lease>,
     this: StopSwitch,
     told: Arc<Told>,
@@ -189,7 +194,7 @@ impl Guard {
 
     fn renew(&mut self) {
         let Member { board, name, threads, .. } = &self.member;
-        board.sit(&Seat { name: name.clone(), threads: *threads, job: Some(self.number) });
+        board.sit(&Seat { takes_orders: !self.asked, ..Seat::new(name, *threads, Some(self.number)) });
         let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
         let Some(lease) = &mut self.lease else { return };
         let renewed = board.renew(lease, &lead);
@@ -251,6 +256,14 @@ impl Observer for Told {
 
     fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
         self.inner.message(now, message);
+    }
+
+    fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {
+        self.inner.left_out(agent, reason);
+    }
+
+    fn too_few(&self, present: usize, needed: usize) {
+        self.inner.too_few(present, needed);
     }
 
     fn not_kept(&self, error: &std::io::Error) {

@@ -76,9 +76,12 @@ impl SceneFiles {
         let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
         let root = cache.scene(hasher.finalize().to_hex().as_str());
         let folder = (0..depth).fold(root.clone(), |folder, _| folder.join("in"));
+        // Other processes of this machine may fetch the same.
+        let _alone = cache.lock()?;
         for file in all() {
             let path = file.below(&root, &folder)?;
-            if !path.exists() {
+            if !chunks::holds(&path, &file.contents) {
+                cache.remove(&path);
                 chunks::fetch(&file.name, &file.contents, cache, store)?;
                 place(&cache.file(&file.contents.hash), &path)?;
             }

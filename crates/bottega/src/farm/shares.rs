@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     fn settle(jobs: &[Wanting], count: usize) -> Vec<Seat> {
-        let seat = |i: usize| Seat { name: format!("m{i:03}"), threads: 1, job: None };
+        let seat = |i: usize| Seat::new(&format!("m{i:03}"), 1, None);
         let mut seats: Vec<Seat> = (0..count).map(seat).collect();
         for i in 0..count {
             seats[i].job = choose(jobs, &seats);

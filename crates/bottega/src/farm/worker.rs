@@ -10,6 +10,7 @@ use super::{
     cache::Cache,
     job::{Job, JobState},
     job_board::{JobBoard, RENEW_EVERY, Seat},
+    machine::{MachineOrder, Standing},
     part::{Member, Part, take_part},
     shares::{Wanting, choose, should_move},
     studio::Studio,
@@ -25,14 +26,14 @@ const STAYS: Duration = Duration::from_secs(5);
 
 /// A machine that paints for a farm.
 pub(super) struct Worker {
-    pub(super) member: Member,
+    member: Member,
     cache: Cache,
     threads: Option<u16>,
     /// The job that was painted last: its scene stays loaded.
     studio: Option<Studio>,
     /// Jobs that this machine cannot paint.
     refused: BTreeSet<u32>,
-    /// The only ones that it may.
+    /// The only ones that it may; then it is the process that asked for them, and takes no orders.
     only: Option<BTreeSet<u32>>,
     /// A job that is painted, and whose picture somebody else makes safe.
     helped: Option<u32>,
@@ -59,6 +60,50 @@ impl Worker {
         self.member.board.rise(&self.member.name);
     }
 
+    /// Does what it is told, until the user wants to stop or somebody has it leave.
+    ///
+    /// - `once`: no longer than until a job is over.
+    pub(super) fn work(&mut self, once: bool) {
+        let mut before = Standing::Active;
+        while !self.member.stop.is_requested() {
+            let MachineOrder { standing, by } = self.member.board.order_to(&self.member.name);
+            if before != standing {
+                match standing {
+                    Standing::Active => (self.say)(&format!("resumed by {by}; waiting for work")),
+                    Standing::Suspended => (self.say)(&format!("suspended by {by}")),
+                    Standing::Terminated => (self.say)(&format!("told to leave by {by}")),
+                }
+            }
+            before = standing;
+            if standing == Standing::Suspended {
+                self.rest();
+            } else if standing == Standing::Terminated || self.work_once() && once {
+                return;
+            }
+        }
+    }
+
+    /// Takes no work for a moment, or until it is told otherwise.
+    fn rest(&mut self) {
+        // Memory, too, is for others now.
+        self.studio = None;
+        let Member { board, name, threads, stop } = &self.member;
+        board.sit(&Seat { standing: Standing::Suspended, ..Seat::new(name, *threads, None) });
+        let begun = Instant::now();
+        while begun.elapsed() < RENEW_EVERY
+            && !stop.is_requested()
+            && board.order_to(name).standing == Standing::Suspended
+        {
+            thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// Whether it is told anything else than to paint.
+    fn is_called_off(&self) -> impl Fn() -> bool + Send + 'static {
+        let (board, me, takes_orders) = (self.member.board.clone(), self.member.name.clone(), self.only.is_none());
+        move || takes_orders && board.order_to(&me).standing != Standing::Active
+    }
+
     /// Whether this machine would paint a job.
     fn would(&self, number: u32) -> bool {
         may(&self.only, &self.refused, number) && !self.is_done_with(number)
@@ -71,7 +116,7 @@ impl Worker {
         let wanting = wanting(board, |number| self.would(number));
         let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
         let Some((number, job)) = chosen else {
-            board.sit(&Seat { name: name.clone(), threads: *threads, job: None });
+            board.sit(&Seat { takes_orders: self.only.is_none(), ..Seat::new(name, *threads, None) });
             self.wait();
             return false;
         };
@@ -96,10 +141,10 @@ impl Worker {
 
     /// Until it is time to say that this machine is there, or there may be work.
     fn wait(&self) {
-        let begun = Instant::now();
+        let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
             thread::sleep(LOOK_EVERY);
-            if !wanting(&self.member.board, |number| self.would(number)).is_empty() {
+            if is_called_off() || !wanting(&self.member.board, |number| self.would(number)).is_empty() {
                 return;
             }
         }
@@ -134,14 +179,14 @@ impl Worker {
         Ok(is_over)
     }
 
-    /// Whether another job has too few machines for its priority.
+    /// Whether this machine is told to paint no more, or another job has too few machines for its priority.
     fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
         let (board, me) = (self.member.board.clone(), self.member.name.clone());
         let (only, refused) = (self.only.clone(), self.refused.clone());
-        let begun = Instant::now();
+        let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         move || {
             let wanting = || wanting(&board, |number| may(&only, &refused, number));
-            begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
+            is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
         }
     }
 }

@@ -5,7 +5,10 @@ use std::{net::SocketAddr, path::PathBuf, time::Duration};
 use clap::{Args, Subcommand, ValueHint};
 
 use super::peer::{Peer, parse_peer};
-use crate::cli::parse_duration;
+use crate::{
+    cli::parse_duration,
+    farm::{FarmAddress, LoginArgs},
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct PlatformArgs {
@@ -16,7 +19,7 @@ pub(crate) struct PlatformArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum PlatformCommand {
     /// Run a FIPA platform: white pages (AMS), yellow pages (DF), message transport over HTTP, until Ctrl-C.
-    Serve(ServeArgs),
+    Serve(Box<ServeArgs>),
     /// List the agents that a platform's AMS knows.
     Agents(AskArgs),
     /// List the services that a platform's DF knows.
@@ -47,6 +50,16 @@ pub(crate) struct ServeArgs {
     /// The longest time for which the DF keeps what is not renewed, such as 1h. Default: for ever.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) lease_max: Option<Duration>,
+    /// Show a farm to other platforms, and let them talk to it: each of its machines is an agent, its jobs are one. The
+    /// farm that `bottega up` runs on this machine, or the one named. Of several processes of one platform, one.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
+    pub(crate) farm: Option<Option<FarmAddress>>,
+    #[command(flatten)]
+    pub(crate) login: LoginArgs,
+    /// An agent of another platform that may suspend and end agents of this one, and steer the farm: NAME@PLATFORM. May be
+    /// given several times. Nothing proves that it is the one who speaks: for networks whose members trust each other.
+    #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
+    pub(crate) trust: Vec<String>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
@@ -95,6 +108,13 @@ pub(crate) struct TraceArgs {
     /// Print one JSON object a line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+fn parse_agent(text: &str) -> Result<String, String> {
+    match text.split_once('@') {
+        Some((local, platform)) if !local.is_empty() && !platform.is_empty() => Ok(text.to_owned()),
+        _ => Err("the name of an agent, such as boss@jade, is needed".to_owned()),
+    }
 }
 
 fn parse_public(text: &str) -> Result<String, String> {

@@ -114,6 +114,8 @@ fn ask(args: &AskArgs, service: &str, function: Function) -> Result<Outcome, Cli
         lease_max: None,
         federates: Vec::new(),
         administrators: Vec::new(),
+        trusted: Vec::new(),
+        permanent: Vec::new(),
         trace_line: trace::line,
     })
     .map_err(CliError::Node)?;

@@ -3,6 +3,7 @@
 mod args;
 mod ask;
 mod diagram;
+mod farm;
 mod peer;
 mod serve;
 mod trace;

@@ -1,8 +1,12 @@
 //! `bottega platform serve`: a platform until Ctrl-C.
 
-use std::{process::ExitCode, sync::mpsc};
+use std::{
+    process::ExitCode,
+    sync::{Arc, mpsc},
+};
 
 use bottega_agents::{
+    AgentId,
     driver::node::{Node, NodeConfig},
     entry_store::EntryStore,
     file_store::FileStore,
@@ -10,8 +14,15 @@ use bottega_agents::{
 };
 use serde_json::json;
 
-use super::{args::ServeArgs, trace};
-use crate::error::CliError;
+use super::{
+    args::ServeArgs,
+    farm::{FarmAgents, jobs_id},
+    trace,
+};
+use crate::{
+    error::CliError,
+    farm::{JobBoard, link},
+};
 
 pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     if args.listen.ip().is_unspecified() && args.public.is_none() {
@@ -21,6 +32,13 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         ));
     }
     let federates = args.federate.iter().map(|peer| peer.service("df")).collect::<Result<_, _>>()?;
+    let board = match &args.farm {
+        Some(farm) => Some(JobBoard { uplink: link(farm.as_ref(), &args.login)?.uplink }),
+        None => None,
+    };
+    // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
+    let jobs: Vec<AgentId> = board.iter().map(|_| jobs_id(&args.name)).collect();
+    let trusted: Vec<AgentId> = args.trust.iter().map(|name| AgentId::new(name.as_str())).collect();
     let node = Node::start(NodeConfig {
         name: args.name.clone(),
         listen: args.listen,
@@ -28,10 +46,14 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         store: store(args)?,
         lease_max: args.lease_max,
         federates,
-        administrators: Vec::new(),
+        administrators: jobs.clone(),
+        trusted: trusted.clone(),
+        permanent: jobs,
         trace_line: trace::line,
     })
     .map_err(CliError::Node)?;
+    let node = Arc::new(node);
+    let agents = board.map(|board| FarmAgents::begin(&node, &args.name, board, &trusted)).transpose()?;
     // Whoever wants to end it must be heard from the first line on.
     let (interrupt, interrupted) = mpsc::channel();
     let handler = ctrlc::set_handler(move || {
@@ -43,7 +65,11 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     tell(args, &node);
     // The sender lives as long as the program.
     _ = interrupted.recv();
-    node.stop();
+    drop(agents);
+    // They were the last others who held it.
+    if let Some(node) = Arc::into_inner(node) {
+        node.stop();
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -62,9 +88,10 @@ fn store(args: &ServeArgs) -> Result<Box<dyn EntryStore<String, usize> + Send>, 
 fn tell(args: &ServeArgs, node: &Node) {
     if args.json {
         let ids = [node.ams(), node.df(), node.start_service()].map(ToString::to_string);
+        let jobs = args.farm.as_ref().map(|_| jobs_id(&args.name).to_string());
         println!(
             "{}",
-            json!({ "event": "serving", "platform": args.name, "address": node.address(), "services": ids })
+            json!({ "event": "serving", "platform": args.name, "address": node.address(), "services": ids, "farm": jobs })
         );
         return;
     }
@@ -75,6 +102,12 @@ fn tell(args: &ServeArgs, node: &Node) {
     match &args.state {
         Some(path) => println!("  kept in       {}", path.display()),
         None => println!("  kept in memory only; --state FILE keeps it"),
+    }
+    if args.farm.is_some() {
+        println!("  farm          {}", jobs_id(&args.name));
+    }
+    for agent in &args.trust {
+        println!("  trusts        {agent}");
     }
     for peer in &args.federate {
         println!("  searches with {}", peer.url);

@@ -28,8 +28,9 @@ pub(crate) struct SimulateArgs {
     pub(crate) zones_scale: u32,
 
     /// Who paints: `8`, `4x1.0,4x0.25` (how many x how fast), `2x1:8` (with eight processors each), `agent-3@join=5s`,
-    /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on); or a file with such
-    /// words. Default: as in the record.
+    /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on), `agent-3@hang=8s` (says
+    /// that it lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1` (a tenth of
+    /// what it paints is wrong); or a file with such words. Default: as in the record.
     #[arg(long, value_name = "SPEC", num_args = 1.., help_heading = "Agents")]
     pub(crate) agents: Vec<String>,
     /// All agents share one machine of so many processors, as those of one process do. Default: each has its own.
@@ -38,6 +39,9 @@ pub(crate) struct SimulateArgs {
     /// This share of the agents fails, each at some time before the end, and does not come back.
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Agents")]
     pub(crate) fail: f64,
+    /// Have each zone painted by so many agents and compare, until they have earned trust: as `bottega render --verify`.
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Agents")]
+    pub(crate) verify: u32,
     /// How winners of an auction are found.
     #[arg(long, value_enum, default_value_t = AuctionArg::Finish, help_heading = "Agents")]
     pub(crate) auction: AuctionArg,

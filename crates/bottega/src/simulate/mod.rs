@@ -49,6 +49,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
             AdaptationArg::Paper => AdaptationRule::Paper,
         },
         prefetch: args.prefetch,
+        verify: args.verify,
         trace: args.trace.is_some(),
         ..Plan::calm(crew, args.seed)
     };
@@ -156,6 +157,17 @@ fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Str
     if outcome.failed > 0 {
         text += &format!("given up        {} zones\n", outcome.failed);
     }
+    if outcome.wrong > 0 {
+        text += &format!("painted wrong   {} zones of the picture\n", outcome.wrong);
+    }
+    if outcome.lacked_machines {
+        text += "zones waited for more agents, to compare what these paint\n";
+    }
+    for agent in agents {
+        if let Some(reason) = &agent.left_out {
+            text += &format!("left out        {}: {reason}\n", agent.name);
+        }
+    }
     if agents.len() <= LISTED_MAX {
         for (agent, share) in agents.iter().zip(busy_shares(outcome)) {
             let bar = "█".repeat((share * 40.0).round() as usize);
@@ -205,13 +217,15 @@ fn as_json(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Val
         .map(|(agent, share)| {
             json!({
                 "name": agent.name, "speed": agent.speed, "processors": agent.lanes, "orders": agent.orders,
-                "busy_seconds": agent.busy.as_secs_f64(), "busy_share": share,
+                "busy_seconds": agent.busy.as_secs_f64(), "busy_share": share, "left_out": agent.left_out,
             })
         })
         .collect();
     json!({
         "zones": outcome.zones,
         "zones_failed": outcome.failed,
+        "zones_wrong": outcome.wrong,
+        "lacked_machines": outcome.lacked_machines,
         "work_seconds": outcome.work.as_secs_f64(),
         "makespan_seconds": outcome.makespan.as_secs_f64(),
         "least_seconds": outcome.least.map(|least| least.as_secs_f64()),

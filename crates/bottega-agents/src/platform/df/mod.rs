@@ -84,10 +84,14 @@ impl Df {
         }
     }
 
+    fn is_administrator(&self, agent: &AgentId) -> bool {
+        self.config.administrators.iter().any(|other| index(other) == index(agent))
+    }
+
     fn own_name(&self, asker: &AgentId, description: &DfAgentDescription) -> Result<AgentId, NoResult> {
         match &description.name {
             None => Err(RefuseReason::missing(DF_DESCRIPTION, "name").into()),
-            Some(name) if index(name) == index(asker) || self.config.administrators.contains(asker) => Ok(name.clone()),
+            Some(name) if index(name) == index(asker) || self.is_administrator(asker) => Ok(name.clone()),
             Some(_) => Err(RefuseReason::Unauthorised.into()),
         }
     }

@@ -1,0 +1,32 @@
+//! Who watches a job.
+
+use std::sync::Arc;
+
+use bottega_agents::{AgentId, Time};
+use bottega_engines::Survey;
+
+use super::Progress;
+use crate::{FarmMessage, ImportanceMap, Partition, ZoneRow};
+
+/// Sees a job go on. All methods are called from the job's threads and must return soon.
+pub trait Observer: Send + Sync {
+    /// The engine has had a look at the whole picture: the first that there is to see. Not called when a work is resumed.
+    fn surveyed(&self, _survey: &Arc<Survey>) {}
+    /// The Analyst has made map and zones. Not called when a work is resumed.
+    fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
+    /// A zone's row has changed.
+    fn zone_changed(&self, _row: &ZoneRow) {}
+    /// Something was painted.
+    fn progress(&self, _progress: &Progress) {}
+    /// An agent sends a message.
+    fn message(&self, _now: Time, _message: &FarmMessage) {}
+    /// An agent is left out of the job from now on; the others go on.
+    fn left_out(&self, _agent: &AgentId, _reason: &str) {}
+    /// Zones wait for more machines, `needed` in all, to compare what these paint.
+    fn too_few(&self, _present: usize, _needed: usize) {}
+    /// The job could not be kept: it goes on, but cannot be resumed.
+    fn not_kept(&self, _error: &std::io::Error) {}
+}
+
+/// An observer that looks away.
+impl Observer for () {}

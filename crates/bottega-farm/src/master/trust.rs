@@ -1,0 +1,136 @@
+//! Agents that fail often on a work are left out of it.
+
+use super::*;
+
+/// An agent is left out when it has failed so often without having painted anything in between.
+const FAILURES_MAX: u32 = 3;
+/// Tiles of an agent that could not be had or used, without one in between that could.
+const LOST_MAX: u32 = 3;
+
+impl Master {
+    /// An agent has failed on an order. Who fails often is left out, unless nobody else is here: then the zone is given up in
+    /// the end, and that is told.
+    pub(super) fn strike(
+        &mut self,
+        now: Time,
+        agent: &AgentId,
+        order: (ZoneId, Revision),
+        reason: &str,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        // Who hears no answer tells it again.
+        let Some(id) = self.roster.find(agent).filter(|&id| self.roster.note_failure(id, order)) else { return };
+        let Some(row) = self.roster.update(id, |row| row.failures = row.failures.saturating_add(1)) else { return };
+        let row = row.clone();
+        if row.failures >= FAILURES_MAX && self.roster.count() > 1 {
+            let reason = format!("it failed {} times, the last time: {reason}", row.failures);
+            return self.leave_out(now, id, reason, actions);
+        }
+        self.put_agent(row, actions);
+    }
+
+    /// Whether the next failure of an agent has it left out.
+    pub(super) fn is_last_straw(&self, agent: &AgentId) -> bool {
+        let member = self.roster.get_by_name(agent);
+        member.is_some_and(|member| member.row.failures + 1 >= FAILURES_MAX) && self.roster.count() > 1
+    }
+
+    /// An agent has painted something.
+    pub(super) fn succeed(&mut self, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+        let failed = self.roster.get_by_name(agent).filter(|member| member.row.failures > 0);
+        let Some(id) = failed.map(|member| member.id) else { return };
+        self.roster.forget_failures(id);
+        if let Some(row) = self.roster.update(id, |row| row.failures = 0) {
+            let row = row.clone();
+            self.put_agent(row, actions);
+        }
+    }
+
+    /// What an agent has painted is in the film, or could not be had or used.
+    pub(super) fn judge_tile(&mut self, now: Time, agent: &AgentId, lost: Option<&str>, actions: &mut Vec<FarmAction>) {
+        if lost.is_none() && self.lost.is_empty() {
+            return;
+        }
+        let Some(id) = self.roster.find(agent) else { return };
+        let Some(reason) = lost else {
+            self.lost.remove(&id);
+            return;
+        };
+        let count = self.lost.entry(id).or_default();
+        *count += 1;
+        if *count >= LOST_MAX && self.roster.get(id).is_some() && self.roster.count() > 1 {
+            let reason = format!("what it painted was lost {count} times, the last time: {reason}");
+            self.leave_out(now, id, reason, actions);
+        }
+    }
+
+    /// The Master does not call an agent any more, and takes nothing from it. What it had in hand is open again, and its
+    /// failures do not count against the zones.
+    pub(super) fn leave_out(&mut self, now: Time, agent: MemberId, reason: String, actions: &mut Vec<FarmAction>) {
+        let Some(row) = self.roster.get(agent).map(|member| member.row.clone()) else { return };
+        for (zone, row) in self.forgiven(agent) {
+            if !self.writes.contains_key(&zone) {
+                self.write(now, row, Then::TakenBack, actions);
+            }
+        }
+        let failures = row.failures.max(FAILURES_MAX);
+        self.exclude(now, agent, AgentRow { failures, ..row }, reason, actions);
+    }
+
+    /// From now on an agent is on no list, and refused.
+    ///
+    /// - `row`: what is known of it.
+    pub(super) fn exclude(
+        &mut self,
+        now: Time,
+        agent: MemberId,
+        row: AgentRow,
+        reason: String,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let name = row.agent.clone();
+        tracing::warn!(agent = %name, "left out of the work: {reason}");
+        self.lost.remove(&agent);
+        let row = Arc::new(AgentRow { left_out: Some(reason.clone()), ..row });
+        self.left_out.insert(name.clone(), Arc::clone(&row));
+        let content = FarmContent::LeftOut { reason: reason.clone() };
+        let to = vec![name.clone()];
+        let refuse = message(Performative::Refuse, protocol::SUBSCRIBE, &self.config.id, to, content);
+        actions.push(FarmAction::Send(refuse));
+        actions.push(FarmAction::Effect(FarmEffect::LeftOut { agent: name, reason }));
+        self.put_agent((*row).clone(), actions);
+        self.dismiss(now, agent, actions);
+    }
+
+    /// The rows of zones on which an agent failed, without that.
+    fn forgiven(&self, agent: MemberId) -> Vec<(ZoneId, ZoneRow)> {
+        let zones = self.roster.get(agent).map_or(&[][..], |member| &member.failed);
+        let mut forgiven: Vec<(ZoneId, ZoneRow)> = Vec::new();
+        for &(zone, _) in zones {
+            if forgiven.iter().any(|(other, _)| *other == zone) {
+                continue;
+            }
+            let count = zones.iter().filter(|(other, _)| *other == zone).count() as u32;
+            if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| !row.is_in_hand() && row.attempt > 0) {
+                forgiven.push((zone, row.forgiven(count)));
+            }
+        }
+        forgiven
+    }
+
+    /// Whether one that is left out has done nothing worse than to fail.
+    pub(super) fn only_failed(row: &AgentRow) -> bool {
+        row.failures >= FAILURES_MAX
+    }
+
+    /// Why an agent is left out, if it is. One that only failed is taken again when there is nobody else.
+    pub(super) fn refused(&mut self, agent: &AgentId) -> Option<String> {
+        let row = self.left_out.get(agent)?;
+        if Self::only_failed(row) && self.roster.count() == 0 {
+            tracing::warn!(%agent, "takes part again, for there is nobody else");
+            self.left_out.remove(agent);
+            return None;
+        }
+        row.left_out.clone()
+    }
+}

@@ -1,0 +1,117 @@
+//! How the agents of a farm hear strangers and answer them.
+
+use std::sync::Arc;
+
+use bottega_agents::{
+    AclMessage, Action, AgentId, Performative, gateway::PlainContent, platform::ManagementContent, sl, sl::Term,
+    wire::WireMessage,
+};
+
+use super::ontology::{ONTOLOGY, Unread, reason, unrecognised_content};
+
+/// A message as agents of the platform have it.
+pub(super) type Message = AclMessage<PlainContent>;
+
+/// What a stranger says, if it may be answered: of talk about answers there is no end.
+pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
+    use Performative as P;
+    let is_answer = matches!(
+        message.performative,
+        P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm
+    );
+    match &message.content {
+        PlainContent::Foreign(wire) if !is_answer => Some(wire),
+        _ => None,
+    }
+}
+
+/// The one expression that a content says.
+pub(super) fn expression(wire: &WireMessage) -> Result<Term, Unread> {
+    let unsupported = |parameter| Err(Unread::NotUnderstood(reason("unsupported-value", [parameter])));
+    if wire.language.as_deref().is_some_and(|language| !sl::is_known(language)) {
+        return unsupported("language");
+    }
+    if wire.ontology.as_deref().is_some_and(|ontology| !ontology.eq_ignore_ascii_case(ONTOLOGY)) {
+        return unsupported("ontology");
+    }
+    let content = wire.content.as_deref().unwrap_or_default();
+    match <[Term; 1]>::try_from(sl::parse(content).map_err(|_| unrecognised_content())?) {
+        Ok([expression]) => Ok(expression),
+        Err(_) => Err(unrecognised_content()),
+    }
+}
+
+/// An answer of `me`.
+pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: &[Term]) -> Message {
+    let heard = match &message.content {
+        PlainContent::Foreign(wire) => Some(wire),
+        PlainContent::Management(_) => None,
+    };
+    let said = |value: Option<&String>, other: &str| Some(value.map_or_else(|| other.to_owned(), Clone::clone));
+    let content = WireMessage {
+        content: Some(sl::print(terms)),
+        language: said(heard.and_then(|wire| wire.language.as_ref()), "fipa-sl0"),
+        ontology: said(heard.and_then(|wire| wire.ontology.as_ref()), ONTOLOGY),
+        ..WireMessage::new(act)
+    };
+    message.reply(act, me.clone(), PlainContent::Foreign(Arc::new(content)))
+}
+
+/// The answer to what is not done; `asked` is repeated where it could be read.
+pub(super) fn no(message: &Message, me: &AgentId, asked: Option<&Term>, why: Unread) -> Message {
+    let (act, why) = match why {
+        Unread::Refused(why) => (Performative::Refuse, why),
+        Unread::NotUnderstood(why) => (Performative::NotUnderstood, why),
+    };
+    let terms: Vec<Term> = asked.cloned().into_iter().chain([why]).collect();
+    answer(message, me, act, &terms)
+}
+
+/// It will be done.
+pub(super) fn agree(message: &Message, me: &AgentId, asked: &Term) -> Message {
+    answer(message, me, Performative::Agree, &[asked.clone(), Term::Bare("true".to_owned())])
+}
+
+/// It is done.
+pub(super) fn done(message: &Message, me: &AgentId, asked: &Term) -> Message {
+    answer(message, me, Performative::Inform, &[Term::call("done", [asked.clone()])])
+}
+
+/// Here is what was asked for.
+pub(super) fn result(message: &Message, me: &AgentId, asked: &Term, what: Term) -> Message {
+    answer(message, me, Performative::Inform, &[Term::call("result", [asked.clone(), what])])
+}
+
+/// It went wrong.
+pub(super) fn failure(message: &Message, me: &AgentId, asked: &Term, why: &str) -> Message {
+    let why = Term::call("internal-error", [Term::text(why)]);
+    answer(message, me, Performative::Failure, &[asked.clone(), why])
+}
+
+/// The act means nothing here.
+pub(super) fn unsupported(act: Performative) -> Unread {
+    Unread::NotUnderstood(reason("unsupported-act", [act.word()]))
+}
+
+/// A subscription that is over, cancelled or at its end: the gateway ends the thread with it.
+pub(super) fn over(message: &Message, me: &AgentId) -> Message {
+    message.reply(Performative::Inform, me.clone(), PlainContent::Management(ManagementContent::Cancel))
+}
+
+pub(super) fn send<V, E>(message: Message) -> Action<PlainContent, V, E> {
+    Action::Send(message)
+}
+
+/// Whether answers to a message go to this agent.
+pub(super) fn hears(message: &Message, agent: &AgentId) -> bool {
+    let same = |other: &AgentId| other.name.eq_ignore_ascii_case(&agent.name);
+    match &message.content {
+        PlainContent::Foreign(wire) if !wire.reply_to.is_empty() => wire.reply_to.iter().any(same),
+        _ => same(&message.sender),
+    }
+}
+
+/// Whether this is one of those who may change things. Nothing proves that it is the one.
+pub(super) fn is_trusted(trusted: &[AgentId], agent: &AgentId) -> bool {
+    trusted.iter().any(|one| one.name.eq_ignore_ascii_case(&agent.name))
+}
