@@ -136,6 +136,20 @@ pub trait RenderEngine: Send + Sync {
         Ok(())
     }
 
+    /// What it has learnt in [`prepare`](Self::prepare), for engines elsewhere that paint the same picture; `None`: nothing
+    /// yet, or nothing that could be told.
+    fn learnt(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Takes what another one like it has [learnt](Self::learnt) of the same picture: it need not learn it itself.
+    ///
+    /// # Errors
+    /// The bytes are nothing of the kind.
+    fn learn_from(&self, _bytes: &[u8]) -> Result<(), EngineError> {
+        Ok(())
+    }
+
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
     fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
 }

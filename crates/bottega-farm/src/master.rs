@@ -166,6 +166,8 @@ pub struct Master {
     pass_painted: Duration,
     last_number: u64,
     next_look: Option<Time>,
+    /// Until then agents that a Master before it knew may tell this one that they are there.
+    expects_until: Time,
 }
 
 impl Master {
@@ -203,6 +205,7 @@ impl Master {
             pass_painted: Duration::ZERO,
             last_number: 0,
             next_look: None,
+            expects_until: Time::ZERO,
         }
     }
 
@@ -253,6 +256,7 @@ impl StateMachine for Master {
             FarmEvent::Start => {
                 self.start(actions);
                 self.next_look = Some(now + self.config.timing.heartbeat);
+                self.expects_until = now + self.config.timing.lease;
             }
             FarmEvent::Message(message) => self.handle_message(now, &message, actions),
             FarmEvent::Store { ticket, reply } => news = self.handle_store(now, ticket, reply, actions),

@@ -110,7 +110,11 @@ impl RenderAgent {
             (Performative::Agree, FarmContent::Subscribed) => (self.subscribed, self.left_out) = (true, false),
             (Performative::Refuse, FarmContent::LeftOut { reason }) => self.dismissed(reason, actions),
             // The Master does not know this agent (any more).
-            (Performative::Refuse, FarmContent::Nothing) => self.subscribed = false,
+            (Performative::Refuse, FarmContent::Nothing) => {
+                if std::mem::replace(&mut self.subscribed, false) {
+                    self.subscribe(actions);
+                }
+            }
             (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
             (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(now, message, offers, actions),
             (Performative::Request, FarmContent::Profile(order))

@@ -22,6 +22,7 @@ mod work;
 
 pub use error::RenderError;
 pub use filter::Filter;
+pub use guide::UnreadGuide;
 pub use prepare::{PrepareOptions, PreparedScene, build_accel};
 pub use settings::{DirectLight, PathSettings, View};
 pub use survey::survey;

@@ -13,7 +13,7 @@ use glam::{Affine3A, Mat3};
 use crate::{
     RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
-    guide::Guide,
+    guide::{Guide, UnreadGuide},
     lights::{Lights, NO_LIGHT},
     media::{
         Filling, Homogeneous,
@@ -210,24 +210,39 @@ impl PreparedScene {
     /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
     /// learns it by `learn`; who asks meanwhile waits.
     pub(crate) fn guide(&self, view: View, planned_samples: u32, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        Arc::clone(self.guide_place((view, planned_samples)).get_or_init(|| Arc::new(learn())))
+    }
+
+    /// What has been learnt of a view that is painted with so many samples a pixel, for others who paint the same; `None`:
+    /// nothing yet.
+    pub fn learnt(&self, view: View, planned_samples: u32) -> Option<Vec<u8>> {
+        Some(self.guide_place((view, planned_samples)).get()?.to_bytes())
+    }
+
+    /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
+    /// program. Whoever has learnt it already keeps that.
+    ///
+    /// # Errors
+    /// The bytes are nothing of the kind.
+    pub fn learn_from(&self, view: View, planned_samples: u32, bytes: &[u8]) -> Result<(), UnreadGuide> {
+        let guide = Guide::from_bytes(bytes)?;
+        self.guide_place((view, planned_samples)).get_or_init(|| Arc::new(guide));
+        Ok(())
+    }
+
+    fn guide_place(&self, of: Learnt) -> GuidePlace {
         /// Guides that are kept.
         const GUIDES_MAX: usize = 4;
-        let of = (view, planned_samples);
-        let place = {
-            let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-            match guides.iter().find(|(known, _)| *known == of) {
-                Some((_, place)) => Arc::clone(place),
-                None => {
-                    if guides.len() == GUIDES_MAX {
-                        guides.remove(0);
-                    }
-                    let place = Arc::default();
-                    guides.push((of, Arc::clone(&place)));
-                    place
-                }
-            }
-        };
-        Arc::clone(place.get_or_init(|| Arc::new(learn())))
+        let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, place)) = guides.iter().find(|(known, _)| *known == of) {
+            return Arc::clone(place);
+        }
+        if guides.len() == GUIDES_MAX {
+            guides.remove(0);
+        }
+        let place = GuidePlace::default();
+        guides.push((of, Arc::clone(&place)));
+        place
     }
 
     #[inline(always)]

@@ -94,6 +94,11 @@ impl CliError {
         matches!(self, Self::Usage { .. })
     }
 
+    /// Whether it may succeed when it is tried again: a farm's server that is away comes back.
+    pub(crate) fn may_pass(&self) -> bool {
+        matches!(self, Self::Blob(error) if !error.is_lasting)
+    }
+
     pub(crate) fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }
     }

@@ -22,7 +22,7 @@ use crate::{
     keeping::{Keeping, name_of},
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
-    rules::experts,
+    rules::{experts, rule_texts},
     scene::{Subject, agents, shown, threads},
     simulate::{recorded, write_record},
 };
@@ -58,7 +58,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
-    let (experts, notes) = experts(&args.rules)?;
+    let (experts, notes) = experts(rule_texts(&args.rules)?)?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Arc::new(reporter(args, dashboard.clone())?);
     let subject = Subject::load(&args.scene)?;
@@ -111,8 +111,10 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     }
     let metadata = metadata(args, &subject, &settings, &report);
     write(args, &args.output, format, &report.film, &metadata)?;
-    if let (Some(asked), Some(leading)) = (&asked, leading) {
-        asked.finish(leading, report.failed.len())?;
+    if let (Some(asked), Some(leading)) = (&asked, leading)
+        && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
+    {
+        reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
     }
     end(args, &reporter, &settings, &report, &keeping.path)
 }
@@ -216,11 +218,6 @@ pub(crate) fn job_settings(
 /// When a zone is finished, for one who paints with others: their Master keeps the time.
 pub(crate) fn asked_goal(args: &RenderArgs) -> Goal {
     args.error.map_or(Goal::Samples, Goal::Error)
-}
-
-/// The rules that come with the program.
-pub(crate) fn no_rules_of_its_own() -> Result<Vec<Expert>, CliError> {
-    Ok(experts(&[])?.0)
 }
 
 /// When a zone is finished. Loading is a part of the time that was asked for.

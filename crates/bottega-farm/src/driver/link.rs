@@ -76,7 +76,7 @@ impl Link {
         loop {
             match attempt() {
                 Ok(done) => return Ok(done),
-                Err(error) if stop.is_requested() => return Err(error.to_string()),
+                Err(error) if error.is_lasting || stop.is_requested() => return Err(error.to_string()),
                 Err(error) if TOLD_AFTER.contains(&tries) && self.uplink.is_connected() => {
                     tracing::warn!(%error, "the farm's server does not do what it is asked, as with a full disk; waiting for it");
                 }

@@ -193,8 +193,8 @@ impl Master {
                 self.dismiss(now, agent, actions);
             }
         }
-        let strangers: Vec<MemberId> =
-            self.ledger.holders().filter(|&agent| self.roster.get(agent).is_none()).collect();
+        let is_lost = |agent: &MemberId| now >= self.expects_until && self.roster.get(*agent).is_none();
+        let strangers: Vec<MemberId> = self.ledger.holders().filter(is_lost).collect();
         for agent in strangers {
             self.take_all_back(now, agent, actions);
         }

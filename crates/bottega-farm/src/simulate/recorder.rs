@@ -134,6 +134,14 @@ impl RenderEngine for Recorder {
         self.engine.prepare()
     }
 
+    fn learnt(&self) -> Option<Vec<u8>> {
+        self.engine.learnt()
+    }
+
+    fn learn_from(&self, bytes: &[u8]) -> Result<(), EngineError> {
+        self.engine.learn_from(bytes)
+    }
+
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         self.engine.survey(width, height)
     }

@@ -135,7 +135,18 @@ impl Directions {
             cumulative[cell + 1] = (before / sum * f64::from(TOTAL) + 0.5) as u16;
         }
         cumulative[CELLS] = TOTAL;
-        Some(Self { rows: std::array::from_fn(|row| cumulative[(row + 1) * SIDE]), cumulative })
+        Self::from_cumulative(cumulative)
+    }
+
+    /// Weights of all cells up to each, row by row; the first is 0.
+    pub(super) fn cumulative(&self) -> [u16; CELLS + 1] {
+        self.cumulative
+    }
+
+    /// The other way round. `None`: they are none.
+    pub(super) fn from_cumulative(cumulative: [u16; CELLS + 1]) -> Option<Self> {
+        let is_sound = cumulative[0] == 0 && cumulative[CELLS] == TOTAL && cumulative.is_sorted();
+        is_sound.then(|| Self { rows: std::array::from_fn(|row| cumulative[(row + 1) * SIDE]), cumulative })
     }
 
     /// Density per solid angle of a unit direction.

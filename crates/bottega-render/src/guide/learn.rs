@@ -273,7 +273,7 @@ fn region(learnt: &Learnt, samples: &[Sample]) -> Option<Region> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::directions::place_of;
     use super::*;
     use crate::sampling::uniform_sphere;
@@ -292,6 +292,11 @@ mod tests {
                 Vertex { p, face: 2, has_next: false, leaving: 0.0, weight: 0.0, emitted, taken }
             })
             .collect()
+    }
+
+    /// A guide that has learnt from some thousand directions on a floor.
+    pub(in super::super) fn example(to: Vec3) -> Guide {
+        learn(&vertices(to))
     }
 
     #[test]

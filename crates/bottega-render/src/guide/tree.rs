@@ -52,6 +52,14 @@ impl Node {
         Self { plane: 0.0, link: LEAF | number as u32 & LINK_MASK }
     }
 
+    pub(super) fn to_numbers(self) -> [u32; 2] {
+        [self.plane.to_bits(), self.link]
+    }
+
+    pub(super) fn from_numbers([plane, link]: [u32; 2]) -> Self {
+        Self { plane: f32::from_bits(plane), link }
+    }
+
     /// Axis, plane and first child; `None`: a leaf.
     #[inline(always)]
     pub(super) fn as_split(self) -> Option<(usize, f32, usize)> {
@@ -86,6 +94,21 @@ impl Lattice {
         }
         let size = size_of(cell);
         Self { low, scale: Vec3::from_array(size) / extent, size: size.map(|size| size as u32) }
+    }
+
+    pub(super) fn to_numbers(self) -> [u32; 9] {
+        let [low, scale] = [self.low, self.scale].map(|it| it.to_array().map(f32::to_bits));
+        let numbers = [low, scale, self.size];
+        std::array::from_fn(|i| numbers[i / 3][i % 3])
+    }
+
+    /// The other way round. `None`: they are none.
+    pub(super) fn from_numbers(numbers: [u32; 9]) -> Option<Self> {
+        let vector = |i: usize| Vec3::from_array(std::array::from_fn(|axis| f32::from_bits(numbers[i + axis])));
+        let lattice = Self { low: vector(0), scale: vector(3), size: [numbers[6], numbers[7], numbers[8]] };
+        let is_sized = lattice.size.iter().all(|&size| size as f32 <= LATTICE_SIDE_MAX)
+            && lattice.size.iter().product::<u32>() as f32 <= LATTICE_CELLS_MAX;
+        (is_sized && lattice.low.is_finite() && lattice.scale.cmpge(Vec3::ZERO).all()).then_some(lattice)
     }
 
     fn plane(&self, axis: usize, i: f32) -> f32 {
@@ -207,6 +230,20 @@ impl Guide {
             regions.extend(tree.regions);
         }
         Self { entries: lattice.entries(&nodes), lattice, nodes, regions }
+    }
+
+    /// What it is made of.
+    pub(super) fn parts(&self) -> (Lattice, &[Node], &[Region]) {
+        (self.lattice, &self.nodes, &self.regions)
+    }
+
+    /// The other way round. `None`: ways through the nodes would not end, or lead nowhere.
+    pub(super) fn from_parts(lattice: Lattice, nodes: Vec<Node>, regions: Vec<Region>) -> Option<Self> {
+        let leads_on = |(number, node): (usize, &Node)| {
+            node.as_split().is_none_or(|(_, _, first)| first > number && first + 1 < nodes.len())
+        };
+        let is_sound = (nodes.is_empty() || nodes.len() >= FACES) && nodes.iter().enumerate().all(leads_on);
+        is_sound.then(|| Self { entries: lattice.entries(&nodes), lattice, nodes, regions })
     }
 
     /// Asks memory for what [`Guide::at`] begins with.

@@ -19,11 +19,12 @@ use bottega_image::check_writable;
 use super::{
     address::state_folder,
     cache::Cache,
-    client::{new_job, send_files, words, write_picture},
+    client::{new_job, order, write_picture},
     job::{JobState, Order},
     job_board::{JobBoard, ended_badly},
     link::{FarmLink, link},
     part::Member,
+    patience::patiently,
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
@@ -99,7 +100,7 @@ fn submit(
     for warning in &subject.warnings {
         reporter.warn(warning.to_string());
     }
-    let order = Order { words: words()?, files: send_files(&board.uplink, &first, &subject)?, frame: None };
+    let order = order(&board.uplink, &first, &subject)?;
     board.sweep();
     let mut wanted = BTreeMap::new();
     for frame in frames.iter() {
@@ -122,7 +123,7 @@ fn collect(
     reporter: &Reporter,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
-    let all = wanted.len();
+    let (all, say) = (wanted.len(), |line: &str| reporter.say(line));
     let mut failure = None;
     while !wanted.is_empty() && !stop.is_requested() {
         let mut over = Vec::new();
@@ -135,9 +136,11 @@ fn collect(
             if let Some(error) = ended_badly(number, &job.state) {
                 over.push(number);
                 failure = Some(error);
-            } else if let (JobState::Done { .. }, Some(picture)) = (&job.state, board.picture(&job)?) {
+            } else if let JobState::Done { .. } = job.state
+                && let Some(picture) = patiently(stop, say, || board.picture(&job))?
+            {
                 write_picture(output, &picture)?;
-                board.remove(number)?;
+                patiently(stop, say, || board.remove(number))?;
                 over.push(number);
                 let done = all - wanted.len() + over.len();
                 reporter.say(&format!("{} ({done} of {all})", output.display()));

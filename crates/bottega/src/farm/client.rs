@@ -1,9 +1,9 @@
 //! `bottega render --farm`: asks a farm for a picture, paints with the others, and has the picture in the end.
 
-use std::{env, path::Path, sync::Arc, thread, time::Duration};
+use std::{env, ffi::OsString, path::Path, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::NatsUplink;
-use bottega_farm::{FarmCodec, JobReport, StopSwitch};
+use bottega_farm::{FarmCodec, JobError, JobReport, StopSwitch};
 
 use super::{
     address::FarmAddress,
@@ -12,12 +12,14 @@ use super::{
     link::{FarmLink, link},
     names::fresh_number,
     part::{Leading, Member, Part, Tools, take_part},
+    patience::patiently,
     scene_files::SceneFiles,
 };
 use crate::{
     cli::{EnvironmentArg, RenderArgs},
     error::CliError,
     reporter::Reporter,
+    rules::rule_texts,
     scene::{Subject, shown, threads},
 };
 
@@ -49,7 +51,7 @@ impl Asked {
         let FarmLink { uplink, name, .. } = link(farm, &args.login)?;
         let board = JobBoard { uplink };
         board.refuse_guests()?;
-        let order = Order { words: words()?, files: send_files(&board.uplink, args, subject)?, frame: None };
+        let order = order(&board.uplink, args, subject)?;
         let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
         let job = new_job(args, &member.name);
         member.board.sweep();
@@ -60,6 +62,7 @@ impl Asked {
     /// Paints with the others until the picture is there, or the user wants to stop.
     pub(crate) fn paint(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
         let Member { board, stop, .. } = &self.member;
+        let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
         let mut helped = false;
         loop {
@@ -70,7 +73,7 @@ impl Asked {
                 return Err(error);
             }
             if let JobState::Done { .. } = job.state {
-                let picture = board.picture(&job)?;
+                let picture = patiently(stop, say, || board.picture(&job))?;
                 return picture.map(Painted::Elsewhere).ok_or_else(|| {
                     CliError::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
                 });
@@ -88,26 +91,35 @@ impl Asked {
             }
             said_paused = false;
             helped = false;
-            match take_part(&self.member, self.number, &job, &mut tools, || false)? {
-                Part::Led(report, leading) => return Ok(Painted::Here(report, Some(leading))),
-                Part::Left(Some(report)) if stop.is_requested() => {
+            let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
+            match patiently(stop, say, part) {
+                Ok(Part::Led(report, leading)) => return Ok(Painted::Here(report, Some(leading))),
+                Ok(Part::Left(Some(report))) if stop.is_requested() => {
                     self.call_off();
                     return Ok(Painted::Here(report, None));
                 }
-                Part::Left(None) if stop.is_requested() => return Err(self.called_off()),
-                Part::Left(_) => {}
-                Part::Helped => helped = true,
+                Ok(Part::Left(None)) if stop.is_requested() => return Err(self.called_off()),
+                Ok(Part::Left(_)) => {}
+                Ok(Part::Helped) => helped = true,
+                // Those who were not left out go on.
+                Err(CliError::Job(JobError::LeftOut { reason })) => {
+                    reporter.warn(format!("this machine is left out: {reason}"));
+                    helped = true;
+                }
+                Err(error) if error.may_pass() => return Err(self.called_off()),
+                Err(error) => return Err(error),
             }
         }
     }
 
     /// The picture is written here: the job is over.
-    pub(crate) fn finish(&self, leading: Leading, failed: usize) -> Result<(), CliError> {
+    pub(crate) fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), CliError> {
         let state = match failed {
             0 => JobState::Done { kept: false },
             failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
         };
-        leading.finish(&self.member.board, self.number, &state)
+        let Member { board, stop, .. } = &self.member;
+        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state))
     }
 
     fn called_off(&self) -> CliError {
@@ -159,18 +171,30 @@ pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
     job
 }
 
-/// What the user wrote, from `render` on.
-pub(super) fn words() -> Result<Vec<String>, CliError> {
-    let words = env::args_os().skip(1).map(|word| {
-        word.into_string().map_err(|_| {
-            CliError::usage("an argument is no UTF-8 text", "other machines cannot be told of it: rename the file")
-        })
+/// What is asked for, in words that other machines understand.
+pub(super) fn order(
+    uplink: &Arc<NatsUplink<FarmCodec>>,
+    args: &RenderArgs,
+    subject: &Subject,
+) -> Result<Order, CliError> {
+    let files = send_files(uplink, args, subject)?;
+    Ok(Order { words: public(env::args_os().skip(1))?, files, rules: rule_texts(&args.rules)?, frame: None })
+}
+
+/// What the user wrote, from `render` on, but for the secret that an address holds: who may only paint reads it too.
+fn public(words: impl Iterator<Item = OsString>) -> Result<Vec<String>, CliError> {
+    let words = words.map(|word| match word.into_string() {
+        Ok(word) if word.starts_with("--farm=") => Ok("--farm".to_owned()),
+        Ok(word) => Ok(word),
+        Err(_) => {
+            Err(CliError::usage("an argument is no UTF-8 text", "other machines cannot be told of it: rename the file"))
+        }
     });
     words.collect()
 }
 
 /// Has the farm keep the files of a scene.
-pub(super) fn send_files(
+fn send_files(
     uplink: &Arc<NatsUplink<FarmCodec>>,
     args: &RenderArgs,
     subject: &Subject,
@@ -180,4 +204,15 @@ pub(super) fn send_files(
         _ => None,
     };
     SceneFiles::send(&args.scene.file.scene, &subject.files, environment, uplink.blobs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_word_of_a_farm_is_not_among_what_all_may_read() {
+        let words = ["render", "a.glb", "--farm=bottega://tSECRET@h:1", "-o", "b.exr"].map(OsString::from);
+        assert_eq!(public(words.into_iter()).unwrap(), ["render", "a.glb", "--farm", "-o", "b.exr"]);
+    }
 }

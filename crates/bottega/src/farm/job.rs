@@ -12,6 +12,7 @@ use super::scene_files::SceneFiles;
 use crate::{
     cli::{Cli, Command, EnvironmentArg, RenderArgs},
     error::CliError,
+    rules::RulesText,
 };
 
 /// Lines that a job's log has at most; older ones go.
@@ -102,6 +103,8 @@ pub(crate) struct Order {
     /// What its user wrote, from `render` on.
     pub(crate) words: Vec<String>,
     pub(crate) files: SceneFiles,
+    /// The rules of the agents: FCL; none: those that come with the program.
+    pub(crate) rules: Vec<RulesText>,
     /// The frame, where it is one of an animation.
     pub(crate) frame: Option<u32>,
 }

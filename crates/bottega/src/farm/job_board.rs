@@ -4,10 +4,10 @@
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](super::machine).
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
-use bottega_farm::FarmCodec;
+use bottega_farm::{FarmCodec, Link, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
@@ -22,9 +22,13 @@ pub(super) const RENEW_EVERY: Duration = Duration::from_millis(500);
 const LEADER_SILENT: Duration = Duration::from_millis(2500);
 /// Who has not sat for so long has gone.
 const SEAT_EMPTY: Duration = Duration::from_secs(3);
+/// Processes of one machine at most.
+const SEATS_MAX: usize = 64;
 /// The largest list of files, and the largest picture.
 const ORDER_BYTES_MAX: usize = 1 << 28;
 const PICTURE_BYTES_MAX: usize = 1 << 32;
+/// The most that an engine learns of a picture.
+const LEARNT_BYTES_MAX: usize = 1 << 28;
 /// How often a change is tried that others keep coming before.
 const TRIES_MAX: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
@@ -90,12 +94,20 @@ impl JobBoard {
         Err(too_busy())
     }
 
-    /// Lets go of what nobody will ask for: pixels of jobs that are over.
+    /// Lets go of what nobody will ask for: zones of jobs that are over.
     pub(crate) fn sweep(&self) {
         let jobs = self.all();
         let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
         let work = |name: &str| name.strip_prefix("work-")?.split('/').next()?.parse().ok();
         self.uplink.tiles().forget_all(|name| work(name).is_some_and(|work| !is_live(work)));
+        for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
+            self.forget_zones(job.work);
+        }
+    }
+
+    /// Lets go of the rows and pixels of a job's zones.
+    fn forget_zones(&self, work: u64) {
+        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), name: String::new() }.forget();
     }
 
     /// All jobs, by number.
@@ -163,6 +175,7 @@ impl JobBoard {
         self.refuse_guests()?;
         self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
+        self.forget_zones(job.work);
         let prefix = format!("job-{}/", job.work);
         self.uplink.blobs().forget_all(|name| name.starts_with(&prefix));
         Ok(())
@@ -174,6 +187,26 @@ impl JobBoard {
         bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).ok_or_else(|| {
             CliError::failed("the farm does not know what the job asks for", "call it off, and ask again")
         })
+    }
+
+    /// What an engine has learnt of a job's picture, if one has told.
+    pub(super) fn learnt(&self, work: u64) -> Result<Option<Vec<u8>>, CliError> {
+        self.uplink.blobs().get(&learnt_blob(work), LEARNT_BYTES_MAX).map_err(CliError::Blob)
+    }
+
+    /// Tells other engines. That it could not be told costs time and nothing else.
+    pub(super) fn teach(&self, work: u64, bytes: &[u8]) {
+        let name = learnt_blob(work);
+        let is_told = self.uplink.blobs().has(&name);
+        let told = is_told.and_then(|is_told| if is_told { Ok(()) } else { self.uplink.blobs().put(&name, bytes) });
+        if let Err(error) = told {
+            tracing::debug!(%error, "others will learn themselves");
+        }
+    }
+
+    /// The picture is painted: nobody need learn anything of it any more.
+    pub(super) fn forget_learnt(&self, work: u64) {
+        self.uplink.blobs().forget(&learnt_blob(work));
     }
 
     /// Keeps the picture of a job: the bytes of the file that was asked for.
@@ -201,7 +234,9 @@ impl JobBoard {
         }
         let notice = self.uplink.notices().get(&lead_name(number));
         let before: Lead = notice.as_ref().and_then(read).unwrap_or_default();
-        if before.leader.is_some() && notice.as_ref().is_some_and(|notice| notice.unchanged < LEADER_SILENT) {
+        let is_led = before.leader.as_ref().is_some_and(|leader| leader != me)
+            && notice.as_ref().is_some_and(|notice| notice.unchanged < LEADER_SILENT);
+        if is_led {
             return Ok(None);
         }
         let lead = Lead { leader: Some(me.to_owned()), ..before };
@@ -241,8 +276,13 @@ impl JobBoard {
         let notices = self.uplink.notices().all("seat/");
         let sat_on = notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY);
         let read = sat_on.filter_map(|notice| Some((read::<Seat>(notice)?, notice)));
-        // Nobody sits on the seat of another.
-        let own = read.filter(|(seat, notice)| seat_name(&seat.name) == notice.name);
+        let mut seats_of: BTreeMap<String, usize> = BTreeMap::new();
+        let own = read.filter(|(seat, notice)| {
+            let of_member = seats_of.entry(member_of(&seat.name).to_owned()).or_default();
+            *of_member += 1;
+            // Nobody sits on the seat of another, or on too many.
+            seat_name(&seat.name) == notice.name && *of_member <= SEATS_MAX
+        });
         own.map(|(seat, notice)| (seat, notice.revision)).collect()
     }
 
@@ -304,8 +344,12 @@ fn lead_name(number: u32) -> String {
 
 /// A machine may say of itself alone that it is there.
 fn seat_name(process: &str) -> String {
-    let member = process.split_once('.').map_or(process, |(member, _)| member);
-    format!("seat/{member}/{process}")
+    format!("seat/{}/{process}", member_of(process))
+}
+
+/// Whose process it is.
+fn member_of(process: &str) -> &str {
+    process.split_once('.').map_or(process, |(member, _)| member)
 }
 
 fn number_of(name: &str) -> Option<u32> {
@@ -314,6 +358,10 @@ fn number_of(name: &str) -> Option<u32> {
 
 fn order_blob(work: u64) -> String {
     format!("job-{work}/order")
+}
+
+fn learnt_blob(work: u64) -> String {
+    format!("job-{work}/learnt")
 }
 
 fn picture_blob(work: u64) -> String {

@@ -6,11 +6,10 @@ use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
 use super::{
-    address::FarmAddress,
     client::write_picture,
     job::{Job, JobState, PRIORITY_MAX, unix_seconds},
     job_board::{JobBoard, no_such},
-    link::{LoginArgs, link},
+    link::FarmArgs,
     machine::Standing,
     view::JobView,
 };
@@ -24,14 +23,8 @@ use crate::{error::CliError, reporter::duration};
 pub(crate) struct JobsArgs {
     #[command(subcommand)]
     command: JobsCommand,
-    /// Where the farm is; default: the one that `bottega up` runs on this machine.
-    #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
-    farm: Option<FarmAddress>,
-    /// Print JSON, an object a line, instead of text for people.
-    #[arg(long, global = true)]
-    json: bool,
     #[command(flatten)]
-    login: LoginArgs,
+    farm: FarmArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -66,15 +59,15 @@ enum JobsCommand {
 }
 
 pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
-    let board = JobBoard { uplink: link(args.farm.as_ref(), &args.login)?.uplink };
+    let board = args.farm.board()?;
     match &args.command {
-        JobsCommand::List => list(&board, args.json),
-        JobsCommand::Show { number } => show(&board, *number, args.json)?,
+        JobsCommand::List => list(&board, args.farm.json),
+        JobsCommand::Show { number } => show(&board, *number, args.farm.json)?,
         JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, "paused")?,
         JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, "resumed")?,
         JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, "called off")?,
         JobsCommand::Priority { number, priority } => set_priority(&board, *number, *priority)?,
-        JobsCommand::Log { number } => log(&known(&board, *number)?, args.json),
+        JobsCommand::Log { number } => log(&known(&board, *number)?, args.farm.json),
         JobsCommand::Fetch { number, output } => fetch(&board, *number, output.clone())?,
         JobsCommand::Remove { number } => remove(&board, *number)?,
     }

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     address::{FarmAddress, Group, JoinWord, Keeper, saved_address, state_folder},
     discovery,
+    job_board::JobBoard,
     names::{fresh_number, host_name},
 };
 use crate::error::CliError;
@@ -27,7 +28,7 @@ const FIT_FOR_ALL: (u64, u64) = (2, 14);
 const TRIES_MAX: u32 = 50;
 const BETWEEN_TRIES: Duration = Duration::from_millis(100);
 
-/// Which farm.
+/// Who one is to servers of others.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct LoginArgs {
     /// Credentials for NATS servers that others run: a `.creds` file.
@@ -45,6 +46,26 @@ pub(crate) struct LoginArgs {
     /// Its key (PEM).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, requires = "tls_cert", help_heading = "NATS servers of others")]
     tls_key: Option<PathBuf>,
+}
+
+/// Which farm is looked at.
+#[derive(Debug, Args)]
+pub(super) struct FarmArgs {
+    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
+    farm: Option<FarmAddress>,
+    /// Print JSON, an object a line, instead of text for people.
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+    #[command(flatten)]
+    login: LoginArgs,
+}
+
+impl FarmArgs {
+    /// Links up with the farm.
+    pub(super) fn board(&self) -> Result<JobBoard, CliError> {
+        Ok(JobBoard { uplink: link(self.farm.as_ref(), &self.login)?.uplink })
+    }
 }
 
 /// A process in a farm.

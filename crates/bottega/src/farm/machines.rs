@@ -6,9 +6,8 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 
 use super::{
-    address::FarmAddress,
     job_board::{JobBoard, Seat},
-    link::{LoginArgs, link},
+    link::FarmArgs,
     machine::{MachineOrder, Standing},
     names::host_name,
 };
@@ -20,14 +19,8 @@ use crate::error::CliError;
 pub(crate) struct MachinesArgs {
     #[command(subcommand)]
     command: MachinesCommand,
-    /// Where the farm is; default: the one that `bottega up` runs on this machine.
-    #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
-    farm: Option<FarmAddress>,
-    /// Print JSON, an object a line, instead of text for people.
-    #[arg(long, global = true)]
-    json: bool,
     #[command(flatten)]
-    login: LoginArgs,
+    farm: FarmArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -43,11 +36,11 @@ enum MachinesCommand {
 }
 
 pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
-    let board = JobBoard { uplink: link(args.farm.as_ref(), &args.login)?.uplink };
+    let board = args.farm.board()?;
     let there = board.present();
     let (name, standing) = match &args.command {
         MachinesCommand::List => {
-            list(&board, &there, args.json);
+            list(&board, &there, args.farm.json);
             return Ok(ExitCode::SUCCESS);
         }
         MachinesCommand::Suspend { name } => (name, Standing::Suspended),
@@ -64,7 +57,7 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
     }
     let order = MachineOrder { standing, by: format!("`bottega machines` on {}", host_name()) };
     board.tell(name, &order)?;
-    if args.json {
+    if args.farm.json {
         println!("{}", json!({ "machine": name, "ordered": standing.word() }));
     }
     Ok(ExitCode::SUCCESS)

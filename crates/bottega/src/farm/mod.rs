@@ -20,6 +20,7 @@ mod machines;
 mod members;
 mod names;
 mod part;
+mod patience;
 mod scene_files;
 mod server;
 mod shares;

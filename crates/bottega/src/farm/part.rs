@@ -71,30 +71,63 @@ pub(crate) fn take_part(
     if leads {
         board.log(number, &format!("{name} leads"));
     }
+    learn_from_others(board, job, &*tools.engine)?;
     let this = StopSwitch::new();
     let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default() });
-    let watch = Watch::begin(member, number, asked, lease, &this, Arc::clone(&told), Box::new(elsewhere))?;
+    let guard = Guard {
+        member: member.clone(),
+        number,
+        work: job.work,
+        asked,
+        lease,
+        has_claimed: false,
+        this: this.clone(),
+        told: Arc::clone(&told),
+        learner: Some(Arc::clone(&tools.engine)),
+        elsewhere: Box::new(elsewhere),
+        over: Arc::default(),
+        is_silent: false,
+    };
+    let watch = Watch::begin(guard)?;
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
     let (settings, engine) = (&tools.settings, Arc::clone(&tools.engine));
     if leads {
         let (store, kept) = (tools.store.take(), tools.kept.take());
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
         let report = Box::new(report.map_err(CliError::Job)?);
-        return Ok(if report.stopped { Part::Left(Some(report)) } else { Part::Led(report, Leading { watch, link }) });
+        return Ok(if report.stopped {
+            Part::Left(Some(report))
+        } else {
+            Part::Led(report, Leading { _watch: watch, link })
+        });
     }
     let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(CliError::Job)?;
     Ok(if helped { Part::Helped } else { Part::Left(None) })
 }
 
+/// Takes what the engine of another machine has learnt of the picture, where there is something.
+fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> Result<(), CliError> {
+    // It knows it already.
+    if engine.learnt().is_some() {
+        return Ok(());
+    }
+    if let Some(bytes) = board.learnt(job.work)?
+        && let Err(error) = engine.learn_from(&bytes)
+    {
+        tracing::warn!(%error, "it is learnt anew");
+    }
+    Ok(())
+}
+
 /// The lead of a job that is painted, held until it is dropped.
 pub(crate) struct Leading {
-    watch: Watch,
+    _watch: Watch,
     link: Link,
 }
 
 impl Leading {
     /// The picture is safe: the job is over, and what was kept for it goes.
-    pub(crate) fn finish(self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), CliError> {
+    pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), CliError> {
         board.change(number, |job| {
             job.say(match state {
                 JobState::Failed { reason } => format!("failed: {reason}"),
@@ -104,7 +137,7 @@ impl Leading {
             true
         })?;
         self.link.forget();
-        drop(self.watch);
+        board.forget_learnt(self.link.work.0);
         Ok(())
     }
 }
@@ -116,27 +149,8 @@ struct Watch {
 }
 
 impl Watch {
-    fn begin(
-        member: &Member,
-        number: u32,
-        asked: bool,
-        lease: Option<Lease>,
-        this: &StopSwitch,
-        told: Arc<Told>,
-        elsewhere: Box<dyn Fn() -> bool + Send>,
-    ) -> Result<Self, CliError> {
-        let over = Arc::new(AtomicBool::new(false));
-        let guard = Guard {
-            member: member.clone(),
-            number,
-            asked,
-            lease,
-            this: this.clone(),
-            told,
-            elsewhere,
-            over: Arc::clone(&over),
-            is_silent: false,
-        };
+    fn begin(guard: Guard) -> Result<Self, CliError> {
+        let over = Arc::clone(&guard.over);
         let thread = thread::Builder::new().name("watch".to_owned()).spawn(move || guard.run()).map_err(|error| {
             CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
         })?;
@@ -157,11 +171,16 @@ impl Drop for Watch {
 struct Guard {
     member: Member,
     number: u32,
+    work: u64,
     /// It is this process that asked for the job.
     asked: bool,
     lease: Option<Lease>,
+    /// Whether it has taken the lead of one who has gone: this process will lead when its agents have left.
+    has_claimed: bool,
     this: StopSwitch,
     told: Arc<Told>,
+    /// Has learnt, or will have, what others need not learn again; until they are told.
+    learner: Option<Arc<dyn RenderEngine>>,
     elsewhere: Box<dyn Fn() -> bool + Send>,
     over: Arc<AtomicBool>,
     /// The farm did not answer the last time.
@@ -179,17 +198,47 @@ impl Guard {
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
             }
+            self.teach();
             thread::sleep(LOOK_EVERY);
         }
         self.lay_down();
     }
 
-    fn is_to_leave(&self) -> bool {
+    fn is_to_leave(&mut self) -> bool {
         let Member { board, stop, .. } = &self.member;
         let is_active = board.get(self.number).is_some_and(|job| job.state == JobState::Active);
-        // One who helps may see the lead become free: then somebody must take it.
-        let is_led = || self.lease.is_some() || board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
-        stop.is_requested() || !is_active || !is_led() || (self.elsewhere)()
+        stop.is_requested() || !is_active || (self.elsewhere)() || self.claims()
+    }
+
+    /// One who helps may see the lead become free. Whoever is first takes it; the others paint on, and report to the one
+    /// who leads then.
+    fn claims(&mut self) -> bool {
+        let Member { board, name, .. } = &self.member;
+        let is_led = || board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
+        if self.lease.is_some() || is_led() {
+            return false;
+        }
+        match board.claim(self.number, name) {
+            Ok(lease) => self.lease = lease,
+            Err(error) => tracing::debug!(%error, "the lead was not taken"),
+        }
+        self.has_claimed = self.lease.is_some();
+        self.has_claimed
+    }
+
+    /// Tells others what the engine has learnt, once.
+    fn teach(&mut self) {
+        if self.lease.is_none() {
+            return;
+        }
+        let Some(bytes) = self.learner.as_ref().and_then(|learner| learner.learnt()) else { return };
+        self.learner = None;
+        let (board, work) = (self.member.board.clone(), self.work);
+        // It may take longer than a lease.
+        let sent = thread::Builder::new().name("teach".to_owned()).spawn(move || board.teach(work, &bytes));
+        if let Err(error) = sent {
+            tracing::debug!(%error, "others will learn themselves");
+        }
     }
 
     fn renew(&mut self) {
@@ -212,9 +261,9 @@ impl Guard {
         }
     }
 
-    /// Nobody need wait until the lease is over.
+    /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
-        if let Some(lease) = &mut self.lease
+        if let Some(lease) = self.lease.as_mut().filter(|_| !self.has_claimed || self.member.stop.is_requested())
             && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.told.lead() })
         {
             tracing::debug!(%error, "the lead was not laid down");

@@ -43,7 +43,8 @@ impl Setup {
     pub(super) fn write(&self, members: &Members) -> Result<PathBuf, CliError> {
         private_folder(&self.folder)?;
         let (certificate, key) = members.certificate();
-        let [certificate_file, key_file, config] = ["cert.pem", "key.pem", "nats.conf"].map(|it| self.folder.join(it));
+        let [certificate_file, key_file] = ["cert.pem", "key.pem"].map(|it| self.folder.join(it));
+        let config = self.config();
         write_secret(&certificate_file, certificate.as_bytes())?;
         write_secret(&key_file, key.as_bytes())?;
         let quoted = |path: &Path| format!("{:?}", path.display().to_string());
@@ -60,6 +61,16 @@ impl Setup {
         );
         write_secret(&config, text.as_bytes())?;
         Ok(config)
+    }
+
+    /// Where the server listens that was configured last in this folder.
+    pub(super) fn listened(&self) -> Option<SocketAddr> {
+        let text = fs::read_to_string(self.config()).ok()?;
+        text.lines().find_map(|line| line.strip_prefix("listen: ")?.trim_matches('"').parse().ok())
+    }
+
+    fn config(&self) -> PathBuf {
+        self.folder.join("nats.conf")
     }
 
     fn pid_file(&self) -> PathBuf {

@@ -12,7 +12,7 @@ use super::{
     job_board::JobBoard,
     part::{Member, Tools},
 };
-use crate::{cli::RenderArgs, error::CliError, render, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, render, rules::experts, scene::Subject};
 
 /// A job made ready.
 pub(super) struct Studio {
@@ -39,7 +39,11 @@ impl Studio {
         let mut args = order.as_asked(&scene, environment)?;
         args.scene.threads = threads;
         let subject = Subject::load(&args.scene)?;
-        let settings = render::job_settings(&args, &subject, render::no_rules_of_its_own()?)?;
+        let (mut experts, _) = experts(order.rules)?;
+        // The machines have the rules in turn, as agents of one process have.
+        let turn = member.name.bytes().map(usize::from).sum::<usize>() % experts.len();
+        experts.rotate_left(turn);
+        let settings = render::job_settings(&args, &subject, experts)?;
         let settings = JobSettings { agents: 1, goal: render::asked_goal(&args), ..settings };
         let engine = Arc::new(render::engine(&args, &subject, &settings)?);
         Ok(Self { work: job.work, args, subject, settings, engine })

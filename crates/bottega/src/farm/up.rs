@@ -64,10 +64,15 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     let pin = pin(&members)?;
     let words = Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin });
     let setup = Setup { folder, listen: args.listen };
-    let config = setup.write(&members)?;
     let [trusted, guest] = words;
-    let here = FarmAddress::of_up(reachable_here(args.listen), trusted.clone());
-    let options = NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&here, &trusted, "up") };
+    let here = |listen| FarmAddress::of_up(reachable_here(listen), trusted.clone());
+    let login = || Login::NKey(members.seed().to_owned());
+    let options = |listen| NatsOptions { login: login(), ..pinned(&here(listen), &trusted, "up") };
+    if let Some(before) = setup.listened().filter(|before| *before != args.listen) {
+        end_of_other(&program, &setup, &options(before));
+    }
+    let config = setup.write(&members)?;
+    let (here, options) = (here(args.listen), options(args.listen));
     let (mut server, uplink) = begin(&program, &config, &setup, &options)?;
     let log = setup.log();
     let_in_newcomers(&uplink, members, setup, program.clone());
@@ -138,6 +143,21 @@ fn begin(
         }
     }
     Err(CliError::failed("the NATS server does not answer", "see its log"))
+}
+
+/// Ends a server that was left behind elsewhere: two cannot have the same folder.
+fn end_of_other(program: &Path, setup: &Setup, options: &NatsOptions) {
+    let Some(number) = setup.running() else { return };
+    // Nobody else's has this certificate.
+    let Ok(uplink) = NatsUplink::<FarmCodec>::connect(options, FarmCodec) else { return };
+    tracing::warn!("the server that was left behind at {} is ended", options.servers.join(", "));
+    signal(program, "quit", number);
+    for _ in 0..BEGIN_TRIES {
+        if !uplink.is_connected() {
+            return;
+        }
+        thread::sleep(BETWEEN_TRIES);
+    }
 }
 
 /// Starts the server again whenever it dies, until the user wants to stop.

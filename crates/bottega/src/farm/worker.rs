@@ -12,6 +12,7 @@ use super::{
     job_board::{JobBoard, RENEW_EVERY, Seat},
     machine::{MachineOrder, Standing},
     part::{Member, Part, take_part},
+    patience::patiently,
     shares::{Wanting, choose, should_move},
     studio::Studio,
 };
@@ -122,6 +123,8 @@ impl Worker {
         };
         match self.take_part(number, &job) {
             Ok(is_over) => is_over,
+            // It waited for the farm until somebody wanted something else.
+            Err(error) if error.may_pass() => false,
             // What is wrong with one job is no reason to leave the farm.
             Err(error) => {
                 let board = &self.member.board;
@@ -151,25 +154,28 @@ impl Worker {
     }
 
     fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, CliError> {
+        let Member { board, stop, .. } = &self.member;
         if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
-            self.studio = Some(Studio::open(&self.member, job, &self.cache, self.threads)?);
+            let open = || Studio::open(&self.member, job, &self.cache, self.threads);
+            self.studio = Some(patiently(stop, &self.say, open)?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };
         let before = studio.samples_done();
         (self.say)(&format!("job {number}: painting {}", job.scene));
-        let part = take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number))?;
+        let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
+        let part = patiently(stop, &self.say, part)?;
         let is_over = !matches!(part, Part::Left(_));
         if let Part::Led(report, leading) = part {
             let state = match report.failed.len() {
                 0 => {
-                    studio.keep_picture(&self.member.board, job, &report, &self.cache)?;
+                    patiently(stop, &self.say, || studio.keep_picture(board, job, &report, &self.cache))?;
                     JobState::Done { kept: true }
                 }
                 failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
             };
-            leading.finish(&self.member.board, number, &state)?;
+            patiently(stop, &self.say, || leading.finish(board, number, &state))?;
         } else if is_over {
             self.helped = Some(number);
         }

@@ -10,6 +10,7 @@ use std::{
 use bottega_farm::{Expert, ExpertError, Technique};
 use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
 use miette::NamedSource;
+use serde::{Deserialize, Serialize};
 
 use super::args::LaidOutArgs;
 use crate::error::CliError;
@@ -25,14 +26,13 @@ pub(super) struct Source {
 impl Source {
     /// Reads a file; a name of rules that come with the program stands for these where there is no such file.
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
-        let built_in = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
-        let text = match built_in {
-            Some(technique) if !path.exists() => technique.rules().to_owned(),
-            _ => read_text(path)?,
-        };
+        Self::of(RulesText::read(path)?)
+    }
+
+    fn of(RulesText { path, text }: RulesText) -> Result<Self, CliError> {
         match parse_document(&text) {
-            Ok(document) => Ok(Self { path: path.to_owned(), text, document }),
-            Err(error) => Err(at(path, &text, error.at, error.kind.to_string())),
+            Ok(document) => Ok(Self { path, text, document }),
+            Err(error) => Err(at(&path, &text, error.at, error.kind.to_string())),
         }
     }
 
@@ -77,16 +77,39 @@ impl Source {
     }
 }
 
-/// The rules of the agents, with what is to be told of each file.
-pub(crate) fn experts(paths: &[PathBuf]) -> Result<(Vec<Expert>, Vec<String>), CliError> {
-    if paths.is_empty() {
+/// The text of rules, and what its user calls it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct RulesText {
+    path: PathBuf,
+    text: String,
+}
+
+impl RulesText {
+    fn read(path: &Path) -> Result<Self, CliError> {
+        let built_in = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
+        let text = match built_in {
+            Some(technique) if !path.exists() => technique.rules().to_owned(),
+            _ => read_text(path)?,
+        };
+        Ok(Self { path: path.to_owned(), text })
+    }
+}
+
+/// Reads rules.
+pub(crate) fn rule_texts(paths: &[PathBuf]) -> Result<Vec<RulesText>, CliError> {
+    paths.iter().map(|path| RulesText::read(path)).collect()
+}
+
+/// The knowledge of the agents, with what is to be told of each text; of none, what comes with the program.
+pub(crate) fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), CliError> {
+    if texts.is_empty() {
         return Ok((vec![Expert::path_tracing()], Vec::new()));
     }
     let (mut experts, mut notes) = (Vec::new(), Vec::new());
-    for path in paths {
-        let source = Source::read(path)?;
+    for text in texts {
+        let source = Source::of(text)?;
         let expert = source.expert()?;
-        let file = path.display();
+        let file = source.path.display();
         notes.extend(source.document.verify().into_iter().map(|warning| format!("{file}, {warning}")));
         if !expert.ignored_outputs().is_empty() {
             let names = expert.ignored_outputs().join(", ");

@@ -18,6 +18,14 @@ pub struct BlobError {
     pub name: String,
     /// What is wrong.
     pub reason: String,
+    /// Whether it will be so whenever it is tried again; not of a server that is away or has no room.
+    pub is_lasting: bool,
+}
+
+impl BlobError {
+    pub(super) fn passing(name: &str, error: &impl std::fmt::Display) -> Self {
+        Self { name: name.to_owned(), reason: error.to_string(), is_lasting: false }
+    }
 }
 
 /// Opens a bucket of a farm, or makes it. What the server then says of it is compared with what was asked.
@@ -79,7 +87,7 @@ impl NatsBlobs {
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         let mut bytes = bytes;
         let kept = self.handle.block_on(self.store.put(name, &mut bytes));
-        kept.map(|_| ()).map_err(|error| BlobError { name: name.to_owned(), reason: error.to_string() })
+        kept.map(|_| ()).map_err(|error| BlobError::passing(name, &error))
     }
 
     /// Whether there is a blob of this name.
@@ -90,7 +98,7 @@ impl NatsBlobs {
         match self.handle.block_on(self.store.info(name)) {
             Ok(info) => Ok(!info.deleted),
             Err(error) if error.kind() == InfoErrorKind::NotFound => Ok(false),
-            Err(error) => Err(BlobError { name: name.to_owned(), reason: error.to_string() }),
+            Err(error) => Err(BlobError::passing(name, &error)),
         }
     }
 
@@ -101,20 +109,27 @@ impl NatsBlobs {
     /// # Errors
     /// The server does not give it, or it is not what was put in.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
-        let wrong = |reason: String| BlobError { name: name.to_owned(), reason };
         self.handle.block_on(async {
             let mut object = match self.store.get(name).await {
                 Ok(object) => object,
                 Err(error) if error.kind() == GetErrorKind::NotFound => return Ok(None),
-                Err(error) => return Err(wrong(error.to_string())),
+                Err(error) => return Err(BlobError::passing(name, &error)),
             };
             if object.info().size > bytes_max {
-                return Err(wrong(format!("it has {} bytes, more than {bytes_max}", object.info().size)));
+                let reason = format!("it has {} bytes, more than {bytes_max}", object.info().size);
+                return Err(BlobError { name: name.to_owned(), reason, is_lasting: true });
             }
             let mut bytes = Vec::with_capacity(object.info().size);
-            object.read_to_end(&mut bytes).await.map_err(|error| wrong(error.to_string()))?;
+            object.read_to_end(&mut bytes).await.map_err(|error| BlobError::passing(name, &error))?;
             Ok(Some(bytes))
         })
+    }
+
+    /// Lets a blob go.
+    pub fn forget(&self, name: &str) {
+        if let Err(error) = self.handle.block_on(self.store.delete(name)) {
+            tracing::debug!(%error, name, "a blob was not let go");
+        }
     }
 
     /// Lets all blobs go of whose names it is true.

@@ -89,7 +89,7 @@ impl NoticeBoard {
     /// The server does not take it.
     pub fn put(&self, name: &str, text: &[u8]) -> Result<u64, BlobError> {
         let put = self.handle.block_on(self.store.put(names::key(&Key::from(name.to_owned())), text.to_vec().into()));
-        put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| wrong(name, &error))
+        put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| BlobError::passing(name, &error))
     }
 
     /// Puts a notice up only if its last writing has this number; 0: if there has never been one of this name. Returns the
@@ -108,7 +108,7 @@ impl NoticeBoard {
                 Ok(Some(revision))
             }
             Err(error) if error.kind() == UpdateErrorKind::WrongLastRevision => Ok(None),
-            Err(error) => Err(wrong(name, &error)),
+            Err(error) => Err(BlobError::passing(name, &error)),
         }
     }
 
@@ -119,7 +119,7 @@ impl NoticeBoard {
     pub fn remove(&self, name: &str) -> Result<(), BlobError> {
         self.handle
             .block_on(self.store.purge(names::key(&Key::from(name.to_owned()))))
-            .map_err(|error| wrong(name, &error))?;
+            .map_err(|error| BlobError::passing(name, &error))?;
         lock(&self.seen).notices.remove(name);
         Ok(())
     }
@@ -185,8 +185,4 @@ fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
 #[allow(clippy::disallowed_methods, reason = "how long ago something was heard is no matter of protocols")]
 fn now() -> Instant {
     Instant::now()
-}
-
-fn wrong(name: &str, error: &impl std::fmt::Display) -> BlobError {
-    BlobError { name: name.to_owned(), reason: error.to_string() }
 }

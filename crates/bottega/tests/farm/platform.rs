@@ -9,7 +9,10 @@ use bottega_agents::{Performative as P, wire::WireMessage};
 use jade::{Jade, Line, TAKEN, is};
 use serde_json::Value;
 
-use super::{Farm, Process, WAIT, bits, servers, text};
+use super::{
+    fixture::{Farm, Process, WAIT, bits, servers},
+    support::text,
+};
 
 /// A platform that shows a farm.
 struct Shown<'a> {

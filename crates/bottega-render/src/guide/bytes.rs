@@ -1,0 +1,116 @@
+//! A guide as bytes, for others who paint the same view of the same scene.
+//!
+//! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
+//! axis: three each); how many nodes and regions there are; of each node its plane and its link; of each region its share.
+//! Then, of each region, the cumulative weights of its cells, two bytes each.
+
+use super::directions::{CELLS, Directions};
+use super::tree::{Guide, Lattice, Node, Region};
+
+/// Bytes that are no guide.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("these bytes are nothing that was learnt of a scene")]
+pub struct UnreadGuide;
+
+impl Guide {
+    /// As bytes.
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+        let (lattice, nodes, regions) = self.parts();
+        let mut bytes = Vec::new();
+        let mut put = |number: u32| bytes.extend(number.to_le_bytes());
+        lattice.to_numbers().into_iter().for_each(&mut put);
+        put(nodes.len() as u32);
+        put(regions.len() as u32);
+        nodes.iter().flat_map(|node| node.to_numbers()).for_each(&mut put);
+        regions.iter().for_each(|region| put(region.share.to_bits()));
+        regions
+            .iter()
+            .flat_map(|region| region.directions.cumulative())
+            .for_each(|weight| bytes.extend(weight.to_le_bytes()));
+        bytes
+    }
+
+    /// From bytes, which somebody else may have made.
+    ///
+    /// # Errors
+    /// They are no guide.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, UnreadGuide> {
+        read(bytes).ok_or(UnreadGuide)
+    }
+}
+
+fn read(bytes: &[u8]) -> Option<Guide> {
+    let mut rest = bytes;
+    let mut number = || {
+        let (first, others) = rest.split_first_chunk::<4>()?;
+        rest = others;
+        Some(u32::from_le_bytes(*first))
+    };
+    let mut lattice = [0; 9];
+    for it in &mut lattice {
+        *it = number()?;
+    }
+    let lattice = Lattice::from_numbers(lattice)?;
+    let (nodes, regions) = (number()? as usize, number()? as usize);
+    // No more is set aside than there is.
+    if nodes.checked_mul(8)?.checked_add(regions.checked_mul(4 + 2 * (CELLS + 1))?)? != bytes.len() - 4 * 11 {
+        return None;
+    }
+    let nodes = (0..nodes).map(|_| Some(Node::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;
+    let shares = (0..regions).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;
+    let weights = rest.chunks_exact(2 * (CELLS + 1));
+    let region = |(share, weights): (f32, &[u8])| {
+        let mut of_cells = weights.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
+        let directions = Directions::from_cumulative(std::array::from_fn(|_| of_cells.next().unwrap_or_default()))?;
+        (0.0..=1.0).contains(&share).then_some(Region { share, directions })
+    };
+    let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
+    Guide::from_parts(lattice, nodes, regions)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    use super::super::learn::tests::example;
+    use super::*;
+
+    #[test]
+    fn what_was_learnt_comes_back_bit_for_bit() {
+        let guide = example(Vec3::new(0.48, 0.8, 0.36));
+        let bytes = guide.to_bytes();
+        let back = Guide::from_bytes(&bytes).unwrap();
+        assert_eq!(back.to_bytes(), bytes);
+        assert_eq!(back.memory_bytes(), guide.memory_bytes());
+        for x in -8..8 {
+            let p = Vec3::new(x as f32 / 8.0, 0.0, 0.3);
+            let [one, other] = [&guide, &back].map(|it| {
+                it.at(p, Vec3::Y).map(|region| (region.share().to_bits(), region.sample([0.3, 0.7]).1.to_bits()))
+            });
+            assert_eq!(one, other);
+        }
+        let nothing = Guide::default();
+        assert!(Guide::from_bytes(&nothing.to_bytes()).unwrap().at(Vec3::ZERO, Vec3::Y).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_the_bytes_a_guide_ends_and_does_not_panic(at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>()) {
+            let mut bytes = example(Vec3::Y).to_bytes();
+            // Most bytes are weights; what leads is what can go wrong.
+            let place = at.index(bytes.len().min(400));
+            bytes[place] = byte;
+            if let Ok(guide) = Guide::from_bytes(&bytes) {
+                for i in 0..64 {
+                    let p = Vec3::new(i as f32 / 32.0 - 1.0, 0.0, 0.3);
+                    if let Some(region) = guide.at(p, Vec3::Y) {
+                        let (w, pdf) = region.sample([i as f32 / 64.0, 0.5]);
+                        prop_assert!(w.is_normalized() && pdf > 0.0);
+                    }
+                }
+            }
+            prop_assert!(Guide::from_bytes(&bytes[..end.index(bytes.len())]).is_err());
+        }
+    }
+}

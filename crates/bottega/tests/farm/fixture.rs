@@ -1,0 +1,261 @@
+//! A farm on this machine, and what is asked of it.
+
+use std::{
+    env, fs,
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Child, Command, Output, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Tls};
+use bottega_farm::FarmCodec;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::support::{bottega, text};
+
+/// Farms are timed by the clock: one at a time has the processors.
+pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+pub(super) const WAIT: Duration = Duration::from_secs(60);
+pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--zones=24"];
+/// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
+pub(super) const FEW: &str = "--spp=384";
+pub(super) const MANY: &str = "--spp=2000";
+
+pub(super) fn servers() -> Vec<PathBuf> {
+    let named = env::var_os("BOTTEGA_NATS_SERVERS");
+    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
+    let places = env::var_os("PATH").unwrap_or_default();
+    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
+    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
+    let found = if named.is_empty() { system.into_iter().collect() } else { named };
+    if found.is_empty() {
+        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
+    }
+    found
+}
+
+/// A process that ends with the test.
+pub(super) struct Process(pub(super) Child);
+
+impl Process {
+    pub(super) fn kill(&mut self) {
+        // It may have ended by itself.
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+
+    /// Asks it to end, and waits for that.
+    pub(super) fn end(&mut self) -> bool {
+        let asked = Command::new("kill").arg("-TERM").arg(self.0.id().to_string()).status();
+        assert!(asked.expect("kill runs").success());
+        self.wait()
+    }
+
+    pub(super) fn wait(&mut self) -> bool {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().expect("a child") {
+                return status.success();
+            }
+            assert!(begun.elapsed() < WAIT, "a process does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// A farm on this machine, with a state of its own.
+pub(super) struct Farm {
+    folder: TempDir,
+    pub(super) port: u16,
+    server: PathBuf,
+    pub(super) up: Option<Process>,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Farm {
+    pub(super) fn start(server: &Path) -> Self {
+        let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = tempfile::tempdir().expect("a folder");
+        let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
+        let mut farm = Self { folder, port, server: server.to_owned(), up: None, _alone: alone };
+        farm.up();
+        farm
+    }
+
+    /// Starts the server, and waits until it is there.
+    pub(super) fn up(&mut self) {
+        let listen = format!("127.0.0.1:{}", self.port);
+        let up = self.spawn(&["up", "--listen", &listen, "--server", text(&self.server)], "up.log");
+        self.up = Some(up);
+        self.until_says("up.log", "bottega join");
+    }
+
+    /// The server itself, as if its machine had lost power.
+    pub(super) fn kill_server(&self) {
+        let number = fs::read_to_string(self.path("state/bottega/server/server.pid")).unwrap_or_default();
+        if !number.trim().is_empty() {
+            // It may be gone already.
+            _ = Command::new("kill").args(["-KILL", number.trim()]).stderr(Stdio::null()).status();
+        }
+    }
+
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(super) fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = bottega(arguments);
+        command.env("XDG_STATE_HOME", self.path("state")).env_remove("BOTTEGA_FARM");
+        command
+    }
+
+    pub(super) fn spawn(&self, arguments: &[&str], log: &str) -> Process {
+        let log = fs::File::create(self.path(log)).expect("a log");
+        let mut command = self.command(arguments);
+        command.stdout(log.try_clone().expect("a log")).stderr(log).stdin(Stdio::null());
+        Process(command.spawn().expect("the program starts"))
+    }
+
+    pub(super) fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("the program starts")
+    }
+
+    pub(super) fn succeed(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    }
+
+    /// The lines that let one in: into everything, and to paint.
+    pub(super) fn lines(&self) -> [String; 2] {
+        let said = self.said("up.log");
+        let mut lines = said.lines().filter_map(|line| line.trim().strip_prefix("bottega join "));
+        [(); 2].map(|()| lines.next().expect("a line").to_owned())
+    }
+
+    /// A machine that has joined.
+    pub(super) fn join(&self, name: &str) -> Process {
+        self.join_by(name, None)
+    }
+
+    pub(super) fn join_by(&self, name: &str, line: Option<&str>) -> Process {
+        let cache = self.path(&format!("cache-{name}"));
+        let arguments = ["join", "--threads", "1", "--cache", text(&cache)];
+        let machine = self.spawn(&[&arguments, line.as_slice()].concat(), name);
+        self.until_says(name, "waiting for work");
+        machine
+    }
+
+    pub(super) fn render(&self, output: &str, more: &[&str]) -> Process {
+        self.render_by(output, FEW, more)
+    }
+
+    pub(super) fn render_by(&self, output: &str, samples: &str, more: &[&str]) -> Process {
+        let path = self.path(output);
+        let arguments = ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", samples];
+        self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{output}.log"))
+    }
+
+    /// The picture of one machine alone.
+    pub(super) fn plain(&self) -> Vec<[u32; 3]> {
+        self.plain_by(FEW)
+    }
+
+    pub(super) fn plain_by(&self, samples: &str) -> Vec<[u32; 3]> {
+        let path = self.path("plain.exr");
+        self.succeed(&[&["render", "goblets.glb", "-o", text(&path), samples], &PICTURE[..]].concat());
+        bits(&path)
+    }
+
+    pub(super) fn said(&self, log: &str) -> String {
+        fs::read_to_string(self.path(log)).unwrap_or_default()
+    }
+
+    pub(super) fn until(&self, what: &str, is_so: impl Fn() -> bool) {
+        let begun = Instant::now();
+        while !is_so() {
+            assert!(begun.elapsed() < WAIT, "{what} does not come to pass; logs:\n{}", self.logs());
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    pub(super) fn until_says(&self, log: &str, words: &str) {
+        self.until(words, || self.said(log).contains(words));
+    }
+
+    pub(super) fn logs(&self) -> String {
+        let files = fs::read_dir(self.folder.path()).expect("a folder").flatten();
+        let files = files.filter(|file| file.path().is_file() && !file.path().to_string_lossy().ends_with(".exr"));
+        files.map(|file| format!("{:?}: {}\n", file.file_name(), self.said(text(&file.path())))).collect()
+    }
+
+    pub(super) fn job(&self, number: u32) -> Value {
+        serde_json::from_str(&self.succeed(&["jobs", "show", &number.to_string(), "--json"])).expect("JSON")
+    }
+
+    /// Waits until so much of a job is painted, and not all.
+    pub(super) fn until_painted(&self, number: u32, share: f64) {
+        self.until("some of it is painted", || {
+            let shown = self.run(&["jobs", "show", &number.to_string(), "--json"]);
+            let job: Value = serde_json::from_slice(&shown.stdout).unwrap_or_default();
+            job["done"].as_f64().is_some_and(|done| done >= share)
+        });
+        assert_eq!(self.job(number)["state"], "active", "it was painted too soon to disturb it");
+    }
+
+    pub(super) fn until_state(&self, number: u32, state: &str) {
+        self.until(state, || self.job(number)["state"] == state);
+    }
+
+    pub(super) fn log_of(&self, number: u32) -> String {
+        self.succeed(&["jobs", "log", &number.to_string()])
+    }
+}
+
+impl Drop for Farm {
+    fn drop(&mut self) {
+        self.up = None;
+        self.kill_server();
+    }
+}
+
+pub(super) fn bits(path: &Path) -> Vec<[u32; 3]> {
+    let picture = bottega_image::read_picture(path).expect("a picture");
+    picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+/// Millions of samples that a machine says it has painted.
+pub(super) fn painted(log: &str) -> f64 {
+    let words = log.split(", ").filter_map(|part| part.split(" M samples").next()?.parse::<f64>().ok());
+    words.sum()
+}
+
+pub(super) fn link(farm: &Farm) -> NatsUplink<FarmCodec> {
+    let members = fs::read(farm.path("state/bottega/server/members.json")).expect("members");
+    let members: Value = serde_json::from_slice(&members).expect("JSON");
+    let seed = members["seed"].as_str().expect("a seed").to_owned();
+    NatsUplink::connect(&options(farm, Login::NKey(seed)), FarmCodec).expect("a link")
+}
+
+pub(super) fn options(farm: &Farm, login: Login) -> NatsOptions {
+    let [line, _] = farm.lines();
+    let pin = line["bottega://t".len() + 32..].split('@').next().and_then(|pin| pin.parse().ok()).expect("a pin");
+    NatsOptions {
+        servers: vec![format!("nats://127.0.0.1:{}", farm.port)],
+        login,
+        tls: Tls { is_required: true, pin: Some(pin), ..Tls::default() },
+        farm: "bottega".to_owned(),
+        member: "test".to_owned(),
+        is_guest: false,
+    }
+}

@@ -1,0 +1,100 @@
+//! Jobs that are steered, and whatever cannot be.
+
+use std::fs;
+
+use super::{
+    fixture::{FEW, Farm, PICTURE, bits, link, servers},
+    support::text,
+};
+
+#[test]
+fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    assert!(farm.render("a.exr", &["--detach"]).wait(), "{}", farm.logs());
+    assert!(farm.render("b.exr", &["--detach", "--priority", "30"]).wait(), "{}", farm.logs());
+    farm.succeed(&["jobs", "pause", "1"]);
+    let _one = farm.join("one");
+    farm.until_painted(2, 0.1);
+    assert_eq!((farm.job(1)["machines"].as_u64(), farm.job(2)["machines"].as_u64()), (Some(0), Some(1)));
+    farm.succeed(&["jobs", "pause", "2"]);
+    farm.until("nobody paints it", || farm.job(2)["leader"].is_null());
+    farm.succeed(&["jobs", "resume", "2"]);
+    farm.until_state(2, "done");
+    let path = farm.path("b.exr");
+    farm.succeed(&["jobs", "fetch", "2"]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+    assert!(!farm.run(&["jobs", "remove", "1"]).status.success(), "it is not over");
+    farm.succeed(&["jobs", "cancel", "1"]);
+    assert_eq!(farm.job(1)["state"], "cancelled");
+    for (arguments, words) in [
+        (["jobs", "fetch", "1"], "the job is cancelled"),
+        (["jobs", "resume", "1"], "is over: cancelled"),
+        (["jobs", "show", "7"], "has no job 7"),
+    ] {
+        let output = farm.run(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
+    }
+}
+
+#[test]
+fn the_rules_of_the_one_who_asks_are_those_of_all() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let rules = include_str!("../../../../rules/path-tracing.fcl");
+    // Everything at its worst: whoever took other rules would paint another picture.
+    let low = farm.path("low.fcl");
+    fs::write(&low, rules.replace("samples IS VB", "samples IS VS").replace("samples IS B", "samples IS S")).unwrap();
+    let more = ["--optimize", "b", "--rules", text(&low)];
+    let plain = farm.path("plain.exr");
+    farm.succeed(&[&["render", "goblets.glb", "-o", text(&plain), FEW], &PICTURE[..], &more].concat());
+    let _one = farm.join("one");
+    assert!(farm.render("a.exr", &[&more[..], &["--detach"]].concat()).wait(), "{}", farm.logs());
+    farm.until_state(1, "done");
+    farm.succeed(&["jobs", "fetch", "1"]);
+    assert!(bits(&farm.path("a.exr")) == bits(&plain), "{}", farm.logs());
+    assert!(bits(&plain) != farm.plain(), "the rules say something");
+}
+
+#[test]
+fn what_cannot_be_is_told() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let [line, guest_line] = farm.lines();
+    let wrong_secret = line.replacen("://t", "://t0123", 1).replacen(&line[14..18], "", 1);
+    let wrong_server =
+        line.replacen(&line[line.find('@').expect("an @") - 4..], &format!("0000@127.0.0.1:{}", farm.port), 1);
+    let other = format!("nats://x@127.0.0.1:{}", farm.port);
+    let as_guest = format!("--farm={guest_line}");
+    for (arguments, code, words) in [
+        (vec!["join", &wrong_secret], 1, "the line that it printed"),
+        (vec!["join", &wrong_server], 1, "the line that it printed"),
+        (vec!["join", &other], 1, "the line that it printed"),
+        (vec!["join", &line[..40]], 2, "copy all of the line"),
+        (vec!["join", &line, "--creds", "x"], 2, "leave out --creds"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", &as_guest], 1, "may paint for the farm"),
+        (vec!["jobs", "list", "--farm", &other, "--nkey", "/nowhere"], 1, "cannot read"),
+        (vec!["join", "nats://127.0.0.1:1"], 1, "bottega up"),
+        (vec!["join", "http://x"], 2, "an address such as"),
+        (vec!["jobs", "list", "--farm", "nats://x@127.0.0.1:1/a b"], 1, "letters, digits"),
+        (vec!["up", "--listen", "127.0.0.1:0", "--server", "/nowhere"], 1, "cannot start"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--detach"], 2, "--farm"),
+        (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--verify", "2"], 2, "--farm"),
+    ] {
+        let output = farm.run(&arguments);
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
+    }
+    // A job of another version is left to others, who are told.
+    let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,
+        "state":"active","log":[]}"#;
+    assert!(link(&farm).notices().update("job/9", job.as_bytes(), 0).expect("a notice").is_some());
+    let _one = farm.join("one");
+    farm.until_says("one", "install bottega 0.0.1 here");
+    farm.until("it is in the log", || farm.log_of(9).contains("is left out: the job is for version 0.0.1"));
+    // What is no job at all disturbs nobody.
+    assert!(link(&farm).notices().update("job/10", b"{", 0).expect("a notice").is_some());
+    assert_eq!(farm.succeed(&["jobs", "list", "--json"]).lines().count(), 1);
+}

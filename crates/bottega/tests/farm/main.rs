@@ -1,0 +1,195 @@
+//! A farm of real processes on real NATS servers: the same bits, whoever paints and whoever dies.
+//!
+//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
+//! skipped.
+
+mod fixture;
+mod guests;
+mod jobs;
+mod others;
+mod platform;
+#[path = "../support/mod.rs"]
+mod support;
+
+use std::{
+    process::Command,
+    thread,
+    time::{Duration, Instant},
+};
+
+use fixture::{FEW, Farm, MANY, PICTURE, bits, link, painted, servers};
+use serde_json::Value;
+use support::text;
+
+#[test]
+fn three_machines_and_any_server_give_the_bits_of_one() {
+    for server in servers() {
+        let farm = Farm::start(&server);
+        let plain = farm.plain();
+        let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+        assert!(farm.render("a.exr", &[]).wait(), "{}", farm.logs());
+        assert!(bits(&farm.path("a.exr")) == plain, "{server:?}: {}", farm.logs());
+        assert!(!farm.path("a.exr.bottega-journal").exists());
+        assert_eq!(farm.job(1)["state"], "done");
+        assert!(one.end() && two.end(), "{}", farm.logs());
+        for machine in ["one", "two"] {
+            assert!(painted(&farm.said(machine)) > 0.1, "{server:?}: {}", farm.logs());
+        }
+        // What was kept for it has gone.
+        let uplink = link(&farm);
+        let mut left = Vec::new();
+        uplink.tiles().forget_all(|name| {
+            left.push(name.to_owned());
+            false
+        });
+        assert!(left.is_empty(), "{left:?}");
+    }
+}
+
+#[test]
+fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (path, is_loud) = (farm.path("a.exr"), |word: &&&str| **word != "--quiet");
+    let words =
+        ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", FEW, "--verify", "2", "--json"];
+    let words: Vec<&str> = words.iter().chain(PICTURE.iter().filter(is_loud)).copied().collect();
+    let mut asker = farm.spawn(&words, "a.exr.log");
+    farm.until_says("a.exr.log", "cannot be compared: 1 are there, 2 are needed");
+    assert!(!farm.path("a.exr").exists());
+    let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+    assert!(asker.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+    assert!(!farm.said("a.exr.log").contains("left out"), "{}", farm.logs());
+    assert!(one.end() && two.end(), "{}", farm.logs());
+}
+
+#[test]
+fn a_machine_that_is_killed_costs_time_and_no_pixel() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (mut one, _two) = (farm.join("one"), farm.join("two"));
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    one.kill();
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn when_the_one_who_leads_is_killed_another_goes_on_with_what_is_painted() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let (_one, _two) = (farm.join("one"), farm.join("two"));
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.3);
+    let before = farm.job(1)["zones_done"].as_u64().expect("a number");
+    render.kill();
+    let killed = Instant::now();
+    farm.until("somebody else leads", || farm.log_of(1).matches(" leads").count() == 2);
+    assert!(killed.elapsed() < Duration::from_secs(5), "{:?}", killed.elapsed());
+    farm.until("it knows what is painted", || farm.job(1)["zones_done"].as_u64() >= Some(before));
+    farm.until_state(1, "done");
+    let path = farm.path("b.exr");
+    farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+    farm.succeed(&["jobs", "remove", "1"]);
+    assert!(farm.succeed(&["jobs", "list", "--json"]).is_empty());
+}
+
+#[test]
+fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
+    let Some(server) = servers().pop() else { return };
+    let mut farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _one = farm.join("one");
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    assert!(farm.up.take().expect("a server").end());
+    thread::sleep(Duration::from_secs(5));
+    farm.up();
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
+    let Some(server) = servers().pop() else { return };
+    let mut farm = Farm::start(&server);
+    let plain = farm.plain_by(MANY);
+    let mut machines = [farm.join("m0"), farm.join("m1"), farm.join("m2")];
+    assert!(farm.render_by("a.exr", MANY, &["--detach"]).wait(), "{}", farm.logs());
+    let mut killed = Vec::new();
+    for turn in 0.. {
+        thread::sleep(Duration::from_secs(3));
+        let shown = farm.run(&["jobs", "show", "1", "--json"]);
+        let job: Value = serde_json::from_slice(&shown.stdout).unwrap_or_default();
+        if job["state"] == "done" {
+            break;
+        }
+        assert!(turn < 60, "{}", farm.logs());
+        match turn % 3 {
+            0 => {
+                let leader = job["leader"].as_str().unwrap_or_default().to_owned();
+                killed.push(format!("machine, while {leader} led"));
+                let next = turn / 3 % 3;
+                machines[next].kill();
+                machines[next] = farm.join(&format!("m{next}-{turn}"));
+            }
+            1 => {
+                killed.push("server".to_owned());
+                farm.kill_server();
+            }
+            _ => {
+                killed.push("up".to_owned());
+                farm.up = None;
+                farm.up();
+            }
+        }
+    }
+    assert!(killed.len() >= 2, "it was painted too soon: {killed:?}");
+    let path = farm.path("a.exr");
+    farm.succeed(&["jobs", "fetch", "1"]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn a_leader_that_was_stopped_for_a_while_finds_another_and_does_no_harm() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _one = farm.join("one");
+    let mut render = farm.render("a.exr", &[]);
+    farm.until_painted(1, 0.2);
+    let signal = |what: &str| {
+        let sent = Command::new("kill").args([what, &render.0.id().to_string()]).status();
+        assert!(sent.expect("kill runs").success());
+    };
+    signal("-STOP");
+    farm.until("another one leads", || farm.log_of(1).matches(" leads").count() == 2);
+    signal("-CONT");
+    assert!(render.wait(), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
+fn an_animation_has_the_pictures_of_its_frames() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let (_one, _two) = (farm.join("one"), farm.join("two"));
+    let alone = farm.path("alone-##.exr");
+    let picture = ["--size", "48x36", "--spp", "64", "--quiet"];
+    let frames = ["render", "goblets.glb", "--frames", "3..6", "--fps", "12"];
+    farm.succeed(&[&frames[..], &picture, &["-o", text(&alone)]].concat());
+    let together = farm.path("together.exr");
+    farm.succeed(&[&frames[..], &picture, &["-o", text(&together), "--farm", "--threads", "1"]].concat());
+    for frame in 3..=6 {
+        let alone = bits(&farm.path(&format!("alone-{frame:02}.exr")));
+        assert!(bits(&farm.path(&format!("together.{frame:04}.exr"))) == alone, "{frame}: {}", farm.logs());
+    }
+    assert!(farm.succeed(&["jobs", "list", "--json"]).is_empty(), "nobody needs the jobs any more");
+    farm.until_says("one", "done");
+}
