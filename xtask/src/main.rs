@@ -1,7 +1,8 @@
-//! What a developer runs: `cargo xtask ci | test | leaks | fuzzy-reference`.
+//! What a developer runs: `cargo xtask ci | test | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
+mod farm;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
@@ -25,6 +26,9 @@ enum Command {
         #[arg(long, default_value_t = 1e9)]
         rays: f64,
     },
+    /// Measures a farm of real processes on this machine: what the way over a server costs, what a machine costs that waits,
+    /// and how long a picture takes while somebody is killed every few seconds. Some minutes; nothing else should run.
+    Farm(farm::FarmArgs),
     /// Evaluates rules by an independent fuzzy library, and keeps the numbers for the tests of bottega-fuzzy.
     FuzzyReference {
         /// A Python 3 that has pyfuzzylite.
@@ -38,6 +42,7 @@ fn main() -> Result<()> {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
         Command::Leaks { rays } => leaks::leaks(rays),
+        Command::Farm(args) => farm::farm(&args),
         Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),
     }
 }

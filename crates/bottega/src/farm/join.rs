@@ -47,7 +47,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
     let how = if uplink.is_guest() { "as a guest: " } else { "" };
-    println!("joined {servers} (NATS {}); {how}waiting for work", uplink.server_version());
+    println!("joined {servers} (NATS {}) as {name}; {how}waiting for work", uplink.server_version());
     let member =
         Member { board: JobBoard { uplink }, name, threads: args.threads.map_or_else(processors, usize::from), stop };
     let folder = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));

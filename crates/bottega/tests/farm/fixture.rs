@@ -50,9 +50,13 @@ impl Process {
 
     /// Asks it to end, and waits for that.
     pub(super) fn end(&mut self) -> bool {
-        let asked = Command::new("kill").arg("-TERM").arg(self.0.id().to_string()).status();
-        assert!(asked.expect("kill runs").success());
+        self.signal("-TERM");
         self.wait()
+    }
+
+    pub(super) fn signal(&self, what: &str) {
+        let sent = Command::new("kill").arg(what).arg(self.0.id().to_string()).status();
+        assert!(sent.expect("kill runs").success());
     }
 
     pub(super) fn wait(&mut self) -> bool {

@@ -12,7 +12,6 @@ mod platform;
 mod support;
 
 use std::{
-    process::Command,
     thread,
     time::{Duration, Instant},
 };
@@ -109,7 +108,7 @@ fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
     let mut render = farm.render("a.exr", &[]);
     farm.until_painted(1, 0.2);
     assert!(farm.up.take().expect("a server").end());
-    thread::sleep(Duration::from_secs(5));
+    thread::sleep(Duration::from_secs(30));
     farm.up();
     assert!(render.wait(), "{}", farm.logs());
     assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
@@ -157,6 +156,26 @@ fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
 }
 
 #[test]
+fn what_a_machine_that_was_stopped_for_a_while_brings_is_refused_and_painted_by_others() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain_by(MANY);
+    let one = farm.join("one");
+    let trace = farm.path("trace");
+    let mut render = farm.render_by("a.exr", MANY, &["--trace", text(&trace)]);
+    farm.until_painted(1, 0.1);
+    one.signal("-STOP");
+    // Longer than a machine may be silent.
+    thread::sleep(Duration::from_secs(5));
+    assert_eq!(farm.job(1)["state"], "active", "it was painted too soon to disturb it");
+    one.signal("-CONT");
+    assert!(render.wait(), "{}", farm.logs());
+    let refused = "the order is no longer valid";
+    assert!(farm.said("trace").lines().any(|line| line.contains("Disconfirm") && line.contains(refused)));
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+}
+
+#[test]
 fn a_leader_that_was_stopped_for_a_while_finds_another_and_does_no_harm() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
@@ -164,13 +183,9 @@ fn a_leader_that_was_stopped_for_a_while_finds_another_and_does_no_harm() {
     let _one = farm.join("one");
     let mut render = farm.render("a.exr", &[]);
     farm.until_painted(1, 0.2);
-    let signal = |what: &str| {
-        let sent = Command::new("kill").args([what, &render.0.id().to_string()]).status();
-        assert!(sent.expect("kill runs").success());
-    };
-    signal("-STOP");
+    render.signal("-STOP");
     farm.until("another one leads", || farm.log_of(1).matches(" leads").count() == 2);
-    signal("-CONT");
+    render.signal("-CONT");
     assert!(render.wait(), "{}", farm.logs());
     assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
 }

@@ -137,6 +137,29 @@ fn one_is_known_by_a_certificate_and_a_key_and_the_server_by_its_authority() {
 }
 
 #[test]
+fn a_stream_that_is_another_than_was_asked_for_is_told() {
+    for server in servers() {
+        let other = Other::new(&server);
+        let _server = other.start(STORE);
+        let address = format!("nats://127.0.0.1:{}", other.port);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        runtime.block_on(async {
+            let client = async_nats::connect(&address).await.expect("a link");
+            let stream = async_nats::jetstream::stream::Config {
+                name: "KV_bottega-bottega".to_owned(),
+                subjects: vec!["$KV.bottega-bottega.>".to_owned()],
+                max_messages_per_subject: 5,
+                ..Default::default()
+            };
+            async_nats::jetstream::new(client).create_stream(stream).await.expect("a stream");
+        });
+        let output = other.command(&["jobs", "list", "--farm", &address]).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(1) && told.contains("another history than was asked for"), "{told}");
+    }
+}
+
+#[test]
 fn one_is_known_by_credentials() {
     for server in servers() {
         let other = Other::new(&server);

@@ -9,13 +9,13 @@ use std::{
 use async_nats::{
     Client,
     connection::State,
-    jetstream::kv::{self, Operation, UpdateErrorKind},
+    jetstream::kv::{self, UpdateErrorKind},
 };
 use tokio::{runtime::Handle, sync::oneshot};
 
 use super::{
     ANSWER_TIME, BlobError, names,
-    store::{News, follow},
+    watch::{News, Written, follow},
 };
 use crate::Key;
 
@@ -62,7 +62,7 @@ impl NoticeBoard {
         let seen = Seen { notices: BTreeMap::new(), connects: 0, connected: now() };
         let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
         let (read, is_read) = oneshot::channel();
-        let (store, seen) = (board.store.clone(), Arc::downgrade(&board.seen));
+        let (follower, store, seen) = (board.client.clone(), board.store.clone(), Arc::downgrade(&board.seen));
         let mut read = Some(read);
         board.handle.spawn(async move {
             let tell = |news| {
@@ -73,11 +73,11 @@ impl NoticeBoard {
                         // Who opened it may have given up.
                         _ = read.take().map(|read| read.send(()));
                     }
-                    News::Begin | News::Nothing => {}
+                    News::Nothing => {}
                 }
                 true
             };
-            follow(&store, ">", tell).await;
+            follow(&follower, &store, ">", tell).await;
         });
         _ = tokio::time::timeout(ANSWER_TIME, is_read).await;
         board
@@ -161,10 +161,10 @@ impl NoticeBoard {
 }
 
 impl Seen {
-    fn told(&mut self, entry: &kv::Entry) {
+    fn told(&mut self, entry: &Written) {
         let Some(name) = names::entry(&entry.key).map(|key| key.to_string()) else { return };
-        if entry.operation == Operation::Put {
-            self.hear(&name, entry.revision, &entry.value);
+        if let Some(value) = &entry.value {
+            self.hear(&name, entry.revision, value);
         } else if self.notices.get(&name).is_some_and(|heard| heard.revision < entry.revision) {
             self.notices.remove(&name);
         }

@@ -14,6 +14,7 @@ mod options;
 mod pin;
 mod rights;
 mod store;
+mod watch;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Duration};
 
@@ -135,7 +136,7 @@ impl<K: Codec> NatsUplink<K> {
         let (outbox, mail) = mpsc::channel(OUTBOX_MAX);
         handle.spawn(post(client.clone(), mail));
         let codec = Arc::new(codec);
-        let bucket = Bucket::new(blackboard, Arc::clone(&codec));
+        let bucket = Bucket::new(client.clone(), blackboard, Arc::clone(&codec));
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(objects, handle.clone());
         let tiles = NatsBlobs::new(tiles, handle.clone());

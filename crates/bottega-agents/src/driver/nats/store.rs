@@ -2,22 +2,25 @@
 
 use std::{sync::Arc, time::Duration};
 
-use async_nats::jetstream::{
-    Context,
-    kv::{self, Operation, UpdateErrorKind},
-    stream::{self, DiscardPolicy, StorageType},
+use async_nats::{
+    Client,
+    jetstream::{
+        Context,
+        kv::{self, Operation, UpdateErrorKind},
+        stream::{self, DiscardPolicy, StorageType},
+    },
 };
-use tokio_stream::StreamExt;
 
-use super::{Codec, NatsError, names};
+use super::{
+    Codec, NatsError, names,
+    watch::{News, Written, follow},
+};
 use crate::{Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, driver::Mailbox};
 
 /// The largest value of an entry.
 const VALUE_BYTES_MAX: i32 = 1 << 20;
-/// After what time a watch that broke is begun again.
+/// How long one who was refused waits.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
-/// How often one who follows entries is asked whether it is enough, when nothing happens.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// Opens a bucket of a farm, or makes it. What the server then says of it is compared with what was asked: older ones
 /// leave out silently what they do not know.
@@ -71,19 +74,20 @@ pub(super) async fn open(
 
 /// The bucket with its codec.
 pub(super) struct Bucket<K> {
+    client: Client,
     store: kv::Store,
     codec: Arc<K>,
 }
 
 impl<K> Clone for Bucket<K> {
     fn clone(&self) -> Self {
-        Self { store: self.store.clone(), codec: Arc::clone(&self.codec) }
+        Self { client: self.client.clone(), store: self.store.clone(), codec: Arc::clone(&self.codec) }
     }
 }
 
 impl<K: Codec> Bucket<K> {
-    pub(super) fn new(store: kv::Store, codec: Arc<K>) -> Self {
-        Self { store, codec }
+    pub(super) fn new(client: Client, store: kv::Store, codec: Arc<K>) -> Self {
+        Self { client, store, codec }
     }
 
     /// Anything but a watch. A server that refuses at once is not asked again at once.
@@ -130,19 +134,17 @@ impl<K: Codec> Bucket<K> {
         let found = self.store.entry(names::key(key)).await.map_err(|error| {
             tracing::debug!(%error, "the store does not answer");
         })?;
-        Ok(found.and_then(|found| self.read(&found)))
+        let found = found.filter(|found| found.operation == Operation::Put);
+        Ok(found.and_then(|found| self.read(&found.key, found.revision, &found.value)))
     }
 
-    /// An entry that is there and can be read.
-    fn read(&self, found: &kv::Entry) -> Option<Entry<K::Value>> {
-        if found.operation != Operation::Put {
-            return None;
+    /// An entry, if it can be read.
+    fn read(&self, key: &str, revision: u64, value: &[u8]) -> Option<Entry<K::Value>> {
+        let (read_key, read_value) = (names::entry(key), self.codec.read_value(value));
+        if read_key.is_none() || read_value.is_none() {
+            tracing::warn!(key, "an entry that cannot be read");
         }
-        let (key, value) = (names::entry(&found.key), self.codec.read_value(&found.value));
-        if key.is_none() || value.is_none() {
-            tracing::warn!(key = found.key, "an entry that cannot be read");
-        }
-        Some(Entry { key: key?, revision: Revision(found.revision), value: value? })
+        Some(Entry { key: read_key?, revision: Revision(revision), value: read_value? })
     }
 
     /// Reports all entries under `prefix`, and from then on every write to one, until the agent is gone. After an
@@ -153,10 +155,10 @@ impl<K: Codec> Bucket<K> {
     {
         let tell = |reply| mailbox.deliver(Event::Store { ticket, reply });
         let mut caught_up = false;
-        follow(&self.store, &names::below(prefix), |news| {
+        follow(&self.client, &self.store, &names::below(prefix), |news| {
             match news {
-                News::Entry(found) => {
-                    if let Some(entry) = self.read(&found).filter(|entry| entry.key.starts_with(prefix)) {
+                News::Entry(Written { key, revision, value: Some(value) }) => {
+                    if let Some(entry) = self.read(&key, revision, &value).filter(|it| it.key.starts_with(prefix)) {
                         tell(StoreReply::Changed(entry));
                     }
                 }
@@ -164,7 +166,7 @@ impl<K: Codec> Bucket<K> {
                     caught_up = true;
                     tell(StoreReply::CaughtUp);
                 }
-                News::CaughtUp | News::Begin | News::Nothing => {}
+                News::Entry(_) | News::CaughtUp | News::Nothing => {}
             }
             !mailbox.is_closed()
         })
@@ -177,52 +179,6 @@ impl<K: Codec> Bucket<K> {
         if let Err(error) = self.store.stream.purge().filter(subject).await {
             tracing::warn!(%error, "entries were not let go");
         }
-    }
-}
-
-/// What one is told who follows entries.
-pub(super) enum News {
-    /// From now on all is told from the beginning.
-    Begin,
-    /// An entry as it is, or is from now on.
-    Entry(kv::Entry),
-    /// All entries that there are have been told.
-    CaughtUp,
-    /// Nothing has happened for a while.
-    Nothing,
-}
-
-/// Tells of all entries below a name, and from then on of every change, until `tell` says that it is enough. After an
-/// interruption all are told again.
-pub(super) async fn follow(store: &kv::Store, below: &str, mut tell: impl FnMut(News) -> bool) {
-    while tell(News::Nothing) {
-        if let Ok(mut watch) = store.watch_with_history(below).await {
-            if !tell(News::Begin) || is_empty(store, below).await && !tell(News::CaughtUp) {
-                return;
-            }
-            loop {
-                let goes_on = match tokio::time::timeout(LOOK_EVERY, watch.next()).await {
-                    Err(_) => tell(News::Nothing),
-                    Ok(Some(Ok(found))) => {
-                        let is_last = found.seen_current;
-                        tell(News::Entry(found)) && (!is_last || tell(News::CaughtUp))
-                    }
-                    Ok(_) => break,
-                };
-                if !goes_on {
-                    return;
-                }
-            }
-        }
-        tokio::time::sleep(AGAIN_AFTER).await;
-    }
-}
-
-/// Whether nothing has ever been written below a name: then no entry will say that it is the last.
-async fn is_empty(store: &kv::Store, below: &str) -> bool {
-    match store.stream.info_with_subjects(format!("{}{below}", store.prefix)).await {
-        Ok(mut subjects) => subjects.next().await.is_none(),
-        Err(_) => false,
     }
 }
 
