@@ -16,6 +16,8 @@ pub(super) struct Asker {
     pub(super) heard: mpsc::Sender<(Performative, PlainContent)>,
     pub(super) until: Option<Time>,
     pub(super) wait: Duration,
+    /// A number that no other question has.
+    pub(super) conversation: u64,
 }
 
 impl StateMachine for Asker {
@@ -34,13 +36,15 @@ impl StateMachine for Asker {
                     language: "fipa-sl0",
                     ontology: ONTOLOGY,
                     protocol: "fipa-request",
-                    conversation_id: 1,
-                    reply_with: 1,
+                    conversation_id: self.conversation,
+                    reply_with: self.conversation,
                     reply_by: Some(until),
                     ..AclMessage::new(Performative::Request, self.me.clone(), self.to.clone(), content)
                 }));
             }
-            Event::Message(message) if message.in_reply_to == 1 && message.performative != Performative::Agree => {
+            Event::Message(message)
+                if message.in_reply_to == self.conversation && message.performative != Performative::Agree =>
+            {
                 // Who asked may have gone.
                 _ = self.heard.send((message.performative, message.content));
                 actions.push(Action::Stop);

@@ -239,7 +239,9 @@ impl Node {
         wait: Duration,
     ) -> Result<Option<(Performative, PlainContent)>, NameTaken> {
         let (heard, hear) = mpsc::channel();
-        let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait };
+        // Numbers of strangers are greater.
+        let conversation = random() >> 2 | 1;
+        let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait, conversation };
         self.add_worldly(from, asker, |()| {})?;
         // The asker itself gives up in time; it may only die with its platform.
         Ok(hear.recv().ok())
