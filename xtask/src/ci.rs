@@ -21,6 +21,7 @@ pub(crate) fn ci() -> Result<()> {
 /// Every test, after what they need has been installed.
 pub(crate) fn test() -> Result<()> {
     needs::software_vulkan();
+    needs::xml_validator();
     let servers = needs::nats_servers();
     let servers = servers.as_ref().map(|(variable, paths)| (*variable, paths.as_os_str()));
     cargo(&["test", "--workspace", "--quiet"], servers.as_slice())

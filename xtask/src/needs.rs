@@ -68,6 +68,18 @@ fn wheel_server() -> Option<PathBuf> {
     server.is_file().then_some(server)
 }
 
+/// A judge of XML documents, by which the forms of messages are tested.
+pub(crate) fn xml_validator() {
+    // It tells its version as it would tell an error.
+    if Command::new("xmllint").arg("--version").stderr(Stdio::null()).status().is_ok_and(|status| status.success()) {
+        return;
+    }
+    println!("the tests of the XML forms need xmllint: installing libxml2-utils (apt-get)");
+    if !apt_install(&["libxml2-utils"]) {
+        println!("could not install it (no apt-get, or not root): they will be skipped");
+    }
+}
+
 fn apt_install(packages: &[&str]) -> bool {
     let install = [&["install", "-y", "--no-install-recommends"], packages].concat();
     run("apt-get", &["update"]) && run("apt-get", &install)

@@ -249,7 +249,7 @@ impl Acc {
         copy.intended_receivers = vec![receiver.clone()];
         copy.received.push(Received {
             by: self.mark().to_owned(),
-            date: self.calendar.date(now),
+            date: Some(self.calendar.date(now)),
             from: None,
             id: None,
             via: None,

@@ -24,6 +24,8 @@ fn id(name: &str) -> AgentId {
 struct Desk<F> {
     service: Vocabulary<F>,
     store: MemoryStore<String, ()>,
+    /// The last conversation.
+    conversation: u64,
 }
 
 impl<F: Functions> Desk<F> {
@@ -32,7 +34,7 @@ impl<F: Functions> Desk<F> {
     }
 
     fn over(name: &str, functions: F, store: MemoryStore<String, ()>) -> Self {
-        let mut desk = Self { service: Service::new(id(name), functions), store };
+        let mut desk = Self { service: Service::new(id(name), functions), store, conversation: 0 };
         desk.store.forget(&());
         desk.handle(Time::ZERO, Event::Start);
         desk
@@ -79,8 +81,9 @@ fn say<F: Functions>(
     performative: Performative,
     content: M,
 ) -> Vec<AclMessage<M>> {
+    service.conversation += 1;
     let message = AclMessage {
-        conversation_id: 4,
+        conversation_id: service.conversation,
         reply_with: 5,
         ..AclMessage::new(performative, id(from), id("service"), content)
     };
@@ -90,7 +93,7 @@ fn say<F: Functions>(
 /// Requests a function; returns the performative and the content of the answer.
 fn ask<F: Functions>(service: &mut Desk<F>, now: Time, from: &str, function: Function) -> (Performative, M) {
     let answer = say(service, now, from, Performative::Request, M::Action(function)).pop().unwrap();
-    assert_eq!((answer.conversation_id, answer.in_reply_to), (4, 5));
+    assert_eq!((answer.conversation_id, answer.in_reply_to), (service.conversation, 5));
     assert_eq!(answer.receivers, [id(from)]);
     (answer.performative, answer.content)
 }

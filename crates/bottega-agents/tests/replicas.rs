@@ -35,8 +35,14 @@ impl Client {
         let offer = DfAgentDescription { name: Some(self.me.clone()), ..Default::default() };
         let function = if self.leaving { Function::Deregister(offer) } else { Function::Register(offer) };
         let message = AclMessage::new(P::Request, self.me.clone(), directory(directory_number), M::Action(function));
-        let conversation_id = u64::from(self.round) * 2 + u64::from(self.leaving) + 1;
+        // The same request to both would count as one that was taken twice.
+        let conversation_id = self.conversation() + 1 + directory_number as u64;
         actions.push(Action::Send(AclMessage { conversation_id, reply_with: conversation_id, ..message }));
+    }
+
+    /// The one before those of this round.
+    fn conversation(&self) -> u64 {
+        u64::from(self.round) * 4 + u64::from(self.leaving) * 2
     }
 
     fn begin(&mut self, now: Time, actions: &mut Vec<ActionOf<Self>>) {
@@ -73,11 +79,11 @@ impl StateMachine for Client {
         match event {
             Event::Start => self.begin(now, actions),
             Event::Message(message) => {
-                let of_now = u64::from(self.round) * 2 + u64::from(self.leaving) + 1;
+                let of_now = self.conversation() + 1..=self.conversation() + 2;
                 match &message.content {
                     // A directory whose answer from the store was lost does not know; others do.
                     M::Failed(_, FailureReason::InternalError(_)) => {}
-                    M::Done(..) | M::Failed(..) if message.conversation_id == of_now => {
+                    M::Done(..) | M::Failed(..) if of_now.contains(&message.conversation_id) => {
                         self.known = true;
                         if matches!(message.content, M::Done(..)) && !self.leaving {
                             self.entered.insert(message.sender.clone());

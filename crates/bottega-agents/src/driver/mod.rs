@@ -1,5 +1,6 @@
 //! What turns state machines into running agents.
 
+mod asker;
 mod fitted;
 pub mod http;
 pub mod local;

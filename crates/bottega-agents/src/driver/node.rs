@@ -14,6 +14,7 @@ use tokio::sync::{broadcast, mpsc as lanes, oneshot};
 
 pub use super::fitted::{Anything, Reports};
 use super::{
+    asker::Asker,
     fitted::{Fitted, own},
     http::{
         PATH, client,
@@ -22,8 +23,7 @@ use super::{
     local::{LocalPlatform, Mailbox, NameTaken},
 };
 use crate::{
-    AclMessage, Action, ActionOf, AgentId, BoxedMachine, Bus, Event, EventOf, Performative, StateMachine, StoreRequest,
-    Ticket, Time,
+    AclMessage, AgentId, BoxedMachine, Bus, Performative, StateMachine, StoreRequest, Ticket,
     acc::{Letter, Outbound},
     entry_store::EntryStore,
     gateway::{ChannelEffect, ChannelReport, Gateway, GatewayConfig, Passage, PlainContent},
@@ -239,7 +239,9 @@ impl Node {
         wait: Duration,
     ) -> Result<Option<(Performative, PlainContent)>, NameTaken> {
         let (heard, hear) = mpsc::channel();
-        let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait };
+        // Numbers of strangers are greater.
+        let conversation = random() >> 2 | 1;
+        let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait, conversation };
         self.add_worldly(from, asker, |()| {})?;
         // The asker itself gives up in time; it may only die with its platform.
         Ok(hear.recv().ok())
@@ -453,53 +455,6 @@ fn chain(error: &dyn std::error::Error) -> String {
         source = cause.source();
     }
     text
-}
-
-/// Asks once, hands on what is answered, and is gone.
-struct Asker {
-    me: AgentId,
-    to: AgentId,
-    content: ManagementContent,
-    heard: mpsc::Sender<(Performative, PlainContent)>,
-    until: Option<Time>,
-    wait: Duration,
-}
-
-impl StateMachine for Asker {
-    type Content = PlainContent;
-    type Value = String;
-    type Effect = ();
-    type Completion = ();
-
-    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
-        match event {
-            Event::Start => {
-                let until = now + self.wait;
-                self.until = Some(until);
-                let content = PlainContent::Management(self.content.clone());
-                actions.push(Action::Send(AclMessage {
-                    language: "fipa-sl0",
-                    ontology: ONTOLOGY,
-                    protocol: "fipa-request",
-                    conversation_id: 1,
-                    reply_with: 1,
-                    reply_by: Some(until),
-                    ..AclMessage::new(Performative::Request, self.me.clone(), self.to.clone(), content)
-                }));
-            }
-            Event::Message(message) if message.in_reply_to == 1 && message.performative != Performative::Agree => {
-                // Who asked may have gone.
-                _ = self.heard.send((message.performative, message.content));
-                actions.push(Action::Stop);
-            }
-            Event::Deadline if self.until.is_some_and(|until| until <= now) => actions.push(Action::Stop),
-            _ => {}
-        }
-    }
-
-    fn next_deadline(&self) -> Option<Time> {
-        self.until
-    }
 }
 
 #[allow(clippy::disallowed_methods, reason = "this is where a platform gets the date from")]

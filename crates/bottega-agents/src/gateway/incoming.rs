@@ -170,7 +170,7 @@ where
         let thread = Thread { message, asked, form: form.to_owned() };
         let (reply_with, entry) = self.threads.begin(conversation_id, thread, self.is_service(to));
         if let Some((key, text)) = entry {
-            self.put(key, text, actions);
+            self.put(now, key, text, actions);
         }
         AclMessage {
             language,

@@ -9,9 +9,15 @@ mod incoming;
 mod outgoing;
 mod threads;
 
-use std::{marker::PhantomData, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    marker::PhantomData,
+    sync::Arc,
+    time::Duration,
+};
 
 use threads::Threads;
+pub(crate) use threads::has_name;
 
 use crate::{
     Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, StoreReply, StoreRequest, Ticket, Time,
@@ -153,17 +159,43 @@ pub struct GatewayConfig {
 }
 
 /// Makes agents of a platform and strangers understand each other. See the [module](self).
-pub struct Gateway<C, V> {
+pub struct Gateway<C, V>
+where
+    C: CarriesForeign,
+    V: From<String> + AsRef<str>,
+{
     config: GatewayConfig,
     acc: Acc,
     threads: Threads,
     /// The addresses of all processes that serve the platform, this one's first.
     nodes: Vec<String>,
-    /// Changes of the store that were asked for, to be numbered.
+    /// Which of the pages have been read to their end.
+    known: BTreeSet<Ticket>,
+    /// When to ask for them again.
+    watch_again: Time,
+    /// What came before: who does not know the threads would speak under strange names.
+    early: VecDeque<EventOf<Self>>,
+    /// Entries of threads that the store has not confirmed, and when they are written again.
+    unconfirmed: BTreeMap<Ticket, Unconfirmed>,
     next_ticket: u64,
     #[allow(clippy::type_complexity, reason = "a marker")]
     vocabulary: PhantomData<fn() -> (C, V)>,
 }
+
+/// An entry that is being written.
+#[derive(Clone, Debug)]
+struct Unconfirmed {
+    key: String,
+    text: String,
+    again: Time,
+}
+
+/// When what the store has not confirmed is written again.
+const AGAIN_AFTER: Duration = Duration::from_secs(2);
+/// How long the store may take to tell its pages.
+const PAGES_WITHIN: Duration = Duration::from_secs(10);
+/// The most that waits for the pages; what comes on top is lost.
+const EARLY_MAX: usize = 1 << 12;
 
 const WATCH_PAGES: Ticket = Ticket(0);
 const WATCH_THREADS: Ticket = Ticket(1);
@@ -182,6 +214,10 @@ where
             acc,
             threads: Threads::default(),
             nodes: config.addresses.clone(),
+            known: BTreeSet::new(),
+            watch_again: Time::ZERO,
+            early: VecDeque::new(),
+            unconfirmed: BTreeMap::new(),
             next_ticket: WATCH_THREADS.0 + 1,
             vocabulary: PhantomData,
             config,
@@ -232,9 +268,6 @@ where
             ChannelReport::Failed { outbound, reason } => {
                 for receiver in &outbound.envelope.intended_receivers {
                     self.passed(now, Way::Lost, receiver, &outbound.message, actions);
-                    for key in self.threads.end_with(receiver) {
-                        self.put(key, String::new(), actions);
-                    }
                 }
                 let routed = self.acc.undelivered(now, &outbound, &reason);
                 self.route(now, &outbound.envelope.acl_representation, routed, actions);
@@ -242,11 +275,34 @@ where
         }
     }
 
-    fn put(&mut self, key: String, text: String, actions: &mut Actions<C, V>) {
+    fn watch(&mut self, now: Time, actions: &mut Actions<C, V>) {
+        self.watch_again = now + PAGES_WITHIN;
+        for (ticket, prefix) in [(WATCH_PAGES, AmsPages::PREFIX), (WATCH_THREADS, threads::PREFIX)] {
+            actions.push(Action::Store { ticket, request: StoreRequest::Watch { prefix: prefix.into() } });
+        }
+    }
+
+    fn is_ready(&self) -> bool {
+        self.known.len() == 2
+    }
+
+    /// Writes an entry, until the store has it: without its thread a subscription would be told under a strange name.
+    fn put(&mut self, now: Time, key: String, text: String, actions: &mut Actions<C, V>) {
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
-        let request = StoreRequest::Put { key: key.into(), value: text.into() };
+        let request = StoreRequest::Put { key: key.as_str().into(), value: text.clone().into() };
         actions.push(Action::Store { ticket, request });
+        // The last word counts.
+        self.unconfirmed.retain(|_, other| other.key != key);
+        self.unconfirmed.insert(ticket, Unconfirmed { key, text, again: now + AGAIN_AFTER });
+    }
+
+    fn put_again(&mut self, now: Time, actions: &mut Actions<C, V>) {
+        let late: Vec<Unconfirmed> =
+            self.unconfirmed.extract_if(.., |_, entry| entry.again <= now).map(|(_, entry)| entry).collect();
+        for Unconfirmed { key, text, .. } in late {
+            self.put(now, key, text, actions);
+        }
     }
 
     fn learn(&mut self, key: &str, text: &str) {
@@ -283,25 +339,37 @@ where
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
         match event {
-            Event::Start => {
-                let watches = [(WATCH_PAGES, AmsPages::PREFIX), (WATCH_THREADS, threads::PREFIX)];
-                for (ticket, prefix) in watches {
-                    actions.push(Action::Store { ticket, request: StoreRequest::Watch { prefix: prefix.into() } });
+            Event::Start => self.watch(now, actions),
+            Event::Message(_) | Event::Completed(_) if !self.is_ready() => {
+                if self.early.len() < EARLY_MAX {
+                    self.early.push_back(event);
                 }
             }
             Event::Message(message) => self.leave(now, &message, actions),
+            Event::Completed(report) => self.reported(now, report, actions),
             Event::Store { reply: StoreReply::Changed(entry), .. } => {
                 self.learn(&entry.key.to_string(), entry.value.as_ref());
             }
-            Event::Completed(report) => self.reported(now, report, actions),
+            Event::Store { ticket, reply: StoreReply::CaughtUp } => {
+                self.known.insert(ticket);
+                if self.is_ready() {
+                    std::mem::take(&mut self.early).into_iter().for_each(|early| self.handle(now, early, actions));
+                }
+            }
+            Event::Store { ticket, reply: StoreReply::Written { .. } } => _ = self.unconfirmed.remove(&ticket),
             Event::Presence { agent, present: true } => self.acc.add(agent),
             Event::Presence { agent, present: false } => self.acc.remove(&agent),
             Event::Store { .. } | Event::Deadline => {}
         }
+        if !self.is_ready() && self.watch_again <= now {
+            self.watch(now, actions);
+        }
+        self.put_again(now, actions);
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        None
+        let watch = (!self.is_ready()).then_some(self.watch_again);
+        self.unconfirmed.values().map(|entry| entry.again).chain(watch).min()
     }
 }
 

@@ -20,7 +20,7 @@ where
         let thread = self.threads.get(message.in_reply_to).cloned();
         let Some(wire) = self.wire(message, thread.as_ref()) else { return };
         if let Some(key) = self.ended_subscription(message) {
-            self.put(key, String::new(), actions);
+            self.put(now, key, String::new(), actions);
         }
         let form = thread.map_or_else(|| STRING_FORM.to_owned(), |thread| thread.form);
         self.send_wire(now, &form, &wire, actions);

@@ -26,6 +26,8 @@ const FORM: &str = "X-form";
 
 /// Numbers of strangers' conversations have this bit, ours do not.
 const STRANGE: u64 = 1 << 63;
+/// Of those, what belongs to no conversation has this bit.
+const NAMELESS: u64 = 1 << 62;
 
 /// A message of a stranger that may be answered.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,12 +100,6 @@ impl Threads {
         self.kept.remove(&conversation).map(|_| key(conversation))
     }
 
-    /// Ends the threads of all subscriptions of an agent with services. Other agents end theirs themselves.
-    pub(super) fn end_with(&mut self, agent: &AgentId) -> Vec<String> {
-        let of_agent = |thread: &Thread| thread.message.sender.as_ref() == Some(agent);
-        self.kept.extract_if(.., |_, thread| of_agent(thread)).map(|(conversation, _)| key(conversation)).collect()
-    }
-
     /// Takes over an entry of the store. `false`: it is no thread.
     pub(super) fn learn(&mut self, key: &str, text: &str) -> bool {
         let Some(number) = key.strip_prefix(PREFIX) else { return false };
@@ -142,7 +138,13 @@ pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
     let bytes = name.bytes().chain([0]).chain(conversation.bytes());
     let hash =
         bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
-    hash | STRANGE
+    let hash = hash & !NAMELESS | STRANGE;
+    if conversation.is_empty() { hash | NAMELESS } else { hash }
+}
+
+/// Whether a conversation has a name: what has none may be said again and mean another thing.
+pub(crate) fn has_name(conversation: u64) -> bool {
+    conversation != 0 && conversation & (STRANGE | NAMELESS) != (STRANGE | NAMELESS)
 }
 
 /// A number of ours as text for strangers.

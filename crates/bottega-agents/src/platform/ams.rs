@@ -1,6 +1,9 @@
 //! The Agent Management System: white pages and life cycle (FIPA00023).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
 
 use super::{
     LifeCycleState, ONTOLOGY,
@@ -9,7 +12,7 @@ use super::{
         PlatformDescription, RefuseReason, ServiceEntry,
     },
     ontology::{AMS_DESCRIPTION, Object, ams_description, read_ams_description},
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, Step, Todo, by_request, name_of_request, written_by},
 };
 use crate::{AclMessage, AgentId, Key, Performative, Revision, Time, sl, sl::Term};
 
@@ -20,6 +23,9 @@ pub const NODES_MAX: usize = 64;
 
 /// The type of the transport, in the description of the platform.
 pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
+
+/// When what was not written is tried again.
+const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
 const AGENT: &str = "ams/agent/";
 const NODE: &str = "ams/node/";
@@ -32,11 +38,17 @@ struct Entry {
     description: AmsAgentDescription,
     /// It is asked to end, or must: then it counts as gone.
     ending: Option<LifeCycleRequest>,
+    /// The request that it was entered by.
+    by: Option<String>,
 }
 
 impl Entry {
+    fn of(description: AmsAgentDescription) -> Self {
+        Self { description, ending: None, by: None }
+    }
+
     fn print(&self) -> String {
-        let mut term = ams_description(&self.description);
+        let mut term = by_request(ams_description(&self.description), self.by.as_deref());
         if let (Term::List(terms), Some(ending)) = (&mut term, self.ending) {
             terms.extend([Term::Bare(ENDING.to_owned()), Term::text(ending.word())]);
         }
@@ -51,7 +63,7 @@ impl Entry {
         let object = Object::read(AMS_DESCRIPTION, &term).ok()?;
         let ending = object.text("X-ending").ok()?;
         let ending = ending.and_then(|word| LifeCycleRequest::ALL.into_iter().find(|request| request.word() == word));
-        Some(Self { description, ending })
+        Some(Self { description, ending, by: written_by(AMS_DESCRIPTION, &term) })
     }
 
     fn is_gone(&self) -> bool {
@@ -95,12 +107,42 @@ pub struct Ams {
     residents: BTreeSet<AgentId>,
     /// What waits until the pages are known.
     is_ready: bool,
+    /// What this process has to write, by key.
+    errands: BTreeMap<String, Errand>,
+    /// Those that are being written, by mark.
+    written: BTreeMap<u64, String>,
+    next_mark: u64,
+    /// When to look after them.
+    look_at: Option<Time>,
+}
+
+/// What an AMS has to write by itself: until it is so.
+#[derive(Clone, Debug, PartialEq)]
+enum Errand {
+    /// An agent lives here.
+    Enter(AgentId),
+    /// It has gone from here.
+    TakeOut,
+    /// It was destroyed, and all have been told.
+    Bury,
+    /// This process serves the platform.
+    Serve,
 }
 
 impl Ams {
     /// An AMS that knows nobody yet.
     pub fn new(config: AmsConfig) -> Self {
-        Self { config, agents: BTreeMap::new(), nodes: BTreeSet::new(), residents: BTreeSet::new(), is_ready: false }
+        Self {
+            config,
+            agents: BTreeMap::new(),
+            nodes: BTreeSet::new(),
+            residents: BTreeSet::new(),
+            is_ready: false,
+            errands: BTreeMap::new(),
+            written: BTreeMap::new(),
+            next_mark: 1,
+            look_at: None,
+        }
     }
 
     /// Where an agent stands in its life, if it is known.
@@ -141,10 +183,14 @@ impl Ams {
         Step::Write(Change { key: Self::key(name).into(), text: entry.print() }, Outcome::Done)
     }
 
-    fn register(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<Step, NoResult> {
-        let name = self.authorised(asker, description)?;
-        if self.entry(&name).is_some() {
-            return Err(FailureReason::AlreadyRegistered.into());
+    fn register(&self, request: &Said, description: &AmsAgentDescription) -> Result<Step, NoResult> {
+        let name = self.authorised(&request.sender, description)?;
+        let by = name_of_request(request);
+        match self.entry(&name) {
+            // The same request once more.
+            Some(entry) if by.is_some() && entry.by == by => return Ok(Step::Done(Outcome::Done)),
+            Some(_) => return Err(FailureReason::AlreadyRegistered.into()),
+            None => {}
         }
         let state = description.state.unwrap_or(LifeCycleState::Active);
         if !matches!(state, LifeCycleState::Initiated | LifeCycleState::Active) {
@@ -154,7 +200,7 @@ impl Ams {
             return Err(FailureReason::InternalError("no room for more agents".to_owned()).into());
         }
         let description = AmsAgentDescription { state: Some(state), ..description.clone() };
-        Ok(Self::write(&Entry { description, ending: None }, &name))
+        Ok(Self::write(&Entry { by, ..Entry::of(description) }, &name))
     }
 
     fn modify(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<Step, NoResult> {
@@ -169,8 +215,11 @@ impl Ams {
                 return Err(RefuseReason::Unauthorised.into());
             }
         }
-        let description = AmsAgentDescription { state: Some(after), ..description.clone() };
-        Ok(Self::write(&Entry { description, ending: before.ending }, &name))
+        // Who names an agent without addresses does not say that it has none.
+        let known = before.description.name.clone().filter(|_| name.addresses.is_empty());
+        let description =
+            AmsAgentDescription { name: known.or(Some(name.clone())), state: Some(after), ..description.clone() };
+        Ok(Self::write(&Entry { description, ..before.clone() }, &name))
     }
 
     fn terminate(&self, asker: &AgentId, agent: &AgentId, graceful: bool) -> Result<Step, NoResult> {
@@ -231,23 +280,62 @@ impl Ams {
         }
     }
 
-    fn take_out(agent: &AgentId) -> (u64, Change) {
-        (0, Change { key: Self::key(agent).into(), text: String::new() })
+    fn run(&mut self, key: String, errand: Errand, now: Time) {
+        self.errands.insert(key, errand);
+        self.look_at = Some(now);
     }
 
-    /// Enters an agent that lives here.
-    fn enter_resident(&self, agent: &AgentId, todo: &mut Todo) {
-        if !self.config.enters_residents || self.is_service(agent) || self.agents.len() >= AGENTS_MAX {
+    /// Writes what is not yet so. What was not written is tried again.
+    fn look_after_errands(&mut self, now: Time, todo: &mut Todo) {
+        if !self.is_ready || self.look_at.is_none_or(|at| now < at) {
             return;
         }
-        let name = AgentId { name: agent.name.clone(), addresses: self.config.addresses.clone().into() };
-        let state = self.entry(agent).map_or(LifeCycleState::Active, Entry::state);
-        let description = AmsAgentDescription { name: Some(name), ownership: None, state: Some(state) };
-        let text = Entry { description, ending: None }.print();
-        todo.writes.push((0, Change { key: Self::key(agent).into(), text }));
+        let mut errands = std::mem::take(&mut self.errands);
+        errands.retain(|key, errand| {
+            let is_written = self.written.values().any(|other| other == key);
+            let Some(text) = self.wanted(key, errand) else { return is_written };
+            if !is_written {
+                let mark = self.next_mark;
+                self.next_mark += 1;
+                self.written.insert(mark, key.clone());
+                todo.writes.push((mark, Change { key: key.as_str().into(), text }));
+            }
+            true
+        });
+        self.errands = errands;
+        self.look_at = (!self.errands.is_empty()).then(|| now + LOOK_AGAIN_AFTER);
     }
 
-    fn learn_agent(&mut self, name: &str, text: &str, todo: &mut Todo) {
+    /// Whether an entry says that its agent lives in this process, or does not say where.
+    fn is_here(&self, entry: &Entry) -> bool {
+        let addresses = entry.description.name.as_ref().map_or(&[][..], |name| &name.addresses);
+        addresses.is_empty() || addresses.iter().any(|address| self.config.addresses.contains(address))
+    }
+
+    /// What an entry must say for an errand. `None`: it is so already, or none of its business any more.
+    fn wanted(&self, key: &str, errand: &Errand) -> Option<String> {
+        let entry = key.strip_prefix(AGENT).and_then(|name| self.agents.get(name));
+        match errand {
+            Errand::Enter(agent) => {
+                if !self.residents.contains(agent) || entry.is_none() && self.agents.len() >= AGENTS_MAX {
+                    return None;
+                }
+                let name = AgentId { name: agent.name.clone(), addresses: self.config.addresses.clone().into() };
+                let state = self.entry(agent).map_or(LifeCycleState::Active, Entry::state);
+                let description = AmsAgentDescription { name: Some(name), ownership: None, state: Some(state) };
+                Some(Entry::of(description).print())
+            }
+            // By now it may live elsewhere.
+            Errand::TakeOut => entry.filter(|entry| entry.is_gone() || self.is_here(entry)).map(|_| String::new()),
+            Errand::Bury => entry.filter(|entry| entry.is_gone()).map(|_| String::new()),
+            Errand::Serve => {
+                let address = key.strip_prefix(NODE).unwrap_or_default();
+                (!self.nodes.contains(address)).then(|| "true".to_owned())
+            }
+        }
+    }
+
+    fn learn_agent(&mut self, now: Time, name: &str, text: &str, todo: &mut Todo) {
         let Some(entry) = Entry::parse(text) else {
             self.agents.remove(name);
             return;
@@ -258,12 +346,9 @@ impl Ams {
         {
             self.hold_to(resident, before.as_ref(), &entry, todo);
         }
-        if entry.is_gone()
-            && !before.is_some_and(|before| before.is_gone())
-            && let Some(agent) = &entry.description.name
-        {
+        if entry.is_gone() && !before.is_some_and(|before| before.is_gone()) {
             // All processes have been told by this entry; one of them takes it out.
-            todo.writes.push(Self::take_out(agent));
+            self.run(format!("{AGENT}{name}"), Errand::Bury, now);
         }
         self.agents.insert(name.to_owned(), entry);
     }
@@ -277,9 +362,9 @@ fn index(agent: &AgentId) -> String {
 impl Functions for Ams {
     const PREFIXES: &'static [&'static str] = &["ams/"];
 
-    fn learn(&mut self, _now: Time, key: &str, _revision: Revision, text: &str, todo: &mut Todo) {
+    fn learn(&mut self, now: Time, key: &str, _revision: Revision, text: &str, todo: &mut Todo) {
         if let Some(name) = key.strip_prefix(AGENT) {
-            self.learn_agent(name, text, todo);
+            self.learn_agent(now, name, text, todo);
         } else if let Some(address) = key.strip_prefix(NODE) {
             if text.is_empty() {
                 self.nodes.remove(address);
@@ -292,12 +377,12 @@ impl Functions for Ams {
     fn perform(&mut self, _now: Time, request: &Said, function: &Function, _: &mut Todo) -> Result<Step, NoResult> {
         let asker = &request.sender;
         match function {
-            Function::RegisterAgent(description) => self.register(asker, description),
+            Function::RegisterAgent(description) => self.register(request, description),
             Function::ModifyAgent(description) => self.modify(asker, description),
             Function::DeregisterAgent(description) => {
                 let name = self.authorised(asker, description)?;
                 self.entry(&name).ok_or(FailureReason::NotRegistered)?;
-                Ok(Step::Write(Self::take_out(&name).1, Outcome::Done))
+                Ok(Step::Write(Change { key: Self::key(&name).into(), text: String::new() }, Outcome::Done))
             }
             Function::SearchAgents(template, constraints) => {
                 Ok(Step::Done(Outcome::Agents(self.search(template, constraints.results_max(AGENTS_MAX)))))
@@ -324,40 +409,55 @@ impl Functions for Ams {
         matches!(message.content, ManagementContent::LifeCycleDone(_))
     }
 
-    fn presence(&mut self, _now: Time, agent: &AgentId, present: bool, todo: &mut Todo) {
+    fn presence(&mut self, now: Time, agent: &AgentId, present: bool, todo: &mut Todo) {
         if present {
             self.residents.insert(agent.clone());
             if self.is_ready {
-                self.begin_resident(agent, todo);
+                self.begin_resident(now, agent, todo);
             }
-        } else if self.residents.remove(agent) && self.entry(agent).is_some() && self.config.enters_residents {
-            todo.writes.push(Self::take_out(agent));
+        } else if self.residents.remove(agent) && self.config.enters_residents && !self.is_service(agent) {
+            self.run(Self::key(agent), Errand::TakeOut, now);
         }
+        self.look_after_errands(now, todo);
     }
 
-    fn tick(&mut self, _now: Time, todo: &mut Todo) {
-        if std::mem::replace(&mut self.is_ready, true) {
-            return;
+    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+        let Some(key) = self.written.remove(&mark) else { return };
+        if made {
+            self.errands.remove(&key);
+        } else if self.errands.contains_key(&key) {
+            // The entry was another, which is known by now, or nobody knows whether it was written.
+            self.look_at = Some(now);
         }
-        for address in &self.config.addresses {
-            if !self.nodes.contains(address) {
-                let change = Change { key: format!("{NODE}{address}").into(), text: "true".to_owned() };
-                todo.writes.push((0, change));
+        self.look_after_errands(now, todo);
+    }
+
+    fn tick(&mut self, now: Time, todo: &mut Todo) {
+        if !std::mem::replace(&mut self.is_ready, true) {
+            for address in self.config.addresses.clone() {
+                self.run(Self::node_key(&address), Errand::Serve, now);
+            }
+            for agent in self.residents.clone() {
+                self.begin_resident(now, &agent, todo);
             }
         }
-        for agent in self.residents.clone() {
-            self.begin_resident(&agent, todo);
-        }
+        self.look_after_errands(now, todo);
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.look_at
     }
 }
 
 impl Ams {
     /// An agent has come to life here: what its entry wanted before a restart, it wants still.
-    fn begin_resident(&self, agent: &AgentId, todo: &mut Todo) {
+    fn begin_resident(&mut self, now: Time, agent: &AgentId, todo: &mut Todo) {
         if let Some(entry) = self.entry(agent) {
             self.hold_to(agent, None, entry, todo);
         }
-        self.enter_resident(agent, todo);
+        if self.config.enters_residents && !self.is_service(agent) {
+            self.run(Self::key(agent), Errand::Enter(agent.clone()), now);
+        }
     }
 
     /// The entry by which a process is known; without it nobody is sent there any more.

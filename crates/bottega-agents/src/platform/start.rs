@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{
     management::{FailureReason, Function, Outcome, RefuseReason, ServiceEntry},
     ontology::{SERVICE_ENTRY, read_service_entry, service_entry},
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, Step, Todo, name_of_request, signed, written_by},
 };
 use crate::{Revision, Time, sl};
 
@@ -20,8 +20,8 @@ const PREFIX: &str = "start/";
 pub struct StartService {
     /// Those that are there from the start.
     own: Vec<ServiceEntry>,
-    /// Those that were supplied, by identifier.
-    supplied: BTreeMap<String, ServiceEntry>,
+    /// Those that were supplied, by identifier, and by which request.
+    supplied: BTreeMap<String, (ServiceEntry, Option<String>)>,
 }
 
 impl StartService {
@@ -30,7 +30,7 @@ impl StartService {
         Self { own, supplied: BTreeMap::new() }
     }
 
-    fn supply(&self, entry: &ServiceEntry) -> Result<Step, NoResult> {
+    fn supply(&self, request: &Said, entry: &ServiceEntry) -> Result<Step, NoResult> {
         for (missing, parameter) in [
             (entry.id.is_empty(), "service-id"),
             (entry.service_type.is_empty(), "service-type"),
@@ -40,14 +40,19 @@ impl StartService {
                 return Err(RefuseReason::missing(SERVICE_ENTRY, parameter).into());
             }
         }
+        let name = name_of_request(request);
+        if name.is_some() && self.supplied.get(&entry.id).is_some_and(|(known, by)| known == entry && *by == name) {
+            // The same request once more.
+            return Ok(Step::Done(Outcome::Done));
+        }
         if self.own.iter().any(|other| other.id == entry.id) || self.supplied.contains_key(&entry.id) {
             return Err(FailureReason::AlreadyRegistered.into());
         }
         if self.own.len() + self.supplied.len() >= BASIC_SERVICES_MAX {
             return Err(FailureReason::InternalError("no room for more services".to_owned()).into());
         }
-        let change =
-            Change { key: format!("{PREFIX}{}", entry.id).into(), text: sl::print_term(&service_entry(entry)) };
+        let text = sl::print_term(&signed(service_entry(entry), request));
+        let change = Change { key: format!("{PREFIX}{}", entry.id).into(), text };
         Ok(Step::Write(change, Outcome::Done))
     }
 }
@@ -57,19 +62,20 @@ impl Functions for StartService {
 
     fn learn(&mut self, _now: Time, key: &str, _revision: Revision, text: &str, _todo: &mut Todo) {
         let Some(id) = key.strip_prefix(PREFIX) else { return };
-        match sl::parse_term(text).ok().and_then(|term| read_service_entry(&term).ok()) {
+        let read = |term| Some((read_service_entry(&term).ok()?, written_by(SERVICE_ENTRY, &term)));
+        match sl::parse_term(text).ok().and_then(read) {
             Some(entry) => _ = self.supplied.insert(id.to_owned(), entry),
             None => _ = self.supplied.remove(id),
         }
     }
 
-    fn perform(&mut self, _now: Time, _: &Said, function: &Function, _: &mut Todo) -> Result<Step, NoResult> {
+    fn perform(&mut self, _now: Time, request: &Said, function: &Function, _: &mut Todo) -> Result<Step, NoResult> {
         match function {
             Function::GetServiceRoot => {
-                let all = self.own.iter().chain(self.supplied.values());
+                let all = self.own.iter().chain(self.supplied.values().map(|(entry, _)| entry));
                 Ok(Step::Done(Outcome::ServiceRoot(all.cloned().collect())))
             }
-            Function::SupplyBasicService(entry) => self.supply(entry),
+            Function::SupplyBasicService(entry) => self.supply(request, entry),
             other => Err(RefuseReason::UnsupportedFunction(other.word().into()).into()),
         }
     }

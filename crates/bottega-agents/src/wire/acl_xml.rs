@@ -1,6 +1,6 @@
 //! Messages in XML (FIPA00071).
 
-use std::fmt::Write;
+use std::{collections::BTreeMap, fmt::Write};
 
 use super::{
     ADDRESSES_MAX, AGENTS_MAX, DateTime, USER_PARAMETERS_MAX, WireError, WireMessage, bad_value, bounded, identifier,
@@ -22,17 +22,17 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
     let act = root.attribute("act").ok_or(WireError::Missing { object: "fipa-message", part: "act" })?;
     let performative = Performative::from_word(act).ok_or_else(|| bad_value("performative", act))?;
     let mut message = WireMessage::new(performative);
-    message.conversation_id = root.attribute("conversation-id").map(str::to_owned);
+    let known = Known::of(&root);
     for element in &root.children {
         let name = element.name.as_str();
         match name {
             // Many elements with one agent each, or one with many.
-            "receiver" => push_agents(&mut message.receivers, element)?,
-            "reply-to" => push_agents(&mut message.reply_to, element)?,
+            "receiver" => push_agents(&mut message.receivers, element, &known)?,
+            "reply-to" => push_agents(&mut message.reply_to, element, &known)?,
             "sender" => {
                 let agent = element.child("agent-identifier");
                 let agent = agent.ok_or(WireError::Missing { object: "sender", part: "agent-identifier" })?;
-                set_once(&mut message.sender, parse_agent(agent)?, name)?;
+                set_once(&mut message.sender, parse_agent(agent, &known)?, name)?;
             }
             "content" => set_once(&mut message.content, text_of(element), name)?,
             "language" => set_once(&mut message.language, text_of(element), name)?,
@@ -48,8 +48,8 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
             }
             "user-defined" => {
                 bounded(message.user.len(), USER_PARAMETERS_MAX, "user-defined parameters")?;
-                let key =
-                    element.attribute("href").ok_or(WireError::Missing { object: "user-defined", part: "href" })?;
+                // Without a name, which the document type allows, it says nothing.
+                let Some(key) = element.attribute("href") else { continue };
                 if message.user.insert(key.to_owned(), element.text.clone()).is_some() {
                     return Err(WireError::Twice(key.to_owned()));
                 }
@@ -57,7 +57,31 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
             _ => {}
         }
     }
+    // Some give it twice, as an attribute and as an element; the element can hold any text.
+    if message.conversation_id.is_none() {
+        message.conversation_id = root.attribute("conversation-id").map(str::to_owned);
+    }
     Ok(message)
+}
+
+/// Where agents are whom the message names in full: elsewhere in it `refid` may stand for them.
+struct Known<'a>(BTreeMap<&'a str, Vec<String>>);
+
+impl<'a> Known<'a> {
+    fn of(root: &'a Element) -> Self {
+        let mut known = BTreeMap::new();
+        let mut open = vec![root];
+        while let Some(element) = open.pop() {
+            open.extend(&element.children);
+            if let Some(id) = element.child("name").and_then(|name| name.attribute("id")) {
+                // One that cannot be read is refused where it stands.
+                if let Some(addresses) = addresses_of(element).ok().filter(|addresses| !addresses.is_empty()) {
+                    known.insert(id, addresses);
+                }
+            }
+        }
+        Self(known)
+    }
 }
 
 /// The text of an element, or what it refers to.
@@ -68,28 +92,48 @@ fn text_of(element: &Element) -> String {
     }
 }
 
-fn push_agents(agents: &mut Vec<AgentId>, element: &Element) -> Result<(), WireError> {
+fn push_agents(agents: &mut Vec<AgentId>, element: &Element, known: &Known<'_>) -> Result<(), WireError> {
     for agent in element.children("agent-identifier") {
         bounded(agents.len(), AGENTS_MAX, "agents")?;
-        agents.push(parse_agent(agent)?);
+        agents.push(parse_agent(agent, known)?);
     }
     Ok(())
 }
 
-fn parse_agent(element: &Element) -> Result<AgentId, WireError> {
+fn parse_agent(element: &Element, known: &Known<'_>) -> Result<AgentId, WireError> {
     let missing = WireError::Missing { object: "agent-identifier", part: "name" };
     let name = element.child("name").ok_or_else(|| missing.clone())?;
-    let name = name.attribute("id").or_else(|| name.attribute("refid")).ok_or(missing)?;
-    let mut addresses = Vec::new();
-    for url in element.children("addresses").flat_map(|addresses| addresses.children("url")) {
-        bounded(addresses.len(), ADDRESSES_MAX, "addresses")?;
-        let href = url.attribute("href").ok_or(WireError::Missing { object: "url", part: "href" })?;
-        addresses.push(href.to_owned());
-    }
+    let mut addresses = addresses_of(element)?;
+    let name = match (name.attribute("id"), name.attribute("refid"), name.text.trim()) {
+        (Some(id), ..) => id,
+        (None, Some(other), _) => {
+            if addresses.is_empty() {
+                addresses.extend(known.0.get(other).into_iter().flatten().cloned());
+            }
+            other
+        }
+        (None, None, "") => return Err(missing),
+        // As in an envelope: not the standard's way, but some write it.
+        (None, None, text) => text,
+    };
     Ok(identifier(name.to_owned(), addresses))
 }
 
-/// Writes a message. It reads back as the same.
+/// The addresses of an agent; a `url` that says none, which the document type allows, is passed over.
+fn addresses_of(agent: &Element) -> Result<Vec<String>, WireError> {
+    let mut addresses = Vec::new();
+    for url in agent.children("addresses").flat_map(|addresses| addresses.children("url")) {
+        bounded(addresses.len(), ADDRESSES_MAX, "addresses")?;
+        match (url.attribute("href"), url.text.trim()) {
+            (Some(address), _) => addresses.push(address.to_owned()),
+            (None, "") => {}
+            (None, text) => addresses.push(text.to_owned()),
+        }
+    }
+    Ok(addresses)
+}
+
+/// Writes a message, as the document type of FIPA00071 wants it. It reads back as the same.
 ///
 /// # Errors
 /// Text with characters that XML cannot hold.
@@ -98,10 +142,12 @@ pub fn print_xml(message: &WireMessage) -> Result<String, WireError> {
     if let Some(sender) = &message.sender {
         push_agents_element(&mut out, "sender", std::slice::from_ref(sender))?;
     }
-    for (name, agents) in [("receiver", &message.receivers), ("reply-to", &message.reply_to)] {
-        if !agents.is_empty() {
-            push_agents_element(&mut out, name, agents)?;
-        }
+    // The one element that may come more than once, so that every reader takes it so.
+    for receiver in &message.receivers {
+        push_agents_element(&mut out, "receiver", std::slice::from_ref(receiver))?;
+    }
+    if !message.reply_to.is_empty() {
+        push_agents_element(&mut out, "reply-to", &message.reply_to)?;
     }
     for (name, value) in texts(message) {
         if let Some(value) = value {

@@ -41,8 +41,8 @@ pub struct Envelope {
 pub struct Received {
     /// The channel.
     pub by: String,
-    /// When.
-    pub date: DateTime,
+    /// When. The document type lets a stamp be without.
+    pub date: Option<DateTime>,
     /// From which channel.
     pub from: Option<String>,
     /// As which message.
@@ -103,8 +103,10 @@ fn read_params(envelope: &mut Envelope, params: &Element) -> Result<(), WireErro
             }
             "user-defined" => {
                 bounded(envelope.user.len(), USER_PARAMETERS_MAX, "user-defined parameters")?;
-                let key = element.attribute("href").unwrap_or_default();
-                envelope.user.insert(key.to_owned(), element.text.clone());
+                // Without a name, which the document type allows, it says nothing.
+                if let Some(key) = element.attribute("href") {
+                    envelope.user.insert(key.to_owned(), element.text.clone());
+                }
             }
             _ => {}
         }
@@ -145,30 +147,25 @@ fn parse_stamp(element: &Element) -> Result<Received, WireError> {
         let url = || part.child("url").map_or(part.text.as_str(), |url| url.text.as_str());
         Some(part.attribute("value").unwrap_or_else(url).trim().to_owned())
     };
-    let missing = |part| WireError::Missing { object: "received", part };
+    let date = value("received-date").filter(|date| !date.is_empty());
     Ok(Received {
-        by: value("received-by").ok_or(missing("received-by"))?,
-        date: DateTime::parse(&value("received-date").ok_or(missing("received-date"))?)?,
+        by: value("received-by").ok_or(WireError::Missing { object: "received", part: "received-by" })?,
+        date: date.map(|date| DateTime::parse(&date)).transpose()?,
         from: value("received-from"),
         id: value("received-id"),
         via: value("received-via"),
     })
 }
 
-/// Writes an envelope: one `params` of the sender, one for each stamp. It reads back as the same where names,
-/// addresses and stamps have no blanks at their ends.
+/// Writes an envelope: one `params` of the sender, one for each stamp, as the document type of FIPA00085 wants it. It
+/// reads back as the same where names, addresses and stamps have no blanks at their ends.
 ///
 /// # Errors
 /// Text with characters that XML cannot hold.
 pub fn print_envelope(envelope: &Envelope) -> Result<String, WireError> {
     let mut out = "<?xml version=\"1.0\"?>\n<envelope><params index=\"1\">".to_owned();
-    // One `to` for each agent: the least that every reader takes.
-    for agent in &envelope.to {
-        push_agent(&mut out, "to", agent)?;
-    }
-    if let Some(from) = &envelope.from {
-        push_agent(&mut out, "from", from)?;
-    }
+    push_agents_element(&mut out, "to", &envelope.to)?;
+    push_agents_element(&mut out, "from", envelope.from.as_slice())?;
     let length = envelope.payload_length.map(|length| length.to_string());
     for (name, value) in [
         ("comments", envelope.comments.as_deref()),
@@ -181,34 +178,55 @@ pub fn print_envelope(envelope: &Envelope) -> Result<String, WireError> {
             _ = write!(out, "<{name}>{}</{name}>", escape(value)?);
         }
     }
-    for agent in &envelope.intended_receivers {
-        push_agent(&mut out, "intended-receiver", agent)?;
-    }
+    push_agents_element(&mut out, "intended-receiver", &envelope.intended_receivers)?;
     for (name, value) in &envelope.user {
         _ = write!(out, "<user-defined href=\"{}\">{}</user-defined>", escape(name)?, escape(value)?);
     }
     out.push_str("</params>");
     for (stamp, index) in envelope.received.iter().zip(2..) {
-        _ = write!(out, "<params index=\"{index}\"><received>");
-        for (name, value) in [
-            ("received-by", Some(stamp.by.as_str())),
-            ("received-date", Some(stamp.date.as_str())),
-            ("received-from", stamp.from.as_deref()),
-            ("received-id", stamp.id.as_deref()),
-            ("received-via", stamp.via.as_deref()),
-        ] {
-            if let Some(value) = value {
-                _ = write!(out, "<{name} value=\"{}\"/>", escape(value)?);
-            }
-        }
-        out.push_str("</received></params>");
+        _ = write!(out, "<params index=\"{index}\">");
+        push_stamp(&mut out, stamp)?;
+        out.push_str("</params>");
     }
     out.push_str("</envelope>");
     Ok(out)
 }
 
-fn push_agent(out: &mut String, name: &str, agent: &AgentId) -> Result<(), WireError> {
-    _ = write!(out, "<{name}><agent-identifier><name>{}</name>", escape(&agent.name)?);
+/// A stamp: who passed it on is a URL in an element, all else an attribute.
+fn push_stamp(out: &mut String, stamp: &Received) -> Result<(), WireError> {
+    _ = write!(out, "<received><received-by><url>{}</url></received-by>", escape(&stamp.by)?);
+    if let Some(from) = &stamp.from {
+        _ = write!(out, "<received-from><url>{}</url></received-from>", escape(from)?);
+    }
+    // The date must be there, if only empty.
+    match &stamp.date {
+        Some(date) => _ = write!(out, "<received-date value=\"{date}\"/>"),
+        None => out.push_str("<received-date/>"),
+    }
+    for (name, value) in [("received-id", &stamp.id), ("received-via", &stamp.via)] {
+        if let Some(value) = value {
+            _ = write!(out, "<{name} value=\"{}\"/>", escape(value)?);
+        }
+    }
+    out.push_str("</received>");
+    Ok(())
+}
+
+/// All agents in one element: the document type knows it once. Nothing for none.
+fn push_agents_element(out: &mut String, name: &str, agents: &[AgentId]) -> Result<(), WireError> {
+    if agents.is_empty() {
+        return Ok(());
+    }
+    _ = write!(out, "<{name}>");
+    for agent in agents {
+        push_agent(out, agent)?;
+    }
+    _ = write!(out, "</{name}>");
+    Ok(())
+}
+
+fn push_agent(out: &mut String, agent: &AgentId) -> Result<(), WireError> {
+    _ = write!(out, "<agent-identifier><name>{}</name>", escape(&agent.name)?);
     if !agent.addresses.is_empty() {
         out.push_str("<addresses>");
         for address in agent.addresses.iter() {
@@ -216,6 +234,6 @@ fn push_agent(out: &mut String, name: &str, agent: &AgentId) -> Result<(), WireE
         }
         out.push_str("</addresses>");
     }
-    _ = write!(out, "</agent-identifier></{name}>");
+    out.push_str("</agent-identifier>");
     Ok(())
 }

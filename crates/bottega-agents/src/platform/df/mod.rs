@@ -9,14 +9,14 @@ use std::{
 };
 
 use federation::Federation;
-use subscriptions::Subscriptions;
+use subscriptions::{Pages, Subscriptions};
 
 use super::{
     management::{
         DfAgentDescription, FailureReason, Function, ManagementContent, Outcome, RefuseReason, SearchConstraints,
     },
     ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, Step, Todo, name_of_request, signed, written_by},
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 
@@ -50,7 +50,26 @@ pub struct DfConfig {
 #[derive(Clone, Debug, PartialEq)]
 struct Entry {
     offer: DfAgentDescription,
+    /// The request that it was entered by.
+    by: Option<String>,
     revision: Revision,
+}
+
+impl Entry {
+    /// What others wrote into the store: what cannot be read is passed over.
+    fn parse(calendar: Calendar, now: Time, revision: Revision, text: &str) -> Option<Self> {
+        let term = sl::parse_term(text).ok()?;
+        let offer = read_df_description(calendar, now, &term).ok()?;
+        offer.name.as_ref()?;
+        Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision })
+    }
+
+    /// Whether it is there by this request, which has come before.
+    fn is_by(&self, request: &Said, description: &DfAgentDescription) -> bool {
+        // The lease is what was granted.
+        let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };
+        self.by.is_some() && self.by == name_of_request(request) && self.offer == granted
+    }
 }
 
 /// What agents offer. An agent may enter, change and take out only what it offers itself.
@@ -59,6 +78,8 @@ pub struct Df {
     config: DfConfig,
     /// By name in small letters.
     entries: BTreeMap<String, Entry>,
+    /// What was taken out, and by which write.
+    gone: BTreeMap<String, Revision>,
     /// Entries whose lease has ended and that are being taken out.
     ending: BTreeSet<String>,
     /// When to look for leases that have ended.
@@ -76,6 +97,7 @@ impl Df {
         Self {
             config,
             entries: BTreeMap::new(),
+            gone: BTreeMap::new(),
             ending: BTreeSet::new(),
             sweep_at: None,
             newest: Revision::ABSENT,
@@ -97,7 +119,13 @@ impl Df {
     }
 
     /// Enters a description, with the lease that is granted.
-    fn enter(&self, now: Time, name: &AgentId, description: &DfAgentDescription) -> Result<Step, NoResult> {
+    fn enter(
+        &self,
+        now: Time,
+        request: &Said,
+        name: &AgentId,
+        description: &DfAgentDescription,
+    ) -> Result<Step, NoResult> {
         for service in &description.services {
             for (missing, parameter) in [(service.name.is_none(), "name"), (service.service_type.is_none(), "type")] {
                 if missing {
@@ -114,7 +142,7 @@ impl Df {
             (wanted, most) => wanted.or(most),
         };
         let entry = DfAgentDescription { lease_time, ..description.clone() };
-        let text = sl::print_term(&df_description(self.config.calendar, &entry));
+        let text = sl::print_term(&signed(df_description(self.config.calendar, &entry), request));
         Ok(Step::Write(Change { key: key(name).into(), text }, Outcome::Entered(entry)))
     }
 
@@ -212,34 +240,45 @@ fn key(agent: &AgentId) -> String {
     format!("{ENTRY}{}", index(agent))
 }
 
+impl Df {
+    fn entered(&mut self, now: Time, name: &str, entry: Entry) {
+        if let Some(end) = entry.offer.lease_time {
+            self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
+        }
+        self.gone.remove(name);
+        let (offer, revision) = (entry.offer.clone(), entry.revision);
+        let before = self.entries.insert(name.to_owned(), entry);
+        self.subscriptions.changed(now, before.as_ref(), &offer, revision);
+    }
+
+    fn taken_out(&mut self, now: Time, name: &str, revision: Revision) {
+        if revision != Revision::ABSENT {
+            if self.gone.len() >= DESCRIPTIONS_MAX {
+                self.gone.pop_first();
+            }
+            self.gone.insert(name.to_owned(), revision);
+        }
+        if let Some(before) = self.entries.remove(name) {
+            let gone = DfAgentDescription { name: before.offer.name.clone(), ..Default::default() };
+            self.subscriptions.changed(now, Some(&before), &gone, revision);
+        }
+    }
+}
+
 impl Functions for Df {
     const PREFIXES: &'static [&'static str] = &["df/"];
 
-    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut Todo) {
+    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, _todo: &mut Todo) {
         self.newest = self.newest.max(revision);
         let Some(name) = key.strip_prefix(ENTRY) else {
-            self.subscriptions.learn(now, key, text, &self.entries, todo);
+            let pages = Pages { entries: &self.entries, gone: &self.gone };
+            self.subscriptions.learn(now, key, text, &pages);
             return;
         };
-        let read =
-            sl::parse_term(text).ok().and_then(|term| read_df_description(self.config.calendar, now, &term).ok());
-        let offer = read.filter(|offer| offer.name.is_some());
         self.ending.remove(name);
-        let before = match offer {
-            Some(offer) => {
-                if let Some(end) = offer.lease_time {
-                    self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
-                }
-                let entry = Entry { offer: offer.clone(), revision };
-                let before = self.entries.insert(name.to_owned(), entry);
-                self.subscriptions.changed(before.as_ref(), &offer, revision, todo);
-                return;
-            }
-            None => self.entries.remove(name),
-        };
-        if let Some(before) = before {
-            let gone = DfAgentDescription { name: before.offer.name.clone(), ..Default::default() };
-            self.subscriptions.changed(Some(&before), &gone, revision, todo);
+        match Entry::parse(self.config.calendar, now, revision, text) {
+            Some(entry) => self.entered(now, name, entry),
+            None => self.taken_out(now, name, revision),
         }
     }
 
@@ -248,18 +287,22 @@ impl Functions for Df {
         match function {
             Function::Register(description) => {
                 let name = self.own_name(asker, description)?;
-                if self.entry(now, &name).is_some() {
-                    return Err(FailureReason::AlreadyRegistered.into());
+                match self.entry(now, &name) {
+                    Some(entry) if entry.is_by(request, description) => {
+                        return Ok(Step::Done(Outcome::Entered(entry.offer.clone())));
+                    }
+                    Some(_) => return Err(FailureReason::AlreadyRegistered.into()),
+                    None => {}
                 }
                 if self.entries.len() >= DESCRIPTIONS_MAX {
                     return Err(FailureReason::InternalError("no room for more entries".to_owned()).into());
                 }
-                self.enter(now, &name, description)
+                self.enter(now, request, &name, description)
             }
             Function::Modify(description) => {
                 let name = self.own_name(asker, description)?;
                 self.entry(now, &name).ok_or(FailureReason::NotRegistered)?;
-                self.enter(now, &name, description)
+                self.enter(now, request, &name, description)
             }
             Function::Deregister(description) => {
                 let name = self.own_name(asker, description)?;
@@ -284,25 +327,25 @@ impl Functions for Df {
         match (&message.content, message.performative) {
             (ManagementContent::Subscription(template, constraints), Performative::Subscribe) => {
                 let wish = (template.clone(), constraints.clone());
-                let found = self.matching(now, &message.sender, template, constraints.results_max(RESULTS_MAX));
-                self.subscriptions.subscribe(message, wish, found, self.newest, todo)
+                self.subscriptions.subscribe(message, wish, self.newest, todo)
             }
             (ManagementContent::Cancel, Performative::Cancel) => self.subscriptions.cancel(message, todo),
             (ManagementContent::Undelivered { receiver, .. }, Performative::Failure) => {
                 self.federation.unreachable(receiver, todo);
-                self.subscriptions.forget(receiver, todo);
+                self.subscriptions.lost(now, message.in_reply_to);
                 true
             }
             _ => self.federation.hear(message, todo),
         }
     }
 
-    fn settled(&mut self, _now: Time, mark: u64, made: bool, todo: &mut Todo) {
-        self.subscriptions.settled(mark, made, todo);
+    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+        self.subscriptions.settled(now, mark, made, todo);
     }
 
     fn tick(&mut self, now: Time, todo: &mut Todo) {
-        self.subscriptions.pages_are_known(&self.entries, todo);
+        self.subscriptions.pages_are_known(now, &Pages { entries: &self.entries, gone: &self.gone });
+        self.subscriptions.tick(now, todo);
         if self.sweep_at.is_none_or(|at| at <= now) {
             self.sweep(now, todo);
         }
@@ -310,6 +353,7 @@ impl Functions for Df {
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        self.sweep_at.into_iter().chain(self.federation.next_deadline()).min()
+        let others = [self.subscriptions.next_deadline(), self.federation.next_deadline()];
+        self.sweep_at.into_iter().chain(others.into_iter().flatten()).min()
     }
 }

@@ -1,11 +1,12 @@
 //! Who wants to be told of offers.
 //!
-//! A subscription is an entry of the store that says up to which revision its subscriber was told. A replica that has
-//! news moves that revision on first, and tells only if it was the one who moved it: so each change is told once, by
-//! whichever replica lives, and a directory that starts again tells what was missed. (A replica that dies between the
-//! two leaves that one change untold.)
+//! A subscription is an entry of the store. It says which process tells the subscriber, up to which revision it has done so,
+//! and up to which it is sure that this arrived: when for a while nobody has said that it did not. Where the one who tells
+//! has died, another takes the subscription over, and tells all that is not sure; where a subscriber cannot be reached,
+//! it is told again, for a while. So in the end a subscriber knows how things stand, whoever dies on the way. What it is told, it
+//! may be told twice.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Duration};
 
 use super::{
     super::{
@@ -22,6 +23,20 @@ use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wir
 const SUBSCRIPTIONS_MAX: usize = 4096;
 /// The most news that wait to be told to one subscriber; the oldest are dropped.
 const NEWS_MAX: usize = 1024;
+/// What was told is sure when in this time nobody has said that it did not arrive: longer than a message may take.
+const SURE_AFTER: Duration = Duration::from_secs(30);
+/// Who was told something of which nobody says for so long that it did not arrive has been reached.
+const REACHED_AFTER: Duration = Duration::from_secs(15);
+/// What nobody has told for so long, another process tells.
+const TELL_WITHIN: Duration = Duration::from_secs(3);
+/// What was told and is not sure for so long, another process tells again: when the first would have lost its patience.
+const SURE_WITHIN: Duration = Duration::from_secs(120);
+/// When one is told again who could not be reached.
+const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
+/// Who cannot be reached for so long is forgotten.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// How often a subscription is tried to be entered that others have entered meanwhile.
+const TRIES_MAX: u32 = 3;
 /// The mark of changes of which nobody needs to hear.
 pub(super) const NO_MARK: u64 = 0;
 
@@ -30,49 +45,95 @@ const OBJECT: &str = "subscription";
 
 type Wish = (DfAgentDescription, SearchConstraints);
 
+/// What a directory knows of its entries.
+pub(super) struct Pages<'a> {
+    /// By name in small letters.
+    pub(super) entries: &'a BTreeMap<String, Entry>,
+    /// What was taken out, and by which write.
+    pub(super) gone: &'a BTreeMap<String, Revision>,
+}
+
+/// A subscription as it stands in the store.
+#[derive(Clone, Debug)]
+struct Standing {
+    /// The message that began it, of which the answers are made.
+    message: Said,
+    wish: Wish,
+    /// Who tells the subscriber.
+    teller: String,
+    /// The newest revision when it began: what was gone by then is none of its business.
+    begun: Revision,
+    /// Up to which revision the subscriber was told, as far as is sure.
+    sure: Revision,
+    /// Up to which it was told.
+    told: Revision,
+}
+
+#[derive(Clone, Debug)]
+struct News {
+    revision: Revision,
+    offer: DfAgentDescription,
+    /// Since when this process knows it.
+    since: Time,
+    /// When this process told it, and in the message of which number.
+    said: Option<(Time, u64)>,
+}
+
+/// A subscriber that cannot be reached.
+#[derive(Clone, Copy, Debug)]
+struct Lost {
+    since: Time,
+    again: Time,
+}
+
 #[derive(Clone, Debug)]
 struct Subscription {
-    /// The message that began it, of which the answers are made.
-    wish_message: Said,
-    wish: Wish,
-    /// Up to which revision the subscriber was told, as far as this replica is sure.
-    told: Revision,
-    /// The same, as the store has it.
-    stored: Revision,
-    /// Not told yet, in order of revision.
-    news: Vec<(Revision, DfAgentDescription)>,
-    /// Up to which revision this replica is about to tell.
-    claim: Option<Revision>,
+    standing: Standing,
+    /// What is not sure, one for each agent, in order of revision.
+    news: Vec<News>,
+    lost: Option<Lost>,
+    /// A change of its entry is under way.
+    is_written: bool,
 }
 
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "few at a time, for as long as the store takes")]
 enum Pending {
-    Begin { message: Said, wish: Wish, found: Vec<DfAgentDescription> },
-    Tell(String),
+    Begin { message: Said, wish: Wish, begun: Revision, tries: u32 },
+    Move(String),
     End(Said),
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Subscriptions {
     me: AgentId,
+    /// By which this process is known, also after a restart.
+    teller: String,
     calendar: Calendar,
     by_key: BTreeMap<String, Subscription>,
     pending: BTreeMap<u64, Pending>,
     next_mark: u64,
+    /// Of messages to subscribers.
+    next_number: u64,
     /// Before all pages are known nothing is told: what is read may be old news.
     pages_known: bool,
+    /// When to look at them again.
+    due: Option<Time>,
 }
 
 impl Subscriptions {
     pub(super) fn new(me: AgentId, calendar: Calendar) -> Self {
+        let teller = me.addresses.first().map_or_else(|| me.name.to_string(), Clone::clone);
         Self {
             me,
+            teller,
             calendar,
             by_key: BTreeMap::new(),
             pending: BTreeMap::new(),
             next_mark: NO_MARK + 1,
+            next_number: 1,
             pages_known: false,
+            due: None,
         }
     }
 
@@ -87,24 +148,36 @@ impl Subscriptions {
         todo.writes.push((mark, Change { key: key.into(), text }));
     }
 
-    pub(super) fn subscribe(
-        &mut self,
-        message: &Said,
-        wish: Wish,
-        found: Vec<DfAgentDescription>,
-        newest: Revision,
-        todo: &mut Todo,
-    ) -> bool {
+    /// Begins a subscription.
+    ///
+    /// - `newest`: the last revision that is known.
+    pub(super) fn subscribe(&mut self, message: &Said, wish: Wish, newest: Revision, todo: &mut Todo) -> bool {
         let key = Self::key(message);
         if self.by_key.len() + self.pending.len() >= SUBSCRIPTIONS_MAX && !self.by_key.contains_key(&key) {
-            let reason = super::FailureReason::InternalError("no room for more subscriptions".to_owned());
-            let content = ManagementContent::Failed(Function::Search(wish.0, wish.1), reason);
-            todo.send.push(message.reply(Performative::Failure, self.me.clone(), content));
+            todo.send.push(self.failure(message, wish, "no room for more subscriptions"));
             return true;
         }
-        let text = self.print(message, &wish, newest);
-        self.write(Pending::Begin { message: message.clone(), wish, found }, &key, text, todo);
+        self.begin(message.clone(), wish, newest, 0, todo);
         true
+    }
+
+    fn begin(&mut self, message: Said, wish: Wish, begun: Revision, tries: u32, todo: &mut Todo) {
+        let standing = Standing {
+            message: message.clone(),
+            wish: wish.clone(),
+            teller: self.teller.clone(),
+            begun,
+            sure: Revision::ABSENT,
+            told: Revision::ABSENT,
+        };
+        let text = self.print(&standing);
+        self.write(Pending::Begin { message: message.clone(), wish, begun, tries }, &Self::key(&message), text, todo);
+    }
+
+    fn failure(&self, message: &Said, wish: Wish, why: &str) -> Said {
+        let reason = super::FailureReason::InternalError(why.to_owned());
+        let content = ManagementContent::Failed(Function::Search(wish.0, wish.1), reason);
+        message.reply(Performative::Failure, self.me.clone(), content)
     }
 
     pub(super) fn cancel(&mut self, message: &Said, todo: &mut Todo) -> bool {
@@ -119,11 +192,16 @@ impl Subscriptions {
         true
     }
 
-    /// Ends all subscriptions of one who cannot be reached.
-    pub(super) fn forget(&mut self, subscriber: &AgentId, todo: &mut Todo) {
-        for (key, subscription) in &self.by_key {
-            if index(&subscription.wish_message.sender) == index(subscriber) {
-                todo.writes.push((NO_MARK, Change { key: key.as_str().into(), text: String::new() }));
+    /// The message of this number did not reach its subscriber.
+    pub(super) fn lost(&mut self, now: Time, number: u64) {
+        for subscription in self.by_key.values_mut() {
+            let in_it = |news: &&mut News| news.said.is_some_and(|(_, said)| said == number);
+            let mut unsaid = subscription.news.iter_mut().filter(in_it).peekable();
+            if unsaid.peek().is_some() {
+                unsaid.for_each(|news| news.said = None);
+                let since = subscription.lost.map_or(now, |lost| lost.since);
+                subscription.lost = Some(Lost { since, again: now + TRY_AGAIN_AFTER });
+                self.due = Some(now);
             }
         }
     }
@@ -131,81 +209,49 @@ impl Subscriptions {
     /// An offer is new, another, or gone (then `after` has its name alone).
     pub(super) fn changed(
         &mut self,
+        now: Time,
         before: Option<&Entry>,
         after: &DfAgentDescription,
         revision: Revision,
-        todo: &mut Todo,
     ) {
         if !self.pages_known {
             return;
         }
         for subscription in self.by_key.values_mut() {
-            let template = &subscription.wish.0;
-            let subscriber = &subscription.wish_message.sender;
-            let fits = |offer: &DfAgentDescription| template.matches(offer) && is_for(&self.me, subscriber, offer);
+            let Standing { message, wish, sure, .. } = &subscription.standing;
+            let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
             let was_like_it = before.is_some_and(|before| fits(&before.offer));
-            let is_like_it = fits(after);
             // What is not like it any more is told as gone.
-            let news = match (is_like_it, was_like_it) {
+            let offer = match (fits(after), was_like_it) {
                 (true, _) => after.clone(),
                 (false, true) => DfAgentDescription { name: after.name.clone(), ..Default::default() },
                 (false, false) => continue,
             };
             // Of an entry that was found to be gone nobody knows by which write.
-            let absent = revision == Revision::ABSENT;
-            let revision = if absent { Revision(subscription.last_known().0 + 1) } else { revision };
-            if revision > subscription.told {
-                subscription.news.push((revision, news));
-                if subscription.news.len() > NEWS_MAX {
-                    subscription.news.remove(0);
-                }
+            let newest = subscription.news.last().map_or(*sure, |news| news.revision);
+            let revision = if revision == Revision::ABSENT { Revision(newest.0 + 1) } else { revision };
+            if revision > *sure {
+                subscription.add(News { revision, offer, since: now, said: None });
+                self.due = Some(now);
             }
-        }
-        self.claim_news(todo);
-    }
-
-    /// Moves on what is told of each subscription that has news.
-    fn claim_news(&mut self, todo: &mut Todo) {
-        let mut claims = Vec::new();
-        for (key, subscription) in &mut self.by_key {
-            subscription.news.retain(|(revision, _)| *revision > subscription.told);
-            if let Some((newest, _)) = subscription.news.last()
-                && subscription.claim.is_none()
-            {
-                subscription.claim = Some(*newest);
-                claims.push((key.clone(), *newest));
-            }
-        }
-        for (key, newest) in claims {
-            let Some(subscription) = self.by_key.get(&key) else { continue };
-            let text = self.print(&subscription.wish_message, &subscription.wish, newest);
-            self.write(Pending::Tell(key.clone()), &key, text, todo);
         }
     }
 
-    pub(super) fn settled(&mut self, mark: u64, made: bool, todo: &mut Todo) {
+    pub(super) fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+        self.due = Some(now);
         match self.pending.remove(&mark) {
             None => {}
-            Some(Pending::Begin { message, wish, found }) => {
-                if made {
-                    self.tell(&message, &wish, found, todo);
-                } else {
-                    let reason = super::FailureReason::InternalError("the store does not take it".to_owned());
-                    let content = ManagementContent::Failed(Function::Search(wish.0, wish.1), reason);
-                    todo.send.push(message.reply(Performative::Failure, self.me.clone(), content));
-                }
+            Some(Pending::Begin { .. }) if made => {}
+            Some(Pending::Begin { message, wish, begun, tries }) if tries < TRIES_MAX => {
+                self.begin(message, wish, begun, tries + 1, todo);
             }
-            Some(Pending::Tell(key)) => {
-                let Some(subscription) = self.by_key.get_mut(&key) else { return };
-                let claim = subscription.claim.take();
-                subscription.told = claim.filter(|_| made).unwrap_or(subscription.stored);
-                if let Some(claim) = claim.filter(|_| made) {
-                    let mine = subscription.news.extract_if(.., |(revision, _)| *revision <= claim);
-                    let offers: Vec<DfAgentDescription> = mine.map(|(_, offer)| offer).collect();
-                    let (message, wish) = (subscription.wish_message.clone(), subscription.wish.clone());
-                    self.tell(&message, &wish, offers, todo);
+            Some(Pending::Begin { message, wish, .. }) => {
+                todo.send.push(self.failure(&message, wish, "the store does not take it"));
+            }
+            Some(Pending::Move(key)) => {
+                if let Some(subscription) = self.by_key.get_mut(&key) {
+                    subscription.is_written = false;
                 }
-                self.claim_news(todo);
             }
             Some(Pending::End(message)) => {
                 // Not made: it was cancelled elsewhere, or changed and is still there.
@@ -218,76 +264,115 @@ impl Subscriptions {
         }
     }
 
-    fn tell(&self, message: &Said, wish: &Wish, mut offers: Vec<DfAgentDescription>, todo: &mut Todo) {
-        offers.truncate(wish.1.results_max(RESULTS_MAX));
-        if offers.is_empty() {
+    /// Does what is due: tells, writes down what was told, takes over what nobody tells.
+    pub(super) fn tick(&mut self, now: Time, todo: &mut Todo) {
+        if self.due.is_none_or(|due| now < due) {
             return;
         }
-        let content = ManagementContent::News(wish.0.clone(), wish.1.clone(), offers);
-        todo.send.push(message.reply(Performative::Inform, self.me.clone(), content));
+        let (mut moves, mut ends) = (Vec::new(), Vec::new());
+        for (key, subscription) in &mut self.by_key {
+            subscription.note_if_reached(now);
+            if subscription.standing.teller != self.teller {
+                if !subscription.is_written && subscription.take_over_at().is_some_and(|at| at <= now) {
+                    moves
+                        .push((key.clone(), Standing { teller: self.teller.clone(), ..subscription.standing.clone() }));
+                }
+            } else if subscription.lost.is_some_and(|lost| lost.since + PATIENCE <= now) {
+                ends.push(key.clone());
+            } else {
+                subscription.tell(now, &self.me, &mut self.next_number, todo);
+                moves.extend(subscription.moved(now).map(|standing| (key.clone(), standing)));
+            }
+        }
+        for (key, standing) in moves {
+            let text = self.print(&standing);
+            if let Some(subscription) = self.by_key.get_mut(&key) {
+                subscription.is_written = true;
+            }
+            self.write(Pending::Move(key.clone()), &key, text, todo);
+        }
+        for key in ends {
+            self.give_up(now, &key, todo);
+        }
+        let next = self.by_key.values().filter_map(|subscription| subscription.next_deadline(&self.teller)).min();
+        self.due = next.map(|next| next.max(now + Duration::from_millis(1)));
+    }
+
+    /// Ends the subscription of one who cannot be reached. It will hardly hear this; the gateway ends the thread by it.
+    fn give_up(&mut self, now: Time, key: &str, todo: &mut Todo) {
+        let Some(subscription) = self.by_key.get_mut(key) else { return };
+        // In case that the store does not take it.
+        subscription.lost = Some(Lost { since: now, again: now + TRY_AGAIN_AFTER });
+        let Standing { message, wish, .. } = subscription.standing.clone();
+        todo.send.push(self.failure(&message, wish, "you could not be reached"));
+        todo.writes.push((NO_MARK, Change { key: key.into(), text: String::new() }));
+    }
+
+    pub(super) fn next_deadline(&self) -> Option<Time> {
+        self.due
     }
 
     /// Takes over an entry of the store.
-    pub(super) fn learn(
-        &mut self,
-        now: Time,
-        key: &str,
-        text: &str,
-        entries: &BTreeMap<String, Entry>,
-        todo: &mut Todo,
-    ) {
-        let Some((message, wish, told)) = self.parse(now, text).filter(|_| key.starts_with(PREFIX)) else {
+    pub(super) fn learn(&mut self, now: Time, key: &str, text: &str, pages: &Pages<'_>) {
+        self.due = Some(now);
+        let Some(standing) = self.parse(now, text).filter(|_| key.starts_with(PREFIX)) else {
             self.by_key.remove(key);
             return;
         };
-        match self.by_key.get_mut(key) {
+        let begins = match self.by_key.get_mut(key) {
             Some(known) => {
-                known.wish_message = message;
-                known.wish = wish;
-                known.stored = told;
-                // While this replica claims, it does not know yet whether it was the one who moved on.
-                if known.claim.is_none() {
-                    known.told = told;
-                    known.news.retain(|(revision, _)| *revision > told);
+                // One that begins again knows nothing, and one that is taken over may know less than was told.
+                let begins = standing.sure < known.standing.sure || standing.told < known.standing.told;
+                if standing.teller != known.standing.teller {
+                    // It has its time to tell it, whoever it is.
+                    known.news.iter_mut().for_each(|news| (news.since, news.said) = (now, None));
+                    known.lost = None;
                 }
+                known.news.retain(|news| news.revision > standing.sure);
+                known.standing = standing;
+                begins
             }
             None => {
-                let new =
-                    Subscription { wish_message: message, wish, told, stored: told, news: Vec::new(), claim: None };
+                let new = Subscription { standing, news: Vec::new(), lost: None, is_written: false };
                 self.by_key.insert(key.to_owned(), new);
-                if self.pages_known {
-                    self.look_for_news(key, entries);
-                }
+                true
             }
-        }
-        if self.pages_known {
-            self.claim_news(todo);
+        };
+        if begins && self.pages_known {
+            self.look_for_news(now, key, pages);
         }
     }
 
-    /// What was entered after the subscriber was last told.
-    fn look_for_news(&mut self, key: &str, entries: &BTreeMap<String, Entry>) {
+    /// All of which it is not sure that the subscriber was told.
+    fn look_for_news(&mut self, now: Time, key: &str, pages: &Pages<'_>) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
-        let missed = entries.values().filter(|entry| entry.revision > subscription.told);
-        let subscriber = &subscription.wish_message.sender;
-        let missed = missed.filter(|entry| subscription.wish.0.matches(&entry.offer));
-        let missed = missed.filter(|entry| is_for(&self.me, subscriber, &entry.offer));
-        subscription.news = missed.map(|entry| (entry.revision, entry.offer.clone())).collect();
-        subscription.news.sort_by_key(|(revision, _)| *revision);
+        let Standing { message, wish, begun, sure, .. } = &subscription.standing;
+        let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
+        let offered = pages.entries.values().filter(|entry| entry.revision > *sure && fits(&entry.offer));
+        let offered = offered.map(|entry| (entry.revision, entry.offer.clone()));
+        // What they were is not known any more: perhaps what the subscriber wanted.
+        let gone = pages.gone.iter().filter(|(_, revision)| **revision > *sure.max(begun)).map(|(name, revision)| {
+            let name = Some(AgentId::new(name.as_str()));
+            (*revision, DfAgentDescription { name, ..Default::default() })
+        });
+        let news = offered.chain(gone).map(|(revision, offer)| News { revision, offer, since: now, said: None });
+        subscription.news = news.collect();
+        subscription.news.sort_by_key(|news| news.revision);
     }
 
     /// From now on all that is learned is new.
-    pub(super) fn pages_are_known(&mut self, entries: &BTreeMap<String, Entry>, todo: &mut Todo) {
+    pub(super) fn pages_are_known(&mut self, now: Time, pages: &Pages<'_>) {
         if std::mem::replace(&mut self.pages_known, true) {
             return;
         }
         for key in self.by_key.keys().cloned().collect::<Vec<_>>() {
-            self.look_for_news(&key, entries);
+            self.look_for_news(now, &key, pages);
         }
-        self.claim_news(todo);
+        self.due = Some(now);
     }
 
-    fn print(&self, message: &Said, wish: &Wish, told: Revision) -> String {
+    fn print(&self, standing: &Standing) -> String {
+        let Standing { message, wish, teller, begun, sure, told } = standing;
         let content = ManagementContent::Subscription(wish.0.clone(), wish.1.clone());
         let wish = print_content(self.calendar, &self.me, &content);
         let number = |number: u64| Term::Bare(number.to_string());
@@ -300,6 +385,12 @@ impl Subscriptions {
             number(message.conversation_id),
             key("reply-with"),
             number(message.reply_with),
+            key("teller"),
+            Term::text(teller),
+            key("begun"),
+            number(begun.0),
+            key("sure"),
+            number(sure.0),
             key("told"),
             number(told.0),
             key("wish"),
@@ -307,7 +398,7 @@ impl Subscriptions {
         ]))
     }
 
-    fn parse(&self, now: Time, text: &str) -> Option<(Said, Wish, Revision)> {
+    fn parse(&self, now: Time, text: &str) -> Option<Standing> {
         let term = sl::parse_term(text).ok()?;
         let object = Object::read(OBJECT, &term).ok()?;
         let number = |name: &str| object.get(name)?.as_str()?.parse::<u64>().ok();
@@ -323,13 +414,86 @@ impl Subscriptions {
             reply_with: number("reply-with")?,
             ..AclMessage::new(Performative::Subscribe, subscriber, self.me.clone(), content)
         };
-        Some((message, (template, constraints), Revision(number("told")?)))
+        Some(Standing {
+            message,
+            wish: (template, constraints),
+            teller: object.get("teller")?.as_str()?.to_owned(),
+            begun: Revision(number("begun")?),
+            sure: Revision(number("sure")?),
+            told: Revision(number("told")?),
+        })
     }
 }
 
 impl Subscription {
-    /// The last revision of which there is news.
-    fn last_known(&self) -> Revision {
-        self.news.last().map_or(self.told, |(revision, _)| *revision)
+    /// Adds what is the newest, in place of what was new of the same agent.
+    fn add(&mut self, news: News) {
+        let name = news.offer.name.as_ref().map(index);
+        self.news.retain(|other| other.offer.name.as_ref().map(index) != name);
+        self.news.push(news);
+        if self.news.len() > NEWS_MAX {
+            self.news.remove(0);
+        }
+    }
+
+    /// Tells what was not told yet.
+    fn tell(&mut self, now: Time, me: &AgentId, next_number: &mut u64, todo: &mut Todo) {
+        if self.lost.is_some_and(|lost| now < lost.again) {
+            return;
+        }
+        let Standing { message, wish, .. } = &self.standing;
+        let mut unsaid: Vec<&mut News> = self.news.iter_mut().filter(|news| news.said.is_none()).collect();
+        // Who wants all gets all, in as many messages as it takes.
+        let is_all = wish.1.max_results.is_some_and(|most| most < 0);
+        let most = if is_all { unsaid.len() } else { wish.1.results_max(RESULTS_MAX) };
+        for (index, news) in unsaid.iter_mut().enumerate() {
+            news.said = Some((now, *next_number + (index / RESULTS_MAX) as u64));
+        }
+        for news in unsaid[..most.min(unsaid.len())].chunks(RESULTS_MAX) {
+            let offers = news.iter().map(|news| news.offer.clone()).collect();
+            let content = ManagementContent::News(wish.0.clone(), wish.1.clone(), offers);
+            let inform = message.reply(Performative::Inform, me.clone(), content);
+            // By this number it is told if it does not arrive.
+            todo.send.push(Said { reply_with: *next_number, ..inform });
+            *next_number += 1;
+        }
+    }
+
+    /// It can be reached, if something that it was told lately has not come back.
+    fn note_if_reached(&mut self, now: Time) {
+        if self.news.iter().any(|news| news.said.is_some_and(|(said, _)| said + REACHED_AFTER <= now)) {
+            self.lost = None;
+        }
+    }
+
+    /// How it stands now, if that is not what the store has.
+    fn moved(&self, now: Time) -> Option<Standing> {
+        let is_sure = |news: &News| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
+        let last = |news: Option<&News>, known: Revision| news.map_or(known, |news| news.revision.max(known));
+        let sure = last(self.news.iter().take_while(|news| is_sure(news)).last(), self.standing.sure);
+        let told = last(self.news.iter().take_while(|news| news.said.is_some()).last(), self.standing.told);
+        if self.is_written || (sure, told) == (self.standing.sure, self.standing.told) {
+            return None;
+        }
+        Some(Standing { sure, told, ..self.standing.clone() })
+    }
+
+    /// When another process shall tell.
+    fn take_over_at(&self) -> Option<Time> {
+        let at = |news: &News| news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN };
+        self.news.iter().map(at).min()
+    }
+
+    /// When there is something to do for the process of this name.
+    fn next_deadline(&self, teller: &str) -> Option<Time> {
+        if self.standing.teller != teller {
+            return self.take_over_at().filter(|_| !self.is_written);
+        }
+        let unsaid = self.news.iter().any(|news| news.said.is_none());
+        let tell = self.lost.filter(|_| unsaid).map(|lost| lost.again);
+        let forget = self.lost.map(|lost| lost.since + PATIENCE);
+        let first = self.news.first().filter(|_| !self.is_written);
+        let sure = first.and_then(|news| news.said).map(|(said, _)| said + SURE_AFTER);
+        [tell, forget, sure].into_iter().flatten().min()
     }
 }

@@ -136,7 +136,9 @@ impl JobsAgent {
     ) -> Result<(), Unread> {
         let found = match read_jobs_function(asked)? {
             JobsFunction::ListJobs => Term::call("sequence", self.farm.jobs.iter().map(job_term)),
-            JobsFunction::ListMachines => Term::call("sequence", self.farm.machines.iter().map(machine_term)),
+            JobsFunction::ListMachines => {
+                Term::call("sequence", self.farm.machines.iter().map(|machine| machine_term(machine, None)))
+            }
             JobsFunction::Describe(number) => job_term(self.farm.job(number).ok_or_else(|| no_such_job(asked))?),
             JobsFunction::Change(number, change) => return self.change(message, asked, number, change, send, actions),
         };

@@ -33,7 +33,7 @@ use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
 
 use crate::{
     error::CliError,
-    farm::{FarmView, JobBoard, JobState, MachineOrder, MachineView, Roster, set_priority, steer},
+    farm::{FarmView, JobBoard, JobState, JobView, MachineOrder, MachineView, Roster, set_priority, steer},
 };
 
 /// How often the farm is looked at.
@@ -166,7 +166,7 @@ impl Drop for FarmAgents {
 struct Known {
     reports: Reports<MachineReport>,
     /// What it was told; `None`: that the machine has gone.
-    told: Option<MachineView>,
+    told: Option<(MachineView, Option<Box<JobView>>)>,
 }
 
 struct Watch<F> {
@@ -217,7 +217,8 @@ impl<F: Farm> Watch<F> {
         for machine in &now.machines {
             let name = machine.seat.name.to_lowercase();
             gone.retain(|other| *other != name);
-            self.see(name, machine);
+            let job = machine.seat.job.and_then(|number| now.job(number));
+            self.see(name, (machine.clone(), job.cloned().map(Box::new)));
         }
         for name in gone {
             if let Some(Some(known)) = self.machines.get_mut(&name)
@@ -232,31 +233,30 @@ impl<F: Farm> Watch<F> {
         }
     }
 
-    fn see(&mut self, name: String, machine: &MachineView) {
+    fn see(&mut self, name: String, seen: (MachineView, Option<Box<JobView>>)) {
         match self.machines.get_mut(&name) {
             Some(None) => {}
-            Some(Some(known)) if known.told.as_ref() == Some(machine) => {}
+            Some(Some(known)) if known.told.as_ref() == Some(&seen) => {}
             Some(Some(known)) => {
-                known.reports.tell(MachineReport::Seen(machine.clone()));
-                known.told = Some(machine.clone());
+                known.told = Some(seen.clone());
+                known.reports.tell(MachineReport::Seen(seen.0, seen.1));
             }
             None => {
-                let reports = self.add(machine);
-                let known = reports.map(|reports| Known { reports, told: Some(machine.clone()) });
-                self.machines.insert(name, known);
+                let reports = self.add(&seen.0, seen.1.clone());
+                self.machines.insert(name, reports.map(|reports| Known { reports, told: Some(seen) }));
             }
         }
     }
 
     /// Makes a machine an agent.
-    fn add(&self, machine: &MachineView) -> Option<Reports<MachineReport>> {
+    fn add(&self, machine: &MachineView, job: Option<Box<JobView>>) -> Option<Reports<MachineReport>> {
         let name = &machine.seat.name;
         if !can_be_name(name) {
             tracing::warn!(name, "a machine whose name cannot be that of an agent");
             return None;
         }
         let id = AgentId { name: format!("{name}@{}", self.platform).into(), addresses: Arc::clone(&self.address) };
-        let agent = RenderAgent::new(id.clone(), self.around.clone(), machine.clone());
+        let agent = RenderAgent::new(id.clone(), self.around.clone(), machine.clone(), job);
         let (wishes, machine) = (self.wishes.clone(), name.clone());
         let perform = move |give| {
             // At the end of the link nobody listens.

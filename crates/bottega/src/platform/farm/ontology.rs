@@ -26,12 +26,12 @@
 //! ```text
 //! (job :number 3 :state active :done 0.42 :zones-done 10 :zones 24 :priority 10 :machines 2 :leader atelier-1f00aa
 //!      :from atelier-1f00aa :submitted 1795227948 :scene goblets.glb :output night.exr :kept false)
-//! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0")
+//! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0" :paints (job :number 3 …))
 //! ```
 //!
 //! A job's `state` is `active`, `paused`, `done`, `failed` (then there is a `reason`) or `cancelled`; `done` is the share of
 //! its cost that is painted, 0 to 1; `kept` says that `bottega jobs fetch` has its picture. A machine's `state` is `active` or
-//! `suspended`.
+//! `suspended`; a machine that is asked itself tells the job that it `paints`, and so how far that is.
 //!
 //! For example, a request and its answers:
 //!
@@ -261,7 +261,9 @@ pub(super) fn job_term(job: &JobView) -> Term {
 }
 
 /// A machine as an object.
-pub(super) fn machine_term(machine: &MachineView) -> Term {
+///
+/// - `job`: what it paints, if that is to be told too.
+pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term {
     let seat = &machine.seat;
     let fields = Fields(vec![Term::text("machine")])
         .text("name", &seat.name)
@@ -271,7 +273,12 @@ pub(super) fn machine_term(machine: &MachineView) -> Term {
         Some(job) => fields.number("job", &job),
         None => fields,
     };
-    Term::List(fields.text("version", &seat.version).0)
+    let fields = fields.text("version", &seat.version);
+    let fields = match job {
+        Some(job) => fields.put("paints", job_term(job)),
+        None => fields,
+    };
+    Term::List(fields.0)
 }
 
 /// What is asked of an agent, as it would be asked.

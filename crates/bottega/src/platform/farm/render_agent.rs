@@ -24,7 +24,7 @@ use super::{
     page::{Ask, Page, request},
     talk::{self, Message},
 };
-use crate::farm::{MachineOrder, MachineView, Standing};
+use crate::farm::{JobView, MachineOrder, MachineView, Standing};
 
 /// The service type of machines.
 pub(super) const SERVICE_TYPE: &str = "bottega-render";
@@ -58,8 +58,8 @@ pub(super) struct GiveOrder {
 /// What the farm tells.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum MachineReport {
-    /// The machine is there, and so it stands.
-    Seen(MachineView),
+    /// The machine is there, and so it stands, with the job that it paints.
+    Seen(MachineView, Option<Box<JobView>>),
     /// Its seat is silent.
     Gone,
     /// An order was given, or why not. What was seen last takes it into account.
@@ -80,6 +80,8 @@ pub(super) struct RenderAgent {
     around: Surroundings,
     /// The machine, while it is there.
     machine: Option<MachineView>,
+    /// What it paints.
+    job: Option<Box<JobView>>,
     white: Page<LifeCycleState>,
     yellow: Page<DfAgentDescription>,
     /// As the AMS has said.
@@ -98,11 +100,12 @@ type Actions = Vec<ActionOf<RenderAgent>>;
 
 impl RenderAgent {
     /// - `id`: with the addresses of the platform.
-    pub(super) fn new(id: AgentId, around: Surroundings, machine: MachineView) -> Self {
+    pub(super) fn new(id: AgentId, around: Surroundings, machine: MachineView, job: Option<Box<JobView>>) -> Self {
         let mut this = Self {
             id,
             around,
             machine: None,
+            job: None,
             // The AMS enters who lives here.
             white: Page::there(),
             yellow: Page::absent(),
@@ -113,7 +116,7 @@ impl RenderAgent {
             giving: BTreeMap::new(),
             changes: Vec::new(),
         };
-        this.see(Some(machine));
+        this.see(Some(machine), job);
         this
     }
 
@@ -123,8 +126,8 @@ impl RenderAgent {
     }
 
     /// The machine stands so now, or has gone.
-    fn see(&mut self, machine: Option<MachineView>) {
-        self.machine = machine;
+    fn see(&mut self, machine: Option<MachineView>, job: Option<Box<JobView>>) {
+        (self.machine, self.job) = (machine, job);
         self.is_destroyed &= self.machine.is_some();
         self.want();
     }
@@ -220,7 +223,8 @@ impl RenderAgent {
         };
         let standing = match function {
             MachineFunction::Describe => {
-                actions.push(talk::send(talk::result(message, &self.id, asked, machine_term(machine))));
+                let machine = machine_term(machine, self.job.as_deref());
+                actions.push(talk::send(talk::result(message, &self.id, asked, machine)));
                 return Ok(());
             }
             MachineFunction::Suspend => Standing::Suspended,
@@ -340,8 +344,8 @@ impl StateMachine for RenderAgent {
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Actions) {
         match event {
             Event::Message(message) => self.take(&message, now, actions),
-            Event::Completed(MachineReport::Seen(machine)) => self.see(Some(machine)),
-            Event::Completed(MachineReport::Gone) => self.see(None),
+            Event::Completed(MachineReport::Seen(machine, job)) => self.see(Some(machine), job),
+            Event::Completed(MachineReport::Gone) => self.see(None, None),
             Event::Completed(MachineReport::Given { ticket, result }) => {
                 self.given(ticket, result, actions);
             }

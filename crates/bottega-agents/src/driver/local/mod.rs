@@ -3,26 +3,30 @@
 //! One lock guards mailboxes, store and timers; no machine ever runs under it. A thread without work sleeps until a
 //! mailbox fills or the next deadline comes: nothing polls.
 
+mod bus;
+mod mailbox;
+mod state;
+
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
+    collections::VecDeque,
     panic,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, PoisonError},
     thread,
     time::{Duration, Instant},
 };
 
-use super::{queues::Queues, uplink::Uplink};
-use crate::{
-    AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreRequest, Ticket, Time,
-    bus::{BLOBS_MAX, Beyond, Blob, BlobId, Bus, carry_out},
-    entry_store::EntryStore,
-    store::{Addressed, MemoryStore},
-};
+pub use bus::LocalBus;
+pub use mailbox::Mailbox;
+pub use state::MAILBOX_MESSAGES_MAX;
+use state::{Shared, Slot, State};
 
-/// The most messages that wait in a mailbox; what comes on top is lost, as on any network.
-///
-/// Completions and answers of the store are not counted: each was asked for by the agent itself.
-pub const MAILBOX_MESSAGES_MAX: usize = 1 << 16;
+use super::uplink::Uplink;
+use crate::{
+    AgentId, Event, StateMachine, Time,
+    bus::{Beyond, carry_out},
+    entry_store::EntryStore,
+    store::MemoryStore,
+};
 
 /// How many events an agent may take before the next agent has its turn.
 const TURN_EVENTS_MAX: usize = 32;
@@ -33,302 +37,6 @@ const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 /// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
 /// end through the [`Mailbox`].
 pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
-
-struct Slot<M: StateMachine> {
-    id: AgentId,
-    /// Absent while a thread runs it, and when it has stopped.
-    machine: Option<(M, Performer<M>)>,
-    mailbox: VecDeque<EventOf<M>>,
-    messages: usize,
-    /// In the ready queue, or running.
-    scheduled: bool,
-    deadline: Option<Time>,
-    stopped: bool,
-}
-
-struct State<M: StateMachine> {
-    slots: Vec<Slot<M>>,
-    index: BTreeMap<AgentId, usize>,
-    ready: VecDeque<usize>,
-    timers: BTreeSet<(Time, usize)>,
-    queues: Queues<M::Content>,
-    blobs: BTreeMap<BlobId, Blob>,
-    presence_watchers: BTreeSet<usize>,
-    /// Agents that have not stopped.
-    alive: usize,
-    messages_lost: u64,
-    /// Gets what is for agents that are not here.
-    gateway: Option<usize>,
-    closing: bool,
-    panicked: bool,
-}
-
-type Store<V> = Box<dyn EntryStore<V, usize> + Send>;
-
-struct Shared<M: StateMachine> {
-    state: Mutex<State<M>>,
-    /// Locked before `state` where both are, so that replies arrive in the order of what they tell, and that a store
-    /// which takes its time holds up nobody who does not need it.
-    store: Mutex<Store<M::Value>>,
-    /// There is work for a worker, or the platform closes.
-    work: Condvar,
-    /// The last agent stopped, or the platform closes.
-    finished: Condvar,
-    started: Instant,
-    /// What lies beyond this process.
-    uplink: Option<Arc<dyn Uplink<M>>>,
-}
-
-impl<M: StateMachine> Shared<M> {
-    fn lock(&self) -> MutexGuard<'_, State<M>> {
-        // No machine runs under the lock, so a panic elsewhere leaves the state whole.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn now(&self) -> Time {
-        Time::since_start(self.started.elapsed())
-    }
-
-    /// Does something with the store and delivers what it says.
-    fn with_store(&self, change: impl FnOnce(&mut Store<M::Value>, &mut Vec<Addressed<M::Value, usize>>)) {
-        // A store that panicked is as good as one that cannot be asked; its own invariants are its business.
-        let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut replies = Vec::new();
-        change(&mut store, &mut replies);
-        if replies.is_empty() {
-            return;
-        }
-        let mut state = self.lock();
-        for Addressed { to, ticket, reply } in replies {
-            state.deliver(to, Event::Store { ticket, reply });
-        }
-        drop(state);
-        self.work.notify_all();
-    }
-}
-
-impl<M: StateMachine> State<M> {
-    /// Puts an event into a mailbox. Returns whether a worker must be woken.
-    fn deliver(&mut self, to: usize, event: EventOf<M>) -> bool {
-        let slot = &mut self.slots[to];
-        if slot.stopped {
-            return false;
-        }
-        if matches!(event, Event::Message(_)) {
-            if slot.messages == MAILBOX_MESSAGES_MAX {
-                self.messages_lost += 1;
-                return false;
-            }
-            slot.messages += 1;
-        }
-        slot.mailbox.push_back(event);
-        self.schedule(to)
-    }
-
-    /// From now on it is told who comes and goes, and now who is here.
-    fn watch_presence(&mut self, watcher: usize) {
-        self.presence_watchers.insert(watcher);
-        for agent in 0..self.slots.len() {
-            if agent != watcher && !self.slots[agent].stopped {
-                let agent = self.slots[agent].id.clone();
-                self.deliver(watcher, Event::Presence { agent, present: true });
-            }
-        }
-    }
-
-    fn schedule(&mut self, agent: usize) -> bool {
-        let slot = &mut self.slots[agent];
-        if slot.scheduled {
-            return false;
-        }
-        slot.scheduled = true;
-        self.ready.push_back(agent);
-        true
-    }
-
-    fn set_deadline(&mut self, agent: usize, deadline: Option<Time>) {
-        let slot = &mut self.slots[agent];
-        if slot.deadline == deadline {
-            return;
-        }
-        if let Some(old) = slot.deadline {
-            self.timers.remove(&(old, agent));
-        }
-        slot.deadline = deadline;
-        if let Some(new) = deadline {
-            self.timers.insert((new, agent));
-        }
-    }
-
-    /// Moves agents whose deadline has come into the ready queue.
-    fn wake_due(&mut self, now: Time) {
-        while let Some(&(at, agent)) = self.timers.first() {
-            if at > now {
-                return;
-            }
-            self.timers.pop_first();
-            self.slots[agent].deadline = None;
-            self.deliver(agent, Event::Deadline);
-        }
-    }
-
-    fn tell_presence(&mut self, agent: usize, present: bool) {
-        let id = self.slots[agent].id.clone();
-        for watcher in self.presence_watchers.clone() {
-            if watcher != agent {
-                self.deliver(watcher, Event::Presence { agent: id.clone(), present });
-            }
-        }
-    }
-
-    fn retire(&mut self, agent: usize) {
-        self.set_deadline(agent, None);
-        let slot = &mut self.slots[agent];
-        slot.stopped = true;
-        slot.mailbox.clear();
-        let id = slot.id.clone();
-        self.queues.forget(&id);
-        self.presence_watchers.remove(&agent);
-        self.alive -= 1;
-        self.tell_presence(agent, false);
-    }
-}
-
-/// The bus of a [`LocalPlatform`]: may be cloned and used by any thread.
-pub struct LocalBus<M: StateMachine>(Arc<Shared<M>>);
-
-impl<M: StateMachine> Clone for LocalBus<M> {
-    fn clone(&self) -> Self {
-        Self(Arc::clone(&self.0))
-    }
-}
-
-impl<M: StateMachine> LocalBus<M>
-where
-    M::Content: Clone,
-    M::Value: Clone,
-{
-    fn with(&self, change: impl FnOnce(&mut State<M>)) {
-        change(&mut self.0.lock());
-        self.0.work.notify_all();
-    }
-}
-
-impl<M: StateMachine> Bus for LocalBus<M>
-where
-    M::Content: Clone,
-    M::Value: Clone,
-{
-    type Content = M::Content;
-    type Value = M::Value;
-
-    fn publish(&mut self, message: AclMessage<M::Content>) {
-        let mut elsewhere = Vec::new();
-        self.with(|state| {
-            for receiver in &message.receivers {
-                // Of one who has stopped the gateway tells the sender.
-                let here = |to: usize| state.gateway.is_none_or(|gateway| gateway != to && !state.slots[to].stopped);
-                match state.index.get(receiver) {
-                    Some(&to) if here(to) => _ = state.deliver(to, Event::Message(message.clone())),
-                    _ => elsewhere.push(receiver.clone()),
-                }
-            }
-            match (state.gateway, &self.0.uplink) {
-                _ if elsewhere.is_empty() => {}
-                (Some(gateway), _) => {
-                    let receivers = std::mem::take(&mut elsewhere);
-                    state.deliver(gateway, Event::Message(AclMessage { receivers, ..message.clone() }));
-                }
-                (None, Some(_)) => {}
-                (None, None) => state.messages_lost += elsewhere.len() as u64,
-            }
-        });
-        if let Some(uplink) = &self.0.uplink {
-            elsewhere.iter().for_each(|receiver| uplink.publish(self.0.now(), &message, receiver));
-        }
-    }
-
-    fn enqueue(&mut self, queue: &Key, message: AclMessage<M::Content>) {
-        let addressed = self.0.lock().queues.enqueue(queue, message);
-        if let Some(message) = addressed {
-            self.publish(message);
-        }
-    }
-
-    fn join(&mut self, queue: &Key, agent: &AgentId) {
-        let waiting = self.0.lock().queues.join(queue, agent);
-        for message in waiting {
-            self.publish(message);
-        }
-    }
-
-    fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<M::Value>) {
-        let from = self.0.lock().index.get(from).copied();
-        let Some(agent) = from else { return };
-        match &self.0.uplink {
-            Some(uplink) => uplink.ask_store(Mailbox { shared: Arc::clone(&self.0), agent }, ticket, request),
-            None => self.0.with_store(|store, replies| store.handle(agent, ticket, request, replies)),
-        }
-    }
-
-    fn watch_presence(&mut self, from: &AgentId) {
-        self.with(|state| {
-            if let Some(&watcher) = state.index.get(from) {
-                state.watch_presence(watcher);
-            }
-        });
-    }
-
-    fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool {
-        let mut state = self.0.lock();
-        if state.blobs.len() >= BLOBS_MAX && !state.blobs.contains_key(&id) {
-            return false;
-        }
-        state.blobs.insert(id, blob);
-        true
-    }
-
-    fn blob(&self, id: BlobId) -> Option<Blob> {
-        self.0.lock().blobs.get(&id).cloned()
-    }
-}
-
-/// The mailbox of one agent, for threads outside of the platform: an engine that reports, a user who interrupts.
-pub struct Mailbox<M: StateMachine> {
-    shared: Arc<Shared<M>>,
-    agent: usize,
-}
-
-impl<M: StateMachine> Clone for Mailbox<M> {
-    fn clone(&self) -> Self {
-        Self { shared: Arc::clone(&self.shared), agent: self.agent }
-    }
-}
-
-impl<M: StateMachine> Mailbox<M> {
-    /// Reports an effect. Dropped when the agent has stopped.
-    pub fn complete(&self, completion: M::Completion) {
-        self.shared.lock().deliver(self.agent, Event::Completed(completion));
-        self.shared.work.notify_all();
-    }
-
-    /// Brings something from beyond this process. Dropped when the agent has stopped.
-    pub(super) fn deliver(&self, event: EventOf<M>) {
-        self.shared.lock().deliver(self.agent, event);
-        self.shared.work.notify_all();
-    }
-
-    /// Whether the agent has stopped: nothing that is delivered is of use any more.
-    pub(super) fn is_closed(&self) -> bool {
-        let state = self.shared.lock();
-        state.closing || state.slots[self.agent].stopped
-    }
-
-    /// The platform's time.
-    pub fn now(&self) -> Time {
-        self.shared.now()
-    }
-}
 
 /// A platform in one process.
 pub struct LocalPlatform<M: StateMachine> {
@@ -373,22 +81,8 @@ where
         store: Box<dyn EntryStore<M::Value, usize> + Send>,
         uplink: Option<Arc<dyn Uplink<M>>>,
     ) -> std::io::Result<Self> {
-        let state = State {
-            slots: Vec::new(),
-            index: BTreeMap::new(),
-            ready: VecDeque::new(),
-            timers: BTreeSet::new(),
-            queues: Queues::default(),
-            blobs: BTreeMap::new(),
-            presence_watchers: BTreeSet::new(),
-            alive: 0,
-            messages_lost: 0,
-            gateway: None,
-            closing: false,
-            panicked: false,
-        };
         let shared = Arc::new(Shared {
-            state: Mutex::new(state),
+            state: Mutex::new(State::new()),
             store: Mutex::new(store),
             work: Condvar::new(),
             finished: Condvar::new(),
