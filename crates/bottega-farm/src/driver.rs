@@ -344,6 +344,9 @@ impl StateMachine for Seen {
     type Completion = FarmCompletion;
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        if let FarmEvent::Message(message) = &event {
+            self.shared.observer.heard(now, message);
+        }
         let before = actions.len();
         self.agent.handle(now, event, actions);
         for action in &actions[before..] {

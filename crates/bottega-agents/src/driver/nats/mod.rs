@@ -15,7 +15,12 @@ mod pin;
 mod rights;
 mod store;
 
-use std::{path::PathBuf, sync::Arc, thread, time::Duration};
+use std::{
+    path::PathBuf,
+    sync::{Arc, atomic::Ordering},
+    thread,
+    time::Duration,
+};
 
 use async_nats::{
     Client,
@@ -168,6 +173,17 @@ impl<K: Codec> NatsUplink<K> {
         self.client.server_info().version
     }
 
+    /// What has gone over the link so far.
+    pub fn traffic(&self) -> Traffic {
+        let told = self.client.statistics();
+        Traffic {
+            messages_out: told.out_messages.load(Ordering::Relaxed),
+            messages_in: told.in_messages.load(Ordering::Relaxed),
+            bytes_out: told.out_bytes.load(Ordering::Relaxed),
+            bytes_in: told.in_bytes.load(Ordering::Relaxed),
+        }
+    }
+
     /// Whether the server is there now.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
@@ -198,6 +214,19 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
             tracing::warn!(%error, "a message was lost");
         }
     }
+}
+
+/// What has gone over a link: everything, answers of the server too, without what the protocol of NATS adds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Messages to the server.
+    pub messages_out: u64,
+    /// Messages from it.
+    pub messages_in: u64,
+    /// Bytes to the server.
+    pub bytes_out: u64,
+    /// Bytes from it.
+    pub bytes_in: u64,
 }
 
 /// All that a link needs.
