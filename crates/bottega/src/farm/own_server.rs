@@ -3,9 +3,10 @@
 use std::{
     net::{SocketAddr, TcpListener},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
-use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink};
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsThread, NatsUplink};
 use bottega_farm::FarmCodec;
 
 use super::{
@@ -44,9 +45,9 @@ impl OwnServer {
 }
 
 impl Entry {
-    /// A link of its own for a member of this name.
-    pub(crate) fn link(&self, member: &str) -> Result<NatsUplink<FarmCodec>, CliError> {
-        let linked = NatsUplink::connect(&self.options(member)?, FarmCodec);
+    /// A link of its own for a member of this name, on a thread that others may have too.
+    pub(crate) fn link(&self, thread: &Arc<NatsThread>, member: &str) -> Result<NatsUplink<FarmCodec>, CliError> {
+        let linked = NatsUplink::connect_on(thread, &self.options(member)?, FarmCodec);
         let remedy = "are there more agents than this machine may have files open? see ulimit -n".to_owned();
         linked.map_err(|source| CliError::Farm { source, remedy })
     }
@@ -66,7 +67,7 @@ impl Entry {
 
 /// A port of this machine where nobody listens now.
 fn free_address() -> Result<SocketAddr, CliError> {
-    TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).map_err(|error| {
-        CliError::failed(format!("no port is free: {error}"), "let fewer programs run at once")
-    })
+    TcpListener::bind("127.0.0.1:0")
+        .and_then(|listener| listener.local_addr())
+        .map_err(|error| CliError::failed(format!("no port is free: {error}"), "let fewer programs run at once"))
 }

@@ -35,7 +35,7 @@ pub(crate) fn run(args: &FarmBenchArgs) -> Result<ExitCode, CliError> {
         None => Some(OwnServer::start(args.server.as_deref(), &folder.0)?),
     };
     let ways = match &own {
-        Some(server) => Ways::Own(server.entry.clone()),
+        Some(server) => Ways::own(server.entry.clone())?,
         None => Ways::of(args)?,
     };
     let seen = measure(args, &ways)?;

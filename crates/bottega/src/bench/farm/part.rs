@@ -14,8 +14,8 @@ use super::{
     FarmBenchArgs,
     args::Share,
     idle_engine::{self, IdleEngine},
-    ways::Ways,
     watch::{AgentWatch, Wait},
+    ways::Ways,
 };
 use crate::error::CliError;
 

@@ -1,12 +1,12 @@
 //! What is seen of the awards: when they were made, and what agents waited for them.
 
 use std::{
-    collections::VecDeque,
+    collections::{BTreeSet, VecDeque},
     sync::{Mutex, MutexGuard, PoisonError},
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
-use bottega_agents::{Performative, Time};
+use bottega_agents::{Performative, Revision, Time};
 use bottega_farm::{FarmContent, FarmMessage, Observer, ZoneRow, ZoneState};
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +27,8 @@ pub(super) struct AgentWatch(Mutex<Waits>);
 struct Waits {
     /// When it had room for another zone.
     rooms: VecDeque<Time>,
+    /// The orders that it has reported.
+    reported: BTreeSet<Revision>,
     waits: Vec<Wait>,
 }
 
@@ -46,7 +48,11 @@ impl Observer for AgentWatch {
         let FarmContent::Report(report) = &message.content else { return };
         // A profile is one sample.
         if report.outcome.as_ref().is_ok_and(|painting| painting.result.samples == painting.choice.samples) {
-            self.lock().rooms.push_back(now);
+            let mut waits = self.lock();
+            // It is repeated until it is answered.
+            if waits.reported.insert(report.fence) {
+                waits.rooms.push_back(now);
+            }
         }
     }
 

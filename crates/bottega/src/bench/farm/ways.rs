@@ -2,6 +2,7 @@
 
 use std::{env, process::Command, sync::Arc};
 
+use bottega_agents::driver::nats::NatsThread;
 use bottega_farm::{Link, WorkId};
 
 use super::FarmBenchArgs;
@@ -15,28 +16,38 @@ const FARM: &str = "BOTTEGA_FARM";
 
 /// The way to the server.
 pub(super) enum Ways {
-    /// One that was started for this.
-    Own(Entry),
+    /// One that was started for this; the links of a process share a thread.
+    Own(Entry, Arc<NatsThread>),
     /// One that was there.
     Farm(Box<(FarmAddress, LoginArgs)>),
 }
 
 impl Ways {
+    /// To a server that this program has started.
+    pub(super) fn own(entry: Entry) -> Result<Self, CliError> {
+        let thread = NatsThread::start().map_err(|source| {
+            let remedy = "let fewer programs run at once".to_owned();
+            CliError::Farm { source, remedy }
+        })?;
+        Ok(Self::Own(entry, thread))
+    }
+
     /// Of a process with some of the agents.
     pub(super) fn of(args: &FarmBenchArgs) -> Result<Self, CliError> {
         if let (Some(address), Some(folder)) = (args.at, &args.state) {
-            return Ok(Self::Own(Entry { folder: folder.clone(), address }));
+            return Self::own(Entry { folder: folder.clone(), address });
         }
         let told = || env::var(FARM).ok()?.parse().ok();
         let farm = args.farm.clone().or_else(told);
-        let farm = farm.ok_or_else(|| CliError::usage("no farm is named", "run `bottega bench farm` without --share"))?;
+        let farm =
+            farm.ok_or_else(|| CliError::usage("no farm is named", "run `bottega bench farm` without --share"))?;
         Ok(Self::Farm(Box::new((farm, args.login.clone()))))
     }
 
     /// Tells another process of it.
     pub(super) fn tell(&self, command: &mut Command) {
         match self {
-            Self::Own(Entry { folder, address }) => {
+            Self::Own(Entry { folder, address }, _) => {
                 command.arg("--at").arg(address.to_string()).arg("--state").arg(folder);
             }
             Self::Farm(farm) => {
@@ -51,9 +62,9 @@ impl Ways {
     pub(super) fn link(&self, work: u64, agent: u32) -> Result<Link, CliError> {
         let work = WorkId(work);
         match self {
-            Self::Own(entry) => {
+            Self::Own(entry, thread) => {
                 let name = format!("bench-{agent}");
-                Ok(Link { uplink: Arc::new(entry.link(&name)?), work, name })
+                Ok(Link { uplink: Arc::new(entry.link(thread, &name)?), work, name })
             }
             Self::Farm(farm) => {
                 let FarmLink { uplink, name, .. } = link(Some(&farm.0), &farm.1)?;
