@@ -11,7 +11,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{queues::Queues, uplink::Uplink};
+use super::{alarm::Alarm, queues::Queues, uplink::Uplink};
 use crate::{
     AclMessage, AgentId, Event, EventOf, Key, StateMachine, StoreRequest, Ticket, Time,
     bus::{BLOBS_MAX, Beyond, Blob, BlobId, Bus, carry_out},
@@ -71,7 +71,7 @@ struct Shared<M: StateMachine> {
     /// which takes its time holds up nobody who does not need it.
     store: Mutex<Store<M::Value>>,
     /// There is work for a worker, or the platform closes.
-    work: Condvar,
+    work: Alarm,
     /// The last agent stopped, or the platform closes.
     finished: Condvar,
     started: Instant,
@@ -390,7 +390,7 @@ where
         let shared = Arc::new(Shared {
             state: Mutex::new(state),
             store: Mutex::new(store),
-            work: Condvar::new(),
+            work: Alarm::default(),
             finished: Condvar::new(),
             started: start_of_time(),
             uplink,

@@ -1,5 +1,6 @@
 //! What turns state machines into running agents.
 
+mod alarm;
 mod fitted;
 pub mod http;
 pub mod local;
