@@ -85,7 +85,6 @@ impl NatsTiles {
     /// # Errors
     /// The server does not take it.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
-        let wrong = |reason: String| BlobError { name: name.to_owned(), reason };
         let (first, rest) = bytes.split_at(bytes.len().min(PART_BYTES - HEAD_BYTES));
         let head = [&(bytes.len() as u64).to_le_bytes()[..], first].concat();
         self.handle.block_on(async {
@@ -93,20 +92,20 @@ impl NatsTiles {
             for parts in rest.chunks(UNDER_WAY_MAX) {
                 let mut under_way = Vec::new();
                 for (part, bytes) in parts {
-                    under_way.push(self.publish(name, *part, bytes.to_vec()).await.map_err(wrong)?);
+                    under_way.push(self.publish(name, *part, bytes.to_vec()).await?);
                 }
                 for part in under_way {
-                    part.await.map_err(|error| wrong(error.to_string()))?;
+                    part.await.map_err(|error| BlobError::passing(name, &error))?;
                 }
             }
-            let written = self.publish(name, 0, head).await.map_err(wrong)?;
-            written.await.map(drop).map_err(|error| wrong(error.to_string()))
+            let written = self.publish(name, 0, head).await?;
+            written.await.map(drop).map_err(|error| BlobError::passing(name, &error))
         })
     }
 
-    async fn publish(&self, name: &str, part: usize, bytes: Vec<u8>) -> Result<PublishAckFuture, String> {
+    async fn publish(&self, name: &str, part: usize, bytes: Vec<u8>) -> Result<PublishAckFuture, BlobError> {
         let written = self.context.publish(self.subject(name, part), bytes.into()).await;
-        written.map_err(|error| error.to_string())
+        written.map_err(|error| BlobError::passing(name, &error))
     }
 
     /// Reads a tile; `None`: there is none of this name.
@@ -116,9 +115,9 @@ impl NatsTiles {
     /// # Errors
     /// The server does not give it, or not all of it.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
-        let wrong = |reason: String| BlobError { name: name.to_owned(), reason };
+        let wrong = |reason: String| BlobError { name: name.to_owned(), reason, is_lasting: true };
         self.handle.block_on(async {
-            let Some(first) = self.part(name, 0).await.map_err(wrong)? else { return Ok(None) };
+            let Some(first) = self.part(name, 0).await? else { return Ok(None) };
             let Some((head, first)) = first.split_first_chunk::<HEAD_BYTES>() else {
                 return Err(wrong("it is no tile".to_owned()));
             };
@@ -136,7 +135,7 @@ impl NatsTiles {
                     tokio::spawn(async move { tiles.part(&name, part).await })
                 });
                 for part in asked.collect::<Vec<_>>() {
-                    let part = part.await.map_err(|error| wrong(error.to_string()))?.map_err(wrong)?;
+                    let part = part.await.map_err(|error| BlobError::passing(name, &error))??;
                     bytes.extend_from_slice(&part.ok_or_else(|| wrong("a part of it is missing".to_owned()))?);
                 }
             }
@@ -147,11 +146,11 @@ impl NatsTiles {
         })
     }
 
-    async fn part(&self, name: &str, part: usize) -> Result<Option<Bytes>, String> {
+    async fn part(&self, name: &str, part: usize) -> Result<Option<Bytes>, BlobError> {
         match self.stream.direct_get_last_for_subject(self.subject(name, part)).await {
             Ok(message) => Ok(Some(message.payload)),
             Err(error) if error.kind() == DirectGetErrorKind::NotFound => Ok(None),
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(BlobError::passing(name, &error)),
         }
     }
 
