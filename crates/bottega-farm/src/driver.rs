@@ -6,6 +6,7 @@
 
 mod assist;
 mod easel;
+mod fetchers;
 mod link;
 mod machine;
 mod observer;
@@ -26,6 +27,7 @@ use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 use bottega_image::{Film, Rect};
 
 use self::easel::Easel;
+use self::fetchers::Fetchers;
 use self::machine::{Preparation, benchmark};
 pub use self::{
     assist::assist,
@@ -42,8 +44,9 @@ use crate::{
 };
 
 const WORK: WorkId = WorkId(1);
-/// How often is looked whether the user wants to stop.
+/// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
+const LOOK_SELDOM: Duration = Duration::from_secs(2);
 /// So often is looked at the end whether the engine gives back what it has.
 const LOOKS_MAX: u32 = 100;
 /// Machines go without a word, processes hardly.
@@ -120,6 +123,7 @@ struct Shared {
     agents: usize,
     /// To the other machines that paint the work.
     link: Option<Link>,
+    fetchers: Fetchers,
 }
 
 #[derive(Default)]
@@ -344,6 +348,9 @@ impl StateMachine for Seen {
     type Completion = FarmCompletion;
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        if let FarmEvent::Message(message) = &event {
+            self.shared.observer.heard(now, message);
+        }
         let before = actions.len();
         self.agent.handle(now, event, actions);
         for action in &actions[before..] {
@@ -392,6 +399,7 @@ impl Shared {
             processors: settings.processors.max(1),
             agents: settings.agents,
             link,
+            fetchers: Fetchers::default(),
         }
     }
 
@@ -418,8 +426,9 @@ impl Shared {
         let mut state = self.state();
         let mut looks = 0;
         while state.outstanding > 0 || state.end.is_none() && !self.stop.is_requested() {
-            // The stop switch is not under this lock: look again now and then.
-            let (woken, result) = self.changed.wait_timeout(state, LOOK_EVERY).unwrap_or_else(PoisonError::into_inner);
+            // Who presses the stop switch tells of it.
+            let time = if state.end.is_some() || self.stop.is_requested() { LOOK_EVERY } else { LOOK_SELDOM };
+            let (woken, result) = self.changed.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner);
             state = woken;
             looks += u32::from(result.timed_out() && state.end.is_some());
             if looks >= LOOKS_MAX {
@@ -501,7 +510,7 @@ impl Shared {
             then(found);
             shared.end_outstanding();
         };
-        if let Err(error) = thread::Builder::new().name("fetch".to_owned()).spawn(fetch) {
+        if let Err(error) = self.fetchers.begin(fetch) {
             self.end_outstanding();
             self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }

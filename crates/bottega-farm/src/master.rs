@@ -20,10 +20,14 @@ mod tail;
 mod trust;
 mod verify;
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::Arc,
+    time::Duration,
+};
 
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::{composition::Composition, ledger::Ledger, roster::Roster};
 use crate::{
@@ -158,6 +162,10 @@ pub struct Master {
     tickets: FxHashMap<Ticket, ZoneId>,
     /// When the present order of a zone was sent.
     sent: FxHashMap<ZoneId, Time>,
+    /// Whose credit has changed since it was written, in that order.
+    credits_due: VecDeque<MemberId>,
+    /// The same; a hash set, for speed: never gone through.
+    credited: FxHashSet<MemberId>,
     /// Kept for its memory: whose hands have changed.
     changed: Vec<MemberId>,
     /// When the present pass over the picture began, where there is a time to keep.
@@ -200,6 +208,8 @@ impl Master {
             writes: FxHashMap::default(),
             tickets: FxHashMap::default(),
             sent: FxHashMap::default(),
+            credits_due: VecDeque::new(),
+            credited: FxHashSet::default(),
             changed: Vec::new(),
             pass_begun: Time::ZERO,
             pass_painted: Duration::ZERO,

@@ -51,6 +51,15 @@ struct Hand {
     conversation: u64,
 }
 
+/// A report that waits for its answer.
+#[derive(Clone, Debug)]
+struct Unanswered {
+    report: Arc<Report>,
+    conversation: u64,
+    /// When it was made.
+    since: Time,
+}
+
 /// The state machine of one Render Agent.
 #[derive(Clone, Debug)]
 pub struct RenderAgent {
@@ -65,8 +74,8 @@ pub struct RenderAgent {
     work: Option<WorkRow>,
     fetched: bool,
     hands: ShortMap<Hand>,
-    /// Reports that the Master has not answered, with their conversations.
-    unanswered: ShortMap<(Arc<Report>, u64)>,
+    /// Reports that the Master has not answered.
+    unanswered: ShortMap<Unanswered>,
     /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
     /// taken again. A hash map, for speed: never gone through.
     past: FxHashMap<ZoneId, Revision>,
@@ -152,7 +161,7 @@ impl RenderAgent {
 
     /// Whether this answers a report that waits for one.
     fn answered(&mut self, zone: ZoneId, fence: Revision) -> bool {
-        let waits = self.unanswered.get(zone).is_some_and(|(report, _)| report.fence == fence);
+        let waits = self.unanswered.get(zone).is_some_and(|it| it.report.fence == fence);
         if waits {
             self.unanswered.remove(zone);
             self.past.insert(zone, fence);
@@ -163,7 +172,7 @@ impl RenderAgent {
     /// The newest token seen of a zone.
     fn newest(&self, zone: ZoneId) -> Option<Revision> {
         let in_hand = self.hands.get(zone).map(|hand| hand.order.fence);
-        let reported = || self.unanswered.get(zone).map(|(report, _)| report.fence);
+        let reported = || self.unanswered.get(zone).map(|it| it.report.fence);
         in_hand.or_else(reported).or_else(|| self.past.get(&zone).copied())
     }
 
@@ -236,8 +245,8 @@ impl RenderAgent {
             Some(newest) if newest > order.fence => return,
             Some(newest) if newest == order.fence => {
                 // The report was lost, or this order was doubled on the way.
-                if let Some((report, conversation)) = self.unanswered.get(zone) {
-                    actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
+                if let Some(unanswered) = self.unanswered.get(zone) {
+                    actions.push(FarmAction::Send(self.report_message(unanswered)));
                 }
                 return;
             }
@@ -294,17 +303,18 @@ impl RenderAgent {
             }
         });
         let report = Arc::new(Report { zone, fence, outcome });
-        actions.push(FarmAction::Send(self.report_message(report.clone(), hand.conversation)));
-        self.unanswered.insert(zone, (report, hand.conversation));
+        let unanswered = Unanswered { report, conversation: hand.conversation, since: now };
+        actions.push(FarmAction::Send(self.report_message(&unanswered)));
+        self.unanswered.insert(zone, unanswered);
     }
 
-    fn report_message(&self, report: Arc<Report>, conversation: u64) -> FarmMessage {
+    fn report_message(&self, Unanswered { report, conversation, .. }: &Unanswered) -> FarmMessage {
         let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
         let to = vec![self.config.master.clone()];
-        let report = FarmContent::Report(report);
+        let report = FarmContent::Report(Arc::clone(report));
         let report = message(performative, protocol::CONTRACT_NET, &self.config.id, to, report);
-        // It is repeated then.
-        asking(report, conversation, self.next_heartbeat)
+        // It is repeated then, or soon after.
+        asking(report, *conversation, self.next_heartbeat)
     }
 
     fn subscribe(&self, actions: &mut Vec<FarmAction>) {
@@ -328,13 +338,15 @@ impl RenderAgent {
             Holding { zone, fence: hand.order.fence, progress }
         });
         let reported = self.unanswered.iter();
-        let reported = reported.map(|(zone, (report, _))| Holding { zone, fence: report.fence, progress: u64::MAX });
+        let reported = reported.map(|(zone, it)| Holding { zone, fence: it.report.fence, progress: u64::MAX });
         let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
         let to = vec![self.config.master.clone()];
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
         actions.push(FarmAction::Send(alive));
-        for (report, conversation) in self.unanswered.values() {
-            actions.push(FarmAction::Send(self.report_message(report.clone(), *conversation)));
+        // The answer to one that was just made is on its way: a Master that has much to do must not get more of it.
+        let is_late = |it: &&Unanswered| now - it.since >= self.config.heartbeat / 2;
+        for unanswered in self.unanswered.values().filter(is_late) {
+            actions.push(FarmAction::Send(self.report_message(unanswered)));
         }
         self.look(now, actions);
     }

@@ -18,7 +18,7 @@ use self::values::{
     parse_rect, parse_size, parse_stops, parse_time,
 };
 use crate::{
-    bench::MagarroArgs,
+    bench::{FarmBenchArgs, MagarroArgs},
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
     platform::PlatformArgs,
@@ -374,6 +374,8 @@ pub(crate) enum BenchCommand {
     },
     /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
     Peers(PeersArgs),
+    /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
+    Farm(FarmBenchArgs),
     /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
     Magarro(MagarroArgs),
 }

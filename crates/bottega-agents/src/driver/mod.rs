@@ -1,5 +1,6 @@
 //! What turns state machines into running agents.
 
+mod alarm;
 mod asker;
 mod fitted;
 pub mod http;

@@ -14,6 +14,11 @@ use crate::{FarmCodec, ResultRef, WorkId, WorkKeys, digest, wire};
 
 /// The largest tile that is taken from another machine, in bytes.
 const TILE_BYTES_MAX: usize = 1 << 30;
+/// Tiles of so many bytes are packed. Of smaller ones the way costs more than the bytes.
+const PACKED_FROM: usize = 16 << 10;
+/// What bytes begin with that travel as they are, and what packed ones.
+const PLAIN: u8 = 0;
+const PACKED: u8 = 1;
 /// Numbers of a tile have so many bytes.
 const LANES: usize = 4;
 /// After how many tries the user is told of a server that is there, and does not do what it is asked.
@@ -37,8 +42,13 @@ impl Link {
         AgentId::new(format!("master@work-{}", self.work.0))
     }
 
+    /// Where its tiles are.
+    fn folder(&self) -> String {
+        format!("work-{}", self.work.0)
+    }
+
     fn blob(&self, tile: BlobId) -> String {
-        let mut name = format!("work-{}/tile-", self.work.0);
+        let mut name = format!("{}/tile-", self.folder());
         // Writing to a string does not fail.
         tile.0.iter().for_each(|byte| _ = write!(name, "{byte:02x}"));
         name
@@ -51,7 +61,7 @@ impl Link {
     pub(super) fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
         let mut bytes = Vec::new();
         wire::put_tile(tile, &mut bytes);
-        let packed = pack(&bytes).map_err(|error| error.to_string())?;
+        let packed = pack(&bytes, PACKED_FROM).map_err(|error| error.to_string())?;
         let name = self.blob(id);
         self.patiently(stop, || self.uplink.tiles().put(&name, &packed))
     }
@@ -90,21 +100,30 @@ impl Link {
     /// Lets go of all that the farm keeps of the work.
     pub fn forget(&self) {
         self.uplink.forget(&WorkKeys::new(self.work).prefix());
-        let prefix = format!("work-{}/", self.work.0);
-        self.uplink.tiles().forget_all(|name| name.starts_with(&prefix));
+        self.uplink.tiles().forget(&self.folder());
     }
 }
 
 /// Bytes of numbers of four bytes each, packed without loss: sorted by their place in a number, for the first ones differ
 /// least.
-fn pack(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+///
+/// - `from`: fewer stay as they are.
+fn pack(bytes: &[u8], from: usize) -> std::io::Result<Vec<u8>> {
+    if bytes.len() < from {
+        return Ok([&[PLAIN], bytes].concat());
+    }
     let sorted: Vec<u8> = (0..LANES).flat_map(|lane| bytes.iter().skip(lane).step_by(LANES)).copied().collect();
-    let mut packed = Vec::new();
+    let mut packed = vec![PACKED];
     ZlibEncoder::new(&sorted[..], Compression::fast()).read_to_end(&mut packed)?;
     Ok(packed)
 }
 
 fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
+    let packed = match packed.split_first() {
+        Some((&PLAIN, bytes)) => return Ok(bytes.to_vec()),
+        Some((&PACKED, packed)) => packed,
+        _ => return Err(std::io::ErrorKind::InvalidData.into()),
+    };
     let mut sorted = Vec::new();
     // A few bytes can stand for very many.
     ZlibDecoder::new(packed).take(TILE_BYTES_MAX as u64).read_to_end(&mut sorted)?;
@@ -126,8 +145,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_comes_back(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-            prop_assert_eq!(unpack(&pack(&bytes).unwrap()).unwrap(), bytes);
+        fn what_is_packed_comes_back(bytes in prop::collection::vec(any::<u8>(), 0..300), from in 0_usize..300) {
+            prop_assert_eq!(unpack(&pack(&bytes, from).unwrap()).unwrap(), bytes);
         }
 
         #[test]

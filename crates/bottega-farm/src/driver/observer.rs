@@ -20,6 +20,8 @@ pub trait Observer: Send + Sync {
     fn progress(&self, _progress: &Progress) {}
     /// An agent sends a message.
     fn message(&self, _now: Time, _message: &FarmMessage) {}
+    /// An agent is given a message.
+    fn heard(&self, _now: Time, _message: &FarmMessage) {}
     /// An agent is left out of the job from now on; the others go on.
     fn left_out(&self, _agent: &AgentId, _reason: &str) {}
     /// Zones wait for more machines, `needed` in all, to compare what these paint.

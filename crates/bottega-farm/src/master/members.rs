@@ -198,6 +198,7 @@ impl Master {
         for agent in strangers {
             self.take_all_back(now, agent, actions);
         }
+        self.write_credits(actions);
         self.help_all(now, actions);
         self.count_machines(actions);
     }

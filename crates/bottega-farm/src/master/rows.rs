@@ -5,6 +5,9 @@ use bottega_agents::Entry;
 use super::{ledger::Holders, *};
 use crate::compare_and_set;
 
+/// Agents whose credit is written at one look.
+const CREDITS_AT_ONCE: usize = 32;
+
 impl Master {
     pub(super) fn start(&mut self, actions: &mut Vec<FarmAction>) {
         for (&ticket, value) in &self.kept {
@@ -176,7 +179,7 @@ impl Master {
                     self.succeed(&name, actions);
                 }
                 if write.row.state == ZoneState::Done {
-                    self.credit(&write.row, actions);
+                    self.credit(&write.row);
                 }
                 if let Some(agent) = agent {
                     self.help_out(now, agent, actions);
@@ -186,15 +189,27 @@ impl Master {
         }
     }
 
-    /// Credit rises or falls in proportion to T_est − T.
-    fn credit(&mut self, row: &ZoneRow, actions: &mut Vec<FarmAction>) {
+    /// Credit rises or falls in proportion to T_est − T. It is on the Blackboard soon: see [`Self::write_credits`].
+    fn credit(&mut self, row: &ZoneRow) {
         let (Some(estimated), Some(measured), Some(agent)) = (row.time_estimated, row.time_measured, &row.agent) else {
             return;
         };
         let Some(id) = self.roster.find(agent) else { return };
-        if let Some(row) = self.roster.update(id, |row| row.credit = credit_after(row.credit, estimated, measured)) {
-            let row = row.clone();
-            self.put_agent(row, actions);
+        let known = self.roster.update(id, |row| row.credit = credit_after(row.credit, estimated, measured));
+        if known.is_some() && self.credited.insert(id) {
+            self.credits_due.push_back(id);
+        }
+    }
+
+    /// Writes the credit of some of those whose credit has changed, the one that has waited longest first. A row after
+    /// each zone would be as many writes again as the zones themselves are, and what is lost with a Master is little.
+    pub(super) fn write_credits(&mut self, actions: &mut Vec<FarmAction>) {
+        for _ in 0..CREDITS_AT_ONCE {
+            let Some(id) = self.credits_due.pop_front() else { return };
+            self.credited.remove(&id);
+            if let Some(row) = self.roster.get(id).map(|member| member.row.clone()) {
+                self.put_agent(row, actions);
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! `bottega bench`: figures of this program on this machine.
 
+mod farm;
 mod magarro;
 mod peers;
 mod scene;
@@ -18,6 +19,7 @@ use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::LoadOptions;
+pub(crate) use farm::FarmBenchArgs;
 pub(crate) use magarro::MagarroArgs;
 use scene::NeutralScene;
 use serde_json::{Value, json};
@@ -42,6 +44,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     match &args.what {
         BenchCommand::Rays { scenes, repeat, json } => rays(scenes, *repeat, *json),
         BenchCommand::Peers(args) => peers::run(args),
+        BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Magarro(args) => magarro::run(args),
     }
 }

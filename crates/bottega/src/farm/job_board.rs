@@ -98,8 +98,12 @@ impl JobBoard {
     pub(crate) fn sweep(&self) {
         let jobs = self.all();
         let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
-        let work = |name: &str| name.strip_prefix("work-")?.split('/').next()?.parse().ok();
-        self.uplink.tiles().forget_all(|name| work(name).is_some_and(|work| !is_live(work)));
+        let work = |folder: &str| folder.strip_prefix("work-")?.parse().ok();
+        for folder in self.uplink.tiles().folders() {
+            if work(&folder).is_some_and(|work| !is_live(work)) {
+                self.uplink.tiles().forget(&folder);
+            }
+        }
         for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
             self.forget_zones(job.work);
         }

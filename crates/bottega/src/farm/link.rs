@@ -4,6 +4,7 @@ use std::{
     fs,
     net::IpAddr,
     path::{Path, PathBuf},
+    process::Command,
     sync::Arc,
     thread,
     time::Duration,
@@ -235,6 +236,22 @@ pub(super) fn private_folder(folder: &Path) -> Result<(), CliError> {
 }
 
 impl LoginArgs {
+    /// Has another process of this program log in as this one does.
+    pub(crate) fn tell(&self, command: &mut Command) {
+        let all = [
+            ("--creds", &self.creds),
+            ("--nkey", &self.nkey),
+            ("--tls-ca", &self.tls_ca),
+            ("--tls-cert", &self.tls_cert),
+            ("--tls-key", &self.tls_key),
+        ];
+        for (name, path) in all {
+            if let Some(path) = path {
+                command.arg(name).arg(path);
+            }
+        }
+    }
+
     fn is_empty(&self) -> bool {
         [&self.creds, &self.nkey, &self.tls_ca, &self.tls_cert, &self.tls_key].iter().all(|it| it.is_none())
     }

@@ -19,6 +19,7 @@ mod machine;
 mod machines;
 mod members;
 mod names;
+mod own_server;
 mod part;
 mod patience;
 mod scene_files;
@@ -39,9 +40,10 @@ pub(crate) use self::{
     job_board::JobBoard,
     jobs::{JobsArgs, run as jobs, set_priority, steer},
     join::{JoinArgs, run as join},
-    link::{LoginArgs, link},
+    link::{FarmLink, LoginArgs, link},
     machine::{MachineOrder, Roster, Standing},
     machines::{MachinesArgs, run as machines},
+    own_server::{Entry, OwnServer},
     part::Tools,
     up::{UpArgs, run as up},
     view::{FarmView, JobView, MachineView},

@@ -100,7 +100,7 @@ fn tell(args: &UpArgs, version: &str, trusted: JoinWord, guest: JoinWord) {
 }
 
 /// How the server is known.
-fn pin(members: &Members) -> Result<Pin, CliError> {
+pub(super) fn pin(members: &Members) -> Result<Pin, CliError> {
     let certificate = CertificateDer::from_pem_slice(members.certificate().0.as_bytes());
     let certificate = certificate.map_err(|error| {
         CliError::failed(
@@ -112,7 +112,7 @@ fn pin(members: &Members) -> Result<Pin, CliError> {
 }
 
 /// A server, and a link to it: the one that is there already, if it is ours, or else a new one.
-fn begin(
+pub(super) fn begin(
     program: &Path,
     config: &Path,
     setup: &Setup,

@@ -36,11 +36,7 @@ fn three_machines_and_any_server_give_the_bits_of_one() {
         }
         // What was kept for it has gone.
         let uplink = link(&farm);
-        let mut left = Vec::new();
-        uplink.tiles().forget_all(|name| {
-            left.push(name.to_owned());
-            false
-        });
+        let left = uplink.tiles().folders();
         assert!(left.is_empty(), "{left:?}");
     }
 }

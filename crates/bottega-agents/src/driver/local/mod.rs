@@ -20,7 +20,7 @@ pub use mailbox::Mailbox;
 pub use state::MAILBOX_MESSAGES_MAX;
 use state::{Shared, Slot, State};
 
-use super::uplink::Uplink;
+use super::{alarm::Alarm, uplink::Uplink};
 use crate::{
     AgentId, Event, StateMachine, Time,
     bus::{Beyond, carry_out},
@@ -84,7 +84,7 @@ where
         let shared = Arc::new(Shared {
             state: Mutex::new(State::new()),
             store: Mutex::new(store),
-            work: Condvar::new(),
+            work: Alarm::default(),
             finished: Condvar::new(),
             started: start_of_time(),
             uplink,

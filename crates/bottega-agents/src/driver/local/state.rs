@@ -7,7 +7,7 @@ use std::{
 };
 
 use super::{
-    super::{queues::Queues, uplink::Uplink},
+    super::{alarm::Alarm, queues::Queues, uplink::Uplink},
     Performer,
 };
 use crate::{
@@ -59,7 +59,7 @@ pub(super) struct Shared<M: StateMachine> {
     /// which takes its time holds up nobody who does not need it.
     pub(super) store: Mutex<Store<M::Value>>,
     /// There is work for a worker, or the platform closes.
-    pub(super) work: Condvar,
+    pub(super) work: Alarm,
     /// The last agent stopped, or the platform closes.
     pub(super) finished: Condvar,
     pub(super) started: Instant,

@@ -1,4 +1,4 @@
-//! Blobs in an object store: scenes and pixels, which never travel in messages.
+//! Blobs in an object store: scenes, orders and pictures.
 
 use async_nats::jetstream::{
     Context,

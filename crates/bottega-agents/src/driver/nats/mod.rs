@@ -1,4 +1,5 @@
-//! The uplink over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store.
+//! The uplink over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store, pixels in
+//! a stream.
 //!
 //! A message from A to B goes out on `bottega.FARM.to.HOME.B.from.HOME.A`: an agent listens to what is addressed to it, and a
 //! server that gives each member leave to speak `from` its own home alone makes senders certain ([`Rights`]). A write that must not overtake
@@ -14,9 +15,15 @@ mod options;
 mod pin;
 mod rights;
 mod store;
+mod tiles;
 mod watch;
 
-use std::{path::PathBuf, sync::Arc, thread, time::Duration};
+use std::{
+    path::PathBuf,
+    sync::{Arc, atomic::Ordering},
+    thread,
+    time::Duration,
+};
 
 use async_nats::{
     Client,
@@ -37,6 +44,7 @@ pub use self::{
     options::{Login, NatsOptions, Tls},
     pin::Pin,
     rights::Rights,
+    tiles::NatsTiles,
 };
 use super::{Mailbox, Uplink};
 use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time};
@@ -108,15 +116,38 @@ pub struct NatsUplink<K> {
     client: Client,
     bucket: Bucket<K>,
     blobs: NatsBlobs,
-    tiles: NatsBlobs,
+    tiles: NatsTiles,
     notices: NoticeBoard,
     is_guest: bool,
     /// What waits to go out: subject and message, in order.
     outbox: mpsc::Sender<(String, Vec<u8>)>,
     farm: String,
     handle: Handle,
-    /// Ends the thread on which all of it runs.
+    /// On which all of it runs.
+    _thread: Arc<NatsThread>,
+}
+
+/// A thread on which links run: each has one of its own, unless it is told to share one. It ends with its last link.
+pub struct NatsThread {
+    handle: Handle,
     _end: oneshot::Sender<()>,
+}
+
+impl NatsThread {
+    /// Starts it.
+    ///
+    /// # Errors
+    /// The operating system gives no thread.
+    pub fn start() -> Result<Arc<Self>, NatsError> {
+        let runtime = Builder::new_current_thread().enable_all().build()?;
+        let handle = runtime.handle().clone();
+        let (end, ended) = oneshot::channel::<()>();
+        thread::Builder::new().name("nats".to_owned()).spawn(move || {
+            // Whether it is told or forgotten, it is over.
+            _ = runtime.block_on(ended);
+        })?;
+        Ok(Arc::new(Self { handle, _end: end }))
+    }
 }
 
 impl<K: Codec> NatsUplink<K> {
@@ -125,23 +156,37 @@ impl<K: Codec> NatsUplink<K> {
     /// # Errors
     /// Nobody is there, or one who cannot serve a farm.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
-        let runtime = Builder::new_current_thread().enable_all().build()?;
-        let handle = runtime.handle().clone();
-        let (end, ended) = oneshot::channel::<()>();
-        thread::Builder::new().name("nats".to_owned()).spawn(move || {
-            // Whether it is told or forgotten, it is over.
-            _ = runtime.block_on(ended);
-        })?;
-        let Opened { client, blackboard, notices, objects, tiles } = handle.block_on(open(options))?;
+        Self::connect_on(&NatsThread::start()?, options, codec)
+    }
+
+    /// The same on a thread that other links have too.
+    ///
+    /// # Errors
+    /// Nobody is there, or one who cannot serve a farm.
+    pub fn connect_on(thread: &Arc<NatsThread>, options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
+        let handle = thread.handle.clone();
+        let Opened { client, context, blackboard, notices, objects, tiles } = handle.block_on(open(options))?;
         let (outbox, mail) = mpsc::channel(OUTBOX_MAX);
         handle.spawn(post(client.clone(), mail));
         let codec = Arc::new(codec);
         let bucket = Bucket::new(client.clone(), blackboard, Arc::clone(&codec));
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(objects, handle.clone());
-        let tiles = NatsBlobs::new(tiles, handle.clone());
+        let tiles = NatsTiles::new(context, tiles, &options.farm, handle.clone());
         let (farm, is_guest) = (options.farm.clone(), options.is_guest);
-        Ok(Self { codec, client, bucket, blobs, tiles, notices, is_guest, outbox, farm, handle, _end: end })
+        Ok(Self {
+            codec,
+            client,
+            bucket,
+            blobs,
+            tiles,
+            notices,
+            is_guest,
+            outbox,
+            farm,
+            handle,
+            _thread: Arc::clone(thread),
+        })
     }
 
     /// Scenes, orders and pictures.
@@ -150,7 +195,7 @@ impl<K: Codec> NatsUplink<K> {
     }
 
     /// What is painted.
-    pub fn tiles(&self) -> &NatsBlobs {
+    pub fn tiles(&self) -> &NatsTiles {
         &self.tiles
     }
 
@@ -167,6 +212,17 @@ impl<K: Codec> NatsUplink<K> {
     /// What the server says of itself.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
+    }
+
+    /// What has gone over the link so far.
+    pub fn traffic(&self) -> Traffic {
+        let told = self.client.statistics();
+        Traffic {
+            messages_out: told.out_messages.load(Ordering::Relaxed),
+            messages_in: told.in_messages.load(Ordering::Relaxed),
+            bytes_out: told.out_bytes.load(Ordering::Relaxed),
+            bytes_in: told.in_bytes.load(Ordering::Relaxed),
+        }
     }
 
     /// Whether the server is there now.
@@ -201,13 +257,27 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
     }
 }
 
+/// What has gone over a link: everything, answers of the server too, without what the protocol of NATS adds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Messages to the server.
+    pub messages_out: u64,
+    /// Messages from it.
+    pub messages_in: u64,
+    /// Bytes to the server.
+    pub bytes_out: u64,
+    /// Bytes from it.
+    pub bytes_in: u64,
+}
+
 /// All that a link needs.
 struct Opened {
     client: Client,
+    context: jetstream::Context,
     blackboard: kv::Store,
     notices: kv::Store,
     objects: jetstream::object_store::ObjectStore,
-    tiles: jetstream::object_store::ObjectStore,
+    tiles: jetstream::stream::Stream,
 }
 
 /// A connection to the servers.
@@ -235,8 +305,8 @@ async fn open(options: &NatsOptions) -> Result<Opened, NatsError> {
     let blackboard = store::open(&context, names::blackboard(farm), "the blackboard", may_make).await?;
     let notices = store::open(&context, names::notices(farm), "notices", may_make).await?;
     let objects = blobs::open(&context, names::objects(farm), "scenes and pictures", may_make).await?;
-    let tiles = blobs::open(&context, names::tiles(farm), "pixels", may_make).await?;
-    Ok(Opened { client, blackboard, notices, objects, tiles })
+    let tiles = tiles::open(&context, farm, may_make).await?;
+    Ok(Opened { client, context, blackboard, notices, objects, tiles })
 }
 
 impl<M, K> Uplink<M> for NatsUplink<K>

@@ -101,9 +101,14 @@ pub(super) fn objects(farm: &str) -> String {
     format!("bottega-{farm}")
 }
 
-/// The bucket of what is painted.
+/// The stream of what is painted.
 pub(super) fn tiles(farm: &str) -> String {
     format!("bottega-{farm}-tiles")
+}
+
+/// How the subjects of that stream begin.
+pub(super) fn tiles_prefix(farm: &str) -> String {
+    format!("bottega.{farm}.tile.")
 }
 
 /// The key of an entry: its parts are tokens.

@@ -26,15 +26,17 @@ impl Rights {
     /// Of a member that only paints.
     pub fn of_guest(farm: &str, member: &str) -> Self {
         let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
-        let [objects, tiles] = [names::objects(farm), names::tiles(farm)].map(|bucket| format!("OBJ_{bucket}"));
+        let (objects, tiles) = (format!("OBJ_{}", names::objects(farm)), names::tiles(farm));
         let mut publish = vec![
             names::said_by(farm, member),
             format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
-            format!("$O.{}.>", names::tiles(farm)),
+            format!("{}>", names::tiles_prefix(farm)),
+            format!("$JS.API.DIRECT.GET.{tiles}"),
+            format!("$JS.API.DIRECT.GET.{tiles}.>"),
             "$JS.FC.>".to_owned(),
         ];
         publish.extend([&rows, &notices, &objects, &tiles].map(|stream| format!("$JS.API.STREAM.INFO.{stream}")));
-        for stream in [&notices, &objects, &tiles] {
+        for stream in [&notices, &objects] {
             for call in ["DIRECT.GET", "STREAM.MSG.GET", "CONSUMER.CREATE"] {
                 publish.push(format!("$JS.API.{call}.{stream}"));
                 publish.push(format!("$JS.API.{call}.{stream}.>"));

@@ -1,0 +1,51 @@
+//! Wakes threads that sleep under a lock, and costs nothing where none does.
+
+use std::{
+    sync::{
+        Condvar, LockResult, MutexGuard, WaitTimeoutResult,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+/// A condition variable that knows whether anybody waits: else each message would cost a call of the operating system.
+///
+/// Whoever notifies has changed, under the lock, what the others wait for: so one that is about to sleep has either been
+/// counted or sees the change.
+#[derive(Debug, Default)]
+pub(super) struct Alarm {
+    condition: Condvar,
+    asleep: AtomicUsize,
+}
+
+impl Alarm {
+    pub(super) fn notify_all(&self) {
+        if self.asleep.load(Ordering::SeqCst) > 0 {
+            self.condition.notify_all();
+        }
+    }
+
+    pub(super) fn notify_one(&self) {
+        if self.asleep.load(Ordering::SeqCst) > 0 {
+            self.condition.notify_one();
+        }
+    }
+
+    pub(super) fn wait<'a, T>(&self, guard: MutexGuard<'a, T>) -> LockResult<MutexGuard<'a, T>> {
+        self.asleep.fetch_add(1, Ordering::SeqCst);
+        let woken = self.condition.wait(guard);
+        self.asleep.fetch_sub(1, Ordering::SeqCst);
+        woken
+    }
+
+    pub(super) fn wait_timeout<'a, T>(
+        &self,
+        guard: MutexGuard<'a, T>,
+        time: Duration,
+    ) -> LockResult<(MutexGuard<'a, T>, WaitTimeoutResult)> {
+        self.asleep.fetch_add(1, Ordering::SeqCst);
+        let woken = self.condition.wait_timeout(guard, time);
+        self.asleep.fetch_sub(1, Ordering::SeqCst);
+        woken
+    }
+}

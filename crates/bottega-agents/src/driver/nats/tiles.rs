@@ -1,0 +1,180 @@
+//! What is painted: small blobs, each written once and read once or twice, thousands a second.
+//!
+//! A tile lies in a stream, in parts of some hundred kilobytes; most have one. So one costs a message to write and one to read,
+//! where an object of the object store costs three and a consumer. The first part, which says how many there are, is written
+//! last: a tile that is there is whole. Who reads it checks that it is the one that was meant.
+
+use async_nats::jetstream::{
+    Context,
+    context::PublishAckFuture,
+    stream::{self, DirectGetErrorKind, DiscardPolicy, StorageType, Stream},
+};
+use bytes::Bytes;
+use tokio::runtime::Handle;
+use tokio_stream::StreamExt;
+
+use super::{BlobError, NatsError, names};
+use crate::Key;
+
+/// The largest part, so that it fits into a message of any server.
+const PART_BYTES: usize = 256 << 10;
+/// What the first part begins with: how many bytes the tile has.
+const HEAD_BYTES: usize = 8;
+/// Parts that are on their way at once.
+const UNDER_WAY_MAX: usize = 16;
+
+/// The tiles of a farm. Its methods block: they are for threads that work.
+#[derive(Clone)]
+pub struct NatsTiles {
+    context: Context,
+    stream: Stream,
+    /// Subjects begin so.
+    prefix: String,
+    handle: Handle,
+}
+
+/// Opens the stream of a farm, or makes it. What the server then says of it is compared with what was asked.
+pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Result<Stream, NatsError> {
+    let keep = |reason: String| NatsError::Keep { what: "pixels", reason };
+    let name = names::tiles(farm);
+    let wanted = stream::Config {
+        name: name.clone(),
+        description: Some("pixels".to_owned()),
+        subjects: vec![format!("{}>", names::tiles_prefix(farm))],
+        max_messages_per_subject: 1,
+        storage: StorageType::File,
+        discard: DiscardPolicy::New,
+        num_replicas: 1,
+        deny_delete: true,
+        allow_direct: true,
+        ..stream::Config::default()
+    };
+    let stream = match context.get_stream(&name).await {
+        Ok(stream) => stream,
+        Err(error) if !may_make => return Err(keep(error.to_string())),
+        Err(_) => {
+            context.create_stream(wanted.clone()).await.map_err(|error| keep(error.to_string()))?;
+            context.get_stream(&name).await.map_err(|error| keep(error.to_string()))?
+        }
+    };
+    let got = &stream.cached_info().config;
+    let same = [
+        ("subjects", got.subjects == wanted.subjects),
+        ("history", got.max_messages_per_subject == wanted.max_messages_per_subject),
+        ("storage", got.storage == wanted.storage),
+        ("direct reads", got.allow_direct),
+        ("age", got.max_age.is_zero() && got.max_bytes <= 0 && got.max_messages <= 0),
+    ];
+    match same.iter().find(|(_, same)| !same) {
+        None => Ok(stream),
+        Some((other, _)) => Err(keep(format!("its stream {name} has another {other} than was asked for"))),
+    }
+}
+
+impl NatsTiles {
+    pub(super) fn new(context: Context, stream: Stream, farm: &str, handle: Handle) -> Self {
+        Self { context, stream, prefix: names::tiles_prefix(farm), handle }
+    }
+
+    fn subject(&self, name: &str, part: usize) -> String {
+        format!("{}{}.{part}", self.prefix, names::key(&Key::from(name.to_owned())))
+    }
+
+    /// Keeps a tile.
+    ///
+    /// # Errors
+    /// The server does not take it.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
+        let (first, rest) = bytes.split_at(bytes.len().min(PART_BYTES - HEAD_BYTES));
+        let head = [&(bytes.len() as u64).to_le_bytes()[..], first].concat();
+        self.handle.block_on(async {
+            let rest: Vec<(usize, &[u8])> = (1..).zip(rest.chunks(PART_BYTES)).collect();
+            for parts in rest.chunks(UNDER_WAY_MAX) {
+                let mut under_way = Vec::new();
+                for (part, bytes) in parts {
+                    under_way.push(self.publish(name, *part, bytes.to_vec()).await?);
+                }
+                for part in under_way {
+                    part.await.map_err(|error| BlobError::passing(name, &error))?;
+                }
+            }
+            let written = self.publish(name, 0, head).await?;
+            written.await.map(drop).map_err(|error| BlobError::passing(name, &error))
+        })
+    }
+
+    async fn publish(&self, name: &str, part: usize, bytes: Vec<u8>) -> Result<PublishAckFuture, BlobError> {
+        let written = self.context.publish(self.subject(name, part), bytes.into()).await;
+        written.map_err(|error| BlobError::passing(name, &error))
+    }
+
+    /// Reads a tile; `None`: there is none of this name.
+    ///
+    /// - `bytes_max`: larger ones are refused.
+    ///
+    /// # Errors
+    /// The server does not give it, or not all of it.
+    pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
+        let wrong = |reason: String| BlobError { name: name.to_owned(), reason, is_lasting: true };
+        self.handle.block_on(async {
+            let Some(first) = self.part(name, 0).await? else { return Ok(None) };
+            let Some((head, first)) = first.split_first_chunk::<HEAD_BYTES>() else {
+                return Err(wrong("it is no tile".to_owned()));
+            };
+            let count = usize::try_from(u64::from_le_bytes(*head)).unwrap_or(usize::MAX);
+            if count > bytes_max {
+                return Err(wrong(format!("it has {count} bytes, more than {bytes_max}")));
+            }
+            // It grows with what comes: whoever wrote it is not believed.
+            let mut bytes = first.to_vec();
+            let last = count.saturating_sub(first.len()).div_ceil(PART_BYTES);
+            for begin in (1..=last).step_by(UNDER_WAY_MAX) {
+                let parts = begin..=last.min(begin + UNDER_WAY_MAX - 1);
+                let asked = parts.map(|part| {
+                    let (tiles, name) = (self.clone(), name.to_owned());
+                    tokio::spawn(async move { tiles.part(&name, part).await })
+                });
+                for part in asked.collect::<Vec<_>>() {
+                    let part = part.await.map_err(|error| BlobError::passing(name, &error))??;
+                    bytes.extend_from_slice(&part.ok_or_else(|| wrong("a part of it is missing".to_owned()))?);
+                }
+            }
+            if bytes.len() != count {
+                return Err(wrong(format!("it has {} bytes, and should have {count}", bytes.len())));
+            }
+            Ok(Some(bytes))
+        })
+    }
+
+    async fn part(&self, name: &str, part: usize) -> Result<Option<Bytes>, BlobError> {
+        match self.stream.direct_get_last_for_subject(self.subject(name, part)).await {
+            Ok(message) => Ok(Some(message.payload)),
+            Err(error) if error.kind() == DirectGetErrorKind::NotFound => Ok(None),
+            Err(error) => Err(BlobError::passing(name, &error)),
+        }
+    }
+
+    /// The first words of the names of all tiles that there are.
+    pub fn folders(&self) -> Vec<String> {
+        let mut folders = Vec::new();
+        self.handle.block_on(async {
+            let Ok(mut subjects) = self.stream.info_with_subjects(format!("{}>", self.prefix)).await else { return };
+            while let Some(Ok((subject, _))) = subjects.next().await {
+                let token = subject.strip_prefix(&self.prefix).and_then(|rest| rest.split('.').next());
+                folders.extend(token.and_then(names::name));
+            }
+        });
+        folders.sort_unstable();
+        folders.dedup();
+        folders
+    }
+
+    /// Lets all tiles go whose names begin with this word and a stroke.
+    pub fn forget(&self, folder: &str) {
+        let subjects = format!("{}{}.>", self.prefix, names::token(folder));
+        let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });
+        if let Err(error) = purged {
+            tracing::warn!(%error, folder, "tiles were not let go");
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! An engine that paints nothing, and takes its time for it.
+
+use std::{
+    sync::{Mutex, PoisonError, mpsc},
+    thread,
+    time::Duration,
+};
+
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneTask};
+use bottega_farm::JobSettings;
+use bottega_image::{AovSet, Layout, Rect, SampleValues, Tile};
+
+/// Samples a pixel: the first one is the profile.
+const SAMPLES: u32 = 16;
+/// Pixels along a side of a zone.
+const ZONE_SIDE: u32 = 8;
+
+type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+
+/// One processor that waits instead of painting. All samples are the same.
+pub(super) struct IdleEngine {
+    tasks: Mutex<mpsc::Sender<(ZoneTask, Done)>>,
+}
+
+impl IdleEngine {
+    /// - `zone_time`: for all samples of a zone, on the average.
+    ///
+    /// # Errors
+    /// The operating system gives no thread.
+    pub(super) fn new(zone_time: Duration) -> std::io::Result<Self> {
+        let (tasks, given) = mpsc::channel::<(ZoneTask, Done)>();
+        // It ends when nobody can give it anything any more.
+        thread::Builder::new().name("engine".to_owned()).spawn(move || {
+            for (task, done) in given {
+                let time = time_of(&task, zone_time);
+                thread::sleep(time);
+                done(Ok(paint(task, time)));
+            }
+        })?;
+        Ok(Self { tasks: Mutex::new(tasks) })
+    }
+}
+
+/// A picture of about so many zones, which cost alike.
+pub(super) fn settings(zones: u32) -> JobSettings {
+    let side = (f64::from(zones).sqrt().ceil() as u32).max(1) * ZONE_SIDE;
+    let settings = JobSettings::new(side, side, SAMPLES, tunables(), Layout::new(AovSet::NONE));
+    JobSettings { zones: Some(zones), processors: 1, ..settings }
+}
+
+fn tunables() -> Tunables {
+    Tunables { max_depth: 1, light_samples: 1 }
+}
+
+/// How long the samples of a task take: half of the mean to one and a half of it, by the place of the zone.
+fn time_of(task: &ZoneTask, zone_time: Duration) -> Duration {
+    let Rect { x0, y0, .. } = task.rect;
+    let hash = x0.wrapping_mul(0x9e37_79b9) ^ y0.wrapping_mul(0x85eb_ca6b);
+    let hash = (hash ^ (hash >> 15)).wrapping_mul(0x2c1b_3c6d);
+    let weight = 0.5 + f64::from(hash >> 8) / f64::from(1 << 24);
+    zone_time.mul_f64(weight * f64::from(task.samples.end - task.samples.start) / f64::from(SAMPLES))
+}
+
+fn paint(task: ZoneTask, busy: Duration) -> Painted {
+    if task.cancel.is_cancelled() {
+        let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, Layout::new(AovSet::NONE)));
+        return Painted { tile, busy, parts: Vec::new(), complete: false };
+    }
+    let mut tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, Layout::new(AovSet::NONE)));
+    let values = SampleValues { radiance: [0.5; 3], alpha: 1.0, ..SampleValues::default() };
+    for (x, y) in task.rect.pixels() {
+        task.samples.clone().for_each(|_| tile.add(x, y, &values));
+    }
+    task.progress.add(task.rect.area() * u64::from(task.samples.end - task.samples.start));
+    Painted { tile, busy, parts: Vec::new(), complete: true }
+}
+
+impl RenderEngine for IdleEngine {
+    fn describe(&self) -> EngineDescription {
+        EngineDescription {
+            name: "idle".to_owned(),
+            has_max_depth: false,
+            has_light_samples: false,
+            resumes_samples: true,
+            exact_by_pixel: true,
+        }
+    }
+
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
+        let pixel = SurveyPixel { steps: 30.0, path_length: 2.0, ..SurveyPixel::default() };
+        Ok(Survey { width, height, pixels: vec![pixel; width as usize * height as usize] })
+    }
+
+    fn start(&self, task: ZoneTask, done: Done) {
+        // The thread lives as long as somebody can ask it.
+        _ = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).send((task, done));
+    }
+}

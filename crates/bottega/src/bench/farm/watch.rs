@@ -1,0 +1,117 @@
+//! What is seen of the awards: when they were made, and what agents waited for them.
+
+use std::{
+    collections::{BTreeSet, VecDeque},
+    sync::{Mutex, MutexGuard, PoisonError},
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+
+use bottega_agents::{Performative, Revision, Time};
+use bottega_farm::{FarmContent, FarmMessage, Observer, ZoneRow, ZoneState};
+use serde::{Deserialize, Serialize};
+
+/// An award that an agent has got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Wait {
+    /// When it had it, in microseconds since 1970: the processes of a bench have one clock.
+    pub(super) at: u64,
+    /// Since it had said that it had painted a zone, in microseconds.
+    pub(super) took: u64,
+}
+
+/// Sees one agent wait for awards.
+#[derive(Default)]
+pub(super) struct AgentWatch(Mutex<Waits>);
+
+#[derive(Default)]
+struct Waits {
+    /// When it had room for another zone.
+    rooms: VecDeque<Time>,
+    /// The orders that it has reported.
+    reported: BTreeSet<Revision>,
+    waits: Vec<Wait>,
+}
+
+impl AgentWatch {
+    fn lock(&self) -> MutexGuard<'_, Waits> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it has seen.
+    pub(super) fn take(&self) -> Vec<Wait> {
+        std::mem::take(&mut self.lock().waits)
+    }
+}
+
+impl Observer for AgentWatch {
+    fn message(&self, now: Time, message: &FarmMessage) {
+        let FarmContent::Report(report) = &message.content else { return };
+        // A profile is one sample.
+        if report.outcome.as_ref().is_ok_and(|painting| painting.result.samples == painting.choice.samples) {
+            let mut waits = self.lock();
+            // It is repeated until it is answered.
+            if waits.reported.insert(report.fence) {
+                waits.rooms.push_back(now);
+            }
+        }
+    }
+
+    fn heard(&self, now: Time, message: &FarmMessage) {
+        if message.performative != Performative::AcceptProposal {
+            return;
+        }
+        let mut waits = self.lock();
+        // The first ones come before anything is painted.
+        if let Some(since) = waits.rooms.pop_front() {
+            waits.waits.push(Wait { at: unix_micros(), took: micros(now - since) });
+        }
+    }
+}
+
+/// Sees what the Master reads on the blackboard, and its own agent.
+#[derive(Default)]
+pub(super) struct MasterWatch {
+    pub(super) agent: AgentWatch,
+    awards: Mutex<Vec<u64>>,
+    profiles: Mutex<Vec<u64>>,
+}
+
+impl MasterWatch {
+    /// When awards were on the blackboard, in microseconds since 1970.
+    pub(super) fn awards(&self) -> Vec<u64> {
+        self.awards.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The same of profiles.
+    pub(super) fn profiles(&self) -> Vec<u64> {
+        self.profiles.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Observer for MasterWatch {
+    fn zone_changed(&self, row: &ZoneRow) {
+        let times = match row.state {
+            ZoneState::Awarded => &self.awards,
+            ZoneState::Profiled => &self.profiles,
+            _ => return,
+        };
+        times.lock().unwrap_or_else(PoisonError::into_inner).push(unix_micros());
+    }
+
+    fn message(&self, now: Time, message: &FarmMessage) {
+        self.agent.message(now, message);
+    }
+
+    fn heard(&self, now: Time, message: &FarmMessage) {
+        self.agent.heard(now, message);
+    }
+}
+
+fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
+}
+
+pub(super) fn unix_micros() -> u64 {
+    // A clock that stands before 1970 has been set by nobody.
+    micros(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
+}

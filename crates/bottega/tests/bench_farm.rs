@@ -1,0 +1,69 @@
+//! The bench of a farm, small: its figures make sense, whatever they are on this machine.
+//!
+//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the test says that it is skipped.
+
+mod support;
+
+use std::{env, path::PathBuf};
+
+use serde_json::Value;
+use support::{run, succeed, text};
+
+fn servers() -> Vec<PathBuf> {
+    let named = env::var_os("BOTTEGA_NATS_SERVERS");
+    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
+    let places = env::var_os("PATH").unwrap_or_default();
+    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
+    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
+    let found = if named.is_empty() { system.into_iter().collect() } else { named };
+    if found.is_empty() {
+        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
+    }
+    found
+}
+
+fn number(value: &Value, field: &str) -> f64 {
+    value[field].as_f64().unwrap_or_else(|| panic!("no number `{field}` in {value}"))
+}
+
+#[test]
+fn agents_in_several_processes_are_awarded_each_zone_and_paint_it_once() {
+    for server in servers() {
+        let arguments = ["--agents", "20", "--zones", "200", "--zone-time", "30ms", "--processes", "2", "--json"];
+        // It fails where a pixel is not painted, or not once.
+        let told = succeed(&[&["bench", "farm", "--server", text(&server)], &arguments[..]].concat());
+        let told: Value = serde_json::from_str(&told).expect("one JSON object");
+        assert_eq!((number(&told, "agents"), number(&told, "processes")), (20.0, 3.0));
+        let zones = number(&told, "zones");
+        assert!((100.0..=400.0).contains(&zones), "{told}");
+        // One that was taken back or taken over is awarded again.
+        assert!((zones..2.0 * zones).contains(&number(&told, "awards")), "{told}");
+        let wanted = number(&told, "wanted_per_second");
+        assert!((wanted - 20.0 / 0.03).abs() < 1e-6, "{told}");
+        // Nobody paints faster than time goes by: 1.5 for the zones that happen to be cheap.
+        assert!((1.0..1.5 * wanted).contains(&number(&told, "awards_per_second")), "{told}");
+        let wait = &told["award_wait_ms"];
+        let [median, p99, longest] = ["p50", "p99", "max"].map(|it| number(wait, it));
+        assert!(0.0 < median && median <= p99 && p99 <= longest, "{told}");
+        assert!(longest < 1e3 * number(&told, "seconds"), "{told}");
+        assert!(number(wait, "count") <= number(&told, "awards"), "{told}");
+        assert!(number(&told, "messages_per_zone") > 20.0, "{told}");
+        assert!(number(&told, "bytes_per_zone") > 1000.0, "{told}");
+    }
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused_with_a_reason() {
+    for (arguments, code, reason) in [
+        (vec!["--agents", "0"], 2, "--agents"),
+        (vec!["--zone-time", "soon"], 2, "--zone-time"),
+        (vec!["--server", "/nowhere/nats-server"], 1, "/nowhere/nats-server"),
+        (vec!["--farm", "nowhere"], 2, "--farm"),
+        (vec!["--share", "1:2:3"], 2, "no farm is named"),
+    ] {
+        let output = run(&[&["bench", "farm"], &arguments[..]].concat());
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+        assert!(told.contains(reason), "{arguments:?}: {told}");
+    }
+}
