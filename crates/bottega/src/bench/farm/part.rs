@@ -94,7 +94,7 @@ fn no_thread(error: io::Error) -> CliError {
 pub(super) struct Part {
     child: Child,
     /// While it is open the process lives.
-    _input: Option<ChildStdin>,
+    input: Option<ChildStdin>,
     output: BufReader<ChildStdout>,
 }
 
@@ -112,7 +112,7 @@ impl Part {
         let mut child = command.spawn().map_err(wrong)?;
         let (input, output) = (child.stdin.take(), child.stdout.take());
         let output = output.ok_or_else(|| wrong(io::Error::other("it has no output")))?;
-        Ok(Self { child, _input: input, output: BufReader::new(output) })
+        Ok(Self { child, input, output: BufReader::new(output) })
     }
 
     /// Waits until all its agents are linked.
@@ -120,8 +120,9 @@ impl Part {
         (self.hear()?.trim() == READY).then_some(()).ok_or_else(ended)
     }
 
-    /// What it has seen, when its agents were let go.
+    /// What it has seen, now that the work is done. An agent that the Master has not come to know is let go by this too.
     pub(super) fn told(&mut self) -> Result<Told, CliError> {
+        self.input = None;
         serde_json::from_str(&self.hear()?).map_err(|_| ended())
     }
 
