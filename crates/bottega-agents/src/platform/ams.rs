@@ -7,14 +7,16 @@ use std::{
 
 use super::{
     LifeCycleState, ONTOLOGY,
+    ams_pages::{AGENT, Entry, NODE},
     management::{
         AmsAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome,
         PlatformDescription, RefuseReason, ServiceEntry,
     },
-    ontology::{AMS_DESCRIPTION, Object, ams_description, read_ams_description},
-    service::{Change, Functions, NoResult, Said, Step, Todo, by_request, name_of_request, written_by},
+    ontology::AMS_DESCRIPTION,
+    service::{Change, Functions, NoResult, Said, Step, Todo},
+    signature::name_of_request,
 };
-use crate::{AclMessage, AgentId, Key, Performative, Revision, Time, sl, sl::Term};
+use crate::{AclMessage, AgentId, Key, Performative, Revision, Time};
 
 /// The most agents of a platform.
 pub const AGENTS_MAX: usize = 1 << 16;
@@ -26,54 +28,6 @@ pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 
 /// When what was not written is tried again.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
-
-const AGENT: &str = "ams/agent/";
-const NODE: &str = "ams/node/";
-/// The parameter of an entry that says how an agent shall end.
-const ENDING: &str = ":X-ending";
-
-/// An agent as it stands in the store.
-#[derive(Clone, Debug, PartialEq)]
-struct Entry {
-    description: AmsAgentDescription,
-    /// It is asked to end, or must: then it counts as gone.
-    ending: Option<LifeCycleRequest>,
-    /// The request that it was entered by.
-    by: Option<String>,
-}
-
-impl Entry {
-    fn of(description: AmsAgentDescription) -> Self {
-        Self { description, ending: None, by: None }
-    }
-
-    fn print(&self) -> String {
-        let mut term = by_request(ams_description(&self.description), self.by.as_deref());
-        if let (Term::List(terms), Some(ending)) = (&mut term, self.ending) {
-            terms.extend([Term::Bare(ENDING.to_owned()), Term::text(ending.word())]);
-        }
-        sl::print_term(&term)
-    }
-
-    /// What others wrote into the store: what cannot be read is passed over.
-    fn parse(text: &str) -> Option<Self> {
-        let term = sl::parse_term(text).ok()?;
-        let description = read_ams_description(&term).ok()?;
-        description.name.as_ref()?;
-        let object = Object::read(AMS_DESCRIPTION, &term).ok()?;
-        let ending = object.text("X-ending").ok()?;
-        let ending = ending.and_then(|word| LifeCycleRequest::ALL.into_iter().find(|request| request.word() == word));
-        Some(Self { description, ending, by: written_by(AMS_DESCRIPTION, &term) })
-    }
-
-    fn is_gone(&self) -> bool {
-        self.ending == Some(LifeCycleRequest::Destroy)
-    }
-
-    fn state(&self) -> LifeCycleState {
-        self.description.state.unwrap_or(LifeCycleState::Active)
-    }
-}
 
 /// Who an AMS is, and of what.
 #[derive(Clone, Debug)]
@@ -463,39 +417,5 @@ impl Ams {
     /// The entry by which a process is known; without it nobody is sent there any more.
     pub fn node_key(address: &str) -> String {
         format!("{NODE}{address}")
-    }
-}
-
-/// What an entry of the white pages says, for those who find ways by them.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AmsPages<'a> {
-    /// Of an agent.
-    Agent {
-        /// Its name in small letters.
-        name: &'a str,
-        /// Where it lives; `None`: it is gone.
-        agent: Option<AgentId>,
-    },
-    /// Of a process that serves the platform.
-    Node {
-        /// Where it can be reached.
-        address: &'a str,
-        /// Whether it serves.
-        present: bool,
-    },
-}
-
-impl<'a> AmsPages<'a> {
-    /// How the names of the entries begin.
-    pub const PREFIX: &'static str = "ams/";
-
-    /// Reads an entry; `None`: it says nothing of this kind.
-    pub fn read(key: &'a str, text: &str) -> Option<Self> {
-        if let Some(name) = key.strip_prefix(AGENT) {
-            let entry = Entry::parse(text).filter(|entry| !entry.is_gone());
-            return Some(Self::Agent { name, agent: entry.and_then(|entry| entry.description.name) });
-        }
-        let address = key.strip_prefix(NODE)?;
-        Some(Self::Node { address, present: !text.is_empty() })
     }
 }

@@ -6,15 +6,18 @@
 //! is a failure; else the answer is an inform (FIPA00023). What they know is in the store: see [`Service`].
 
 mod ams;
+mod ams_pages;
 mod df;
 mod life_cycle;
 mod management;
 mod ontology;
 mod service;
+mod signature;
 mod standard_agent;
 mod start;
 
-pub use ams::{AGENTS_MAX, Ams, AmsConfig, AmsPages, HTTP_TRANSPORT, NODES_MAX};
+pub use ams::{AGENTS_MAX, Ams, AmsConfig, HTTP_TRANSPORT, NODES_MAX};
+pub use ams_pages::AmsPages;
 pub use df::{DESCRIPTIONS_MAX, Df, DfConfig, RESULTS_MAX};
 pub use life_cycle::{LifeCycleState, Transition};
 pub use management::{

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::{
     management::{FailureReason, Function, Outcome, RefuseReason, ServiceEntry},
     ontology::{SERVICE_ENTRY, read_service_entry, service_entry},
-    service::{Change, Functions, NoResult, Said, Step, Todo, name_of_request, signed, written_by},
+    service::{Change, Functions, NoResult, Said, Step, Todo},
+    signature::{name_of_request, signed, written_by},
 };
 use crate::{Revision, Time, sl};
 

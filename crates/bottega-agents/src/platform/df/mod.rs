@@ -1,6 +1,7 @@
 //! The Directory Facilitator: yellow pages with leases (FIPA00023).
 
 mod federation;
+mod subscription;
 mod subscriptions;
 
 use std::{
@@ -16,7 +17,8 @@ use super::{
         DfAgentDescription, FailureReason, Function, ManagementContent, Outcome, RefuseReason, SearchConstraints,
     },
     ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
-    service::{Change, Functions, NoResult, Said, Step, Todo, name_of_request, signed, written_by},
+    service::{Change, Functions, NoResult, Said, Step, Todo},
+    signature::{name_of_request, signed, written_by},
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 

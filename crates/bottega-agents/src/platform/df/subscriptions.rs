@@ -11,30 +11,17 @@ use std::{collections::BTreeMap, time::Duration};
 use super::{
     super::{
         ONTOLOGY,
-        management::{DfAgentDescription, Function, ManagementContent, NotUnderstoodReason, SearchConstraints},
+        management::{DfAgentDescription, Function, ManagementContent, NotUnderstoodReason},
         ontology::{Object, agent_term, print_content, read_agent, read_content},
         service::{Change, Said, Todo},
     },
-    Entry, RESULTS_MAX, index, is_for,
+    Entry, index, is_for,
+    subscription::{Lost, News, PATIENCE, Standing, Subscription, TRY_AGAIN_AFTER, Wish},
 };
 use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wire::Calendar};
 
 /// The most subscriptions at a time.
 const SUBSCRIPTIONS_MAX: usize = 4096;
-/// The most news that wait to be told to one subscriber; the oldest are dropped.
-const NEWS_MAX: usize = 1024;
-/// What was told is sure when in this time nobody has said that it did not arrive: longer than a message may take.
-const SURE_AFTER: Duration = Duration::from_secs(30);
-/// Who was told something of which nobody says for so long that it did not arrive has been reached.
-const REACHED_AFTER: Duration = Duration::from_secs(15);
-/// What nobody has told for so long, another process tells.
-const TELL_WITHIN: Duration = Duration::from_secs(3);
-/// What was told and is not sure for so long, another process tells again: when the first would have lost its patience.
-const SURE_WITHIN: Duration = Duration::from_secs(120);
-/// When one is told again who could not be reached.
-const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
-/// Who cannot be reached for so long is forgotten.
-const PATIENCE: Duration = Duration::from_secs(60);
 /// How often a subscription is tried to be entered that others have entered meanwhile.
 const TRIES_MAX: u32 = 3;
 /// The mark of changes of which nobody needs to hear.
@@ -43,57 +30,12 @@ pub(super) const NO_MARK: u64 = 0;
 const PREFIX: &str = "df/subscription/";
 const OBJECT: &str = "subscription";
 
-type Wish = (DfAgentDescription, SearchConstraints);
-
 /// What a directory knows of its entries.
 pub(super) struct Pages<'a> {
     /// By name in small letters.
     pub(super) entries: &'a BTreeMap<String, Entry>,
     /// What was taken out, and by which write.
     pub(super) gone: &'a BTreeMap<String, Revision>,
-}
-
-/// A subscription as it stands in the store.
-#[derive(Clone, Debug)]
-struct Standing {
-    /// The message that began it, of which the answers are made.
-    message: Said,
-    wish: Wish,
-    /// Who tells the subscriber.
-    teller: String,
-    /// The newest revision when it began: what was gone by then is none of its business.
-    begun: Revision,
-    /// Up to which revision the subscriber was told, as far as is sure.
-    sure: Revision,
-    /// Up to which it was told.
-    told: Revision,
-}
-
-#[derive(Clone, Debug)]
-struct News {
-    revision: Revision,
-    offer: DfAgentDescription,
-    /// Since when this process knows it.
-    since: Time,
-    /// When this process told it, and in the message of which number.
-    said: Option<(Time, u64)>,
-}
-
-/// A subscriber that cannot be reached.
-#[derive(Clone, Copy, Debug)]
-struct Lost {
-    since: Time,
-    again: Time,
-}
-
-#[derive(Clone, Debug)]
-struct Subscription {
-    standing: Standing,
-    /// What is not sure, one for each agent, in order of revision.
-    news: Vec<News>,
-    lost: Option<Lost>,
-    /// A change of its entry is under way.
-    is_written: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -422,78 +364,5 @@ impl Subscriptions {
             sure: Revision(number("sure")?),
             told: Revision(number("told")?),
         })
-    }
-}
-
-impl Subscription {
-    /// Adds what is the newest, in place of what was new of the same agent.
-    fn add(&mut self, news: News) {
-        let name = news.offer.name.as_ref().map(index);
-        self.news.retain(|other| other.offer.name.as_ref().map(index) != name);
-        self.news.push(news);
-        if self.news.len() > NEWS_MAX {
-            self.news.remove(0);
-        }
-    }
-
-    /// Tells what was not told yet.
-    fn tell(&mut self, now: Time, me: &AgentId, next_number: &mut u64, todo: &mut Todo) {
-        if self.lost.is_some_and(|lost| now < lost.again) {
-            return;
-        }
-        let Standing { message, wish, .. } = &self.standing;
-        let mut unsaid: Vec<&mut News> = self.news.iter_mut().filter(|news| news.said.is_none()).collect();
-        // Who wants all gets all, in as many messages as it takes.
-        let is_all = wish.1.max_results.is_some_and(|most| most < 0);
-        let most = if is_all { unsaid.len() } else { wish.1.results_max(RESULTS_MAX) };
-        for (index, news) in unsaid.iter_mut().enumerate() {
-            news.said = Some((now, *next_number + (index / RESULTS_MAX) as u64));
-        }
-        for news in unsaid[..most.min(unsaid.len())].chunks(RESULTS_MAX) {
-            let offers = news.iter().map(|news| news.offer.clone()).collect();
-            let content = ManagementContent::News(wish.0.clone(), wish.1.clone(), offers);
-            let inform = message.reply(Performative::Inform, me.clone(), content);
-            // By this number it is told if it does not arrive.
-            todo.send.push(Said { reply_with: *next_number, ..inform });
-            *next_number += 1;
-        }
-    }
-
-    /// It can be reached, if something that it was told lately has not come back.
-    fn note_if_reached(&mut self, now: Time) {
-        if self.news.iter().any(|news| news.said.is_some_and(|(said, _)| said + REACHED_AFTER <= now)) {
-            self.lost = None;
-        }
-    }
-
-    /// How it stands now, if that is not what the store has.
-    fn moved(&self, now: Time) -> Option<Standing> {
-        let is_sure = |news: &News| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
-        let last = |news: Option<&News>, known: Revision| news.map_or(known, |news| news.revision.max(known));
-        let sure = last(self.news.iter().take_while(|news| is_sure(news)).last(), self.standing.sure);
-        let told = last(self.news.iter().take_while(|news| news.said.is_some()).last(), self.standing.told);
-        if self.is_written || (sure, told) == (self.standing.sure, self.standing.told) {
-            return None;
-        }
-        Some(Standing { sure, told, ..self.standing.clone() })
-    }
-
-    /// When another process shall tell.
-    fn take_over_at(&self) -> Option<Time> {
-        let at = |news: &News| news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN };
-        self.news.iter().map(at).min()
-    }
-
-    /// When there is something to do for the process of this name.
-    fn next_deadline(&self, teller: &str) -> Option<Time> {
-        if self.standing.teller != teller {
-            return self.take_over_at().filter(|_| !self.is_written);
-        }
-        let unsaid = self.news.iter().any(|news| news.said.is_none());
-        let tell = self.lost.filter(|_| unsaid).map(|lost| lost.again);
-        let forget = self.lost.map(|lost| lost.since + PATIENCE);
-        let first = self.news.first().filter(|_| !self.is_written);
-        let sure = first.and_then(|news| news.said).map(|(said, _)| said + SURE_AFTER);
-        [tell, forget, sure].into_iter().flatten().min()
     }
 }

@@ -1,123 +1,21 @@
 //! The platform's services, spoken to by messages as agents do.
 
-use std::{collections::VecDeque, time::Duration};
+mod desk;
+mod faults;
+
+use std::time::Duration;
 
 use bottega_agents::{
-    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine,
-    StoreRequest, Ticket, Time,
+    AclMessage, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine, StoreRequest,
+    Ticket, Time,
     platform::{
         Ams, AmsAgentDescription, AmsConfig, Df, DfAgentDescription, DfConfig, FailureReason, Function, Functions,
         LifeCycleRequest, LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, RefuseReason,
         SearchConstraints, Service, ServiceDescription, ServiceEntry, StandardAgent, StartService,
     },
-    store::{Addressed, MemoryStore},
     wire::Calendar,
 };
-
-type Vocabulary<F> = Service<F, M, String, (), ()>;
-
-fn id(name: &str) -> AgentId {
-    AgentId::new(name)
-}
-
-/// A service over a store in memory.
-struct Desk<F> {
-    service: Vocabulary<F>,
-    store: MemoryStore<String, ()>,
-    /// The last conversation.
-    conversation: u64,
-}
-
-impl<F: Functions> Desk<F> {
-    fn new(name: &str, functions: F) -> Self {
-        Self::over(name, functions, MemoryStore::default())
-    }
-
-    fn over(name: &str, functions: F, store: MemoryStore<String, ()>) -> Self {
-        let mut desk = Self { service: Service::new(id(name), functions), store, conversation: 0 };
-        desk.store.forget(&());
-        desk.handle(Time::ZERO, Event::Start);
-        desk
-    }
-
-    /// Lets the service take an event and the store answer until it has nothing to ask any more.
-    fn handle(&mut self, now: Time, event: Event<M, String, ()>) -> Vec<AclMessage<M>> {
-        let (mut said, mut events) = (Vec::new(), VecDeque::from([event]));
-        while let Some(event) = events.pop_front() {
-            let mut actions = Vec::new();
-            self.service.handle(now, event, &mut actions);
-            for action in actions {
-                match action {
-                    Action::Send(message) => said.push(message),
-                    Action::Store { ticket, request } => {
-                        let mut replies = Vec::new();
-                        self.store.handle((), ticket, request, &mut replies);
-                        events.extend(
-                            replies.into_iter().map(|Addressed { ticket, reply, .. }| Event::Store { ticket, reply }),
-                        );
-                    }
-                    Action::WatchPresence => {}
-                    other => panic!("{other:?}"),
-                }
-            }
-        }
-        said
-    }
-
-    fn functions(&self) -> &F {
-        self.service.functions()
-    }
-
-    fn next_deadline(&self) -> Option<Time> {
-        self.service.next_deadline()
-    }
-}
-
-/// Says something to a service and returns all that it says.
-fn say<F: Functions>(
-    service: &mut Desk<F>,
-    now: Time,
-    from: &str,
-    performative: Performative,
-    content: M,
-) -> Vec<AclMessage<M>> {
-    service.conversation += 1;
-    let message = AclMessage {
-        conversation_id: service.conversation,
-        reply_with: 5,
-        ..AclMessage::new(performative, id(from), id("service"), content)
-    };
-    service.handle(now, Event::Message(message))
-}
-
-/// Requests a function; returns the performative and the content of the answer.
-fn ask<F: Functions>(service: &mut Desk<F>, now: Time, from: &str, function: Function) -> (Performative, M) {
-    let answer = say(service, now, from, Performative::Request, M::Action(function)).pop().unwrap();
-    assert_eq!((answer.conversation_id, answer.in_reply_to), (service.conversation, 5));
-    assert_eq!(answer.receivers, [id(from)]);
-    (answer.performative, answer.content)
-}
-
-fn outcome<F: Functions>(service: &mut Desk<F>, now: Time, from: &str, function: Function) -> Outcome {
-    match ask(service, now, from, function) {
-        (Performative::Inform, M::Done(_, outcome)) => outcome,
-        other => panic!("{other:?}"),
-    }
-}
-
-fn refusal<F: Functions>(service: &mut Desk<F>, from: &str, function: Function) -> RefuseReason {
-    match ask(service, Time::ZERO, from, function) {
-        (Performative::Refuse, M::Refused(_, reason)) => reason,
-        other => panic!("{other:?}"),
-    }
-}
-
-fn failure<F: Functions>(service: &mut Desk<F>, from: &str, function: Function) -> FailureReason {
-    match ask(service, Time::ZERO, from, function) {
-        (Performative::Failure, M::Failed(_, reason)) => reason,
-        other => panic!("{other:?}"),
-    }
-}
+use desk::{Desk, Vocabulary, ask, failure, id, outcome, refusal, say};
 
 fn agent(name: &str, state: Option<LifeCycleState>) -> AmsAgentDescription {
     AmsAgentDescription { name: Some(id(name)), ownership: None, state }
