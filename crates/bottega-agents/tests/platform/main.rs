@@ -9,13 +9,13 @@ use bottega_agents::{
     AclMessage, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine, StoreRequest,
     Ticket, Time,
     platform::{
-        Ams, AmsAgentDescription, AmsConfig, Df, DfAgentDescription, DfConfig, FailureReason, Function, Functions,
+        Ams, AmsAgentDescription, AmsConfig, Df, DfAgentDescription, DfConfig, FailureReason, Function,
         LifeCycleRequest, LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, RefuseReason,
         SearchConstraints, Service, ServiceDescription, ServiceEntry, StandardAgent, StartService,
     },
     wire::Calendar,
 };
-use desk::{Desk, Vocabulary, ask, failure, id, outcome, refusal, say};
+use desk::{Desk, Vocabulary, failure, id, outcome, refusal, say};
 
 fn agent(name: &str, state: Option<LifeCycleState>) -> AmsAgentDescription {
     AmsAgentDescription { name: Some(id(name)), ownership: None, state }
