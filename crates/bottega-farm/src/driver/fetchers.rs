@@ -97,7 +97,12 @@ mod tests {
     fn many_jobs_are_done_by_few_threads_and_one_that_waits_holds_up_nobody() {
         let fetchers = Fetchers::default();
         let (release, wait) = mpsc::channel::<()>();
-        fetchers.begin(move || drop(wait.recv())).unwrap();
+        fetchers
+            .begin(move || {
+                // It ends when the other end is dropped.
+                _ = wait.recv();
+            })
+            .unwrap();
         let (done, is_done) = mpsc::channel();
         for i in 0..1000 {
             let done = done.clone();

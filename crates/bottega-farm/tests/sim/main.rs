@@ -177,25 +177,25 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   521.123] master -> agent-0  confirm #10
         [   523.123] master -> agent-0  accept-proposal #23
         [   725.992] agent-1 -> master  inform #13
-        [   726.992] master -> agent-1  cfp #28
-        [   727.992] agent-1 -> master  propose #28
+        [   726.992] master -> agent-1  cfp #27
+        [   727.992] agent-1 -> master  propose #27
         [   728.992] master -> agent-1  confirm #13
-        [   730.992] master -> agent-1  accept-proposal #28
+        [   730.992] master -> agent-1  accept-proposal #27
         [   833.332] agent-0 -> master  inform #16
-        [   834.332] master -> agent-0  cfp #33
-        [   835.332] agent-0 -> master  propose #33
+        [   834.332] master -> agent-0  cfp #31
+        [   835.332] agent-0 -> master  propose #31
         [   836.332] master -> agent-0  confirm #16
-        [   838.332] master -> agent-0  accept-proposal #33
+        [   838.332] master -> agent-0  accept-proposal #31
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
         [  1160.686] agent-1 -> master  inform #20
         [  1163.686] master -> agent-1  confirm #20
         [  1166.937] agent-0 -> master  inform #23
         [  1169.937] master -> agent-0  confirm #23
-        [  1435.503] agent-1 -> master  inform #28
-        [  1438.503] master -> agent-1  confirm #28
-        [  1462.512] agent-0 -> master  inform #33
-        [  1465.512] master -> agent-0  confirm #33
+        [  1435.503] agent-1 -> master  inform #27
+        [  1438.503] master -> agent-1  confirm #27
+        [  1462.512] agent-0 -> master  inform #31
+        [  1465.512] master -> agent-0  confirm #31
         [  1465.512] master stops"#]]
     .assert_eq(&trace);
 }
