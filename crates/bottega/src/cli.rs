@@ -375,7 +375,7 @@ pub(crate) enum BenchCommand {
     /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
     Peers(PeersArgs),
     /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
-    Farm(FarmBenchArgs),
+    Farm(Box<FarmBenchArgs>),
     /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
     Magarro(MagarroArgs),
 }

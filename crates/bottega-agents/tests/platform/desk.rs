@@ -49,7 +49,7 @@ impl<F: Functions> Desk<F> {
                 match action {
                     Action::Send(message) => said.push(message),
                     Action::Store { request: StoreRequest::CompareAndSet { .. }, .. } if self.deaf > 0 => {
-                        self.deaf -= 1
+                        self.deaf -= 1;
                     }
                     Action::Store { ticket, request } => {
                         let mut replies = Vec::new();

@@ -11,7 +11,7 @@ use crate::{
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
 };
 
-/// The bus of a [`LocalPlatform`]: may be cloned and used by any thread.
+/// The bus of a [`LocalPlatform`](super::LocalPlatform): may be cloned and used by any thread.
 pub struct LocalBus<M: StateMachine>(pub(super) Arc<Shared<M>>);
 
 impl<M: StateMachine> Clone for LocalBus<M> {

@@ -99,11 +99,11 @@ impl Subscriptions {
             todo.send.push(self.failure(message, wish, "no room for more subscriptions"));
             return true;
         }
-        self.begin(message.clone(), wish, newest, 0, todo);
+        self.begin(message, wish, newest, 0, todo);
         true
     }
 
-    fn begin(&mut self, message: Said, wish: Wish, begun: Revision, tries: u32, todo: &mut Todo) {
+    fn begin(&mut self, message: &Said, wish: Wish, begun: Revision, tries: u32, todo: &mut Todo) {
         let standing = Standing {
             message: message.clone(),
             wish: wish.clone(),
@@ -113,7 +113,7 @@ impl Subscriptions {
             told: Revision::ABSENT,
         };
         let text = self.print(&standing);
-        self.write(Pending::Begin { message: message.clone(), wish, begun, tries }, &Self::key(&message), text, todo);
+        self.write(Pending::Begin { message: message.clone(), wish, begun, tries }, &Self::key(message), text, todo);
     }
 
     fn failure(&self, message: &Said, wish: Wish, why: &str) -> Said {
@@ -185,7 +185,7 @@ impl Subscriptions {
             None => {}
             Some(Pending::Begin { .. }) if made => {}
             Some(Pending::Begin { message, wish, begun, tries }) if tries < TRIES_MAX => {
-                self.begin(message, wish, begun, tries + 1, todo);
+                self.begin(&message, wish, begun, tries + 1, todo);
             }
             Some(Pending::Begin { message, wish, .. }) => {
                 todo.send.push(self.failure(&message, wish, "the store does not take it"));

@@ -42,10 +42,10 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
     end_with_parent(stops.clone())?;
     let mut agents = Vec::new();
     for (link, stop) in links.into_iter().zip(stops) {
-        let engine = IdleEngine::new(args.zone_time).map_err(no_thread)?;
+        let engine = IdleEngine::new(args.zone_time).map_err(|error| no_thread(&error))?;
         let settings = settings.clone();
-        let live = move || live(&settings, engine, &stop, link);
-        agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(no_thread)?);
+        let live = move || live(&settings, engine, &stop, &link);
+        agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(|error| no_thread(&error))?);
     }
     let mut told = Told::default();
     for agent in agents {
@@ -59,7 +59,7 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
 }
 
 /// One agent, as a machine that has joined has it.
-fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: Link) -> Result<Told, JobError> {
+fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Link) -> Result<Told, JobError> {
     let watch = Arc::new(AgentWatch::default());
     assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.clone())?;
     let traffic = link.uplink.traffic();
@@ -83,10 +83,10 @@ fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), CliError> {
         _ = io::stdin().lock().read_to_end(&mut Vec::new());
         stops.iter().for_each(StopSwitch::request);
     };
-    thread::Builder::new().spawn(watch).map(drop).map_err(no_thread)
+    thread::Builder::new().spawn(watch).map(drop).map_err(|error| no_thread(&error))
 }
 
-fn no_thread(error: io::Error) -> CliError {
+fn no_thread(error: &io::Error) -> CliError {
     CliError::failed(format!("cannot start a thread: {error}"), "have fewer agents: --agents")
 }
 
