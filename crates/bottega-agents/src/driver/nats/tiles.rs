@@ -44,6 +44,8 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
         max_messages_per_subject: 1,
         storage: StorageType::File,
         discard: DiscardPolicy::New,
+        // Nobody writes over what is there.
+        discard_new_per_subject: true,
         num_replicas: 1,
         deny_delete: true,
         allow_direct: true,
@@ -61,6 +63,7 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
     let same = [
         ("subjects", got.subjects == wanted.subjects),
         ("history", got.max_messages_per_subject == wanted.max_messages_per_subject),
+        ("rule for what is there", got.discard == wanted.discard && got.discard_new_per_subject),
         ("storage", got.storage == wanted.storage),
         ("direct reads", got.allow_direct),
         ("age", got.max_age.is_zero() && got.max_bytes <= 0 && got.max_messages <= 0),
@@ -80,10 +83,10 @@ impl NatsTiles {
         format!("{}{}.{part}", self.prefix, names::key(&Key::from(name.to_owned())))
     }
 
-    /// Keeps a tile.
+    /// Keeps a tile. What is there already stays, whoever wrote it.
     ///
     /// # Errors
-    /// The server does not take it.
+    /// The server does not take it, or there is another one of this name.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         let (first, rest) = bytes.split_at(bytes.len().min(PART_BYTES - HEAD_BYTES));
         let head = [&(bytes.len() as u64).to_le_bytes()[..], first].concat();
@@ -92,15 +95,28 @@ impl NatsTiles {
             for parts in rest.chunks(UNDER_WAY_MAX) {
                 let mut under_way = Vec::new();
                 for (part, bytes) in parts {
-                    under_way.push(self.publish(name, *part, bytes.to_vec()).await?);
+                    under_way.push((*part, *bytes, self.publish(name, *part, bytes.to_vec()).await?));
                 }
-                for part in under_way {
-                    part.await.map_err(|error| BlobError::passing(name, &error))?;
+                for (part, bytes, written) in under_way {
+                    self.kept(name, part, bytes, written).await?;
                 }
             }
-            let written = self.publish(name, 0, head).await?;
-            written.await.map(drop).map_err(|error| BlobError::passing(name, &error))
+            let written = self.publish(name, 0, head.clone()).await?;
+            self.kept(name, 0, &head, written).await
         })
+    }
+
+    /// Waits until the server has a part. It refuses one that is there, as after an answer that was lost.
+    async fn kept(&self, name: &str, part: usize, bytes: &[u8], written: PublishAckFuture) -> Result<(), BlobError> {
+        let Err(error) = written.await else { return Ok(()) };
+        match self.part(name, part).await? {
+            Some(there) if *there == *bytes => Ok(()),
+            Some(_) => {
+                let reason = "there is another one of this name".to_owned();
+                Err(BlobError { name: name.to_owned(), reason, is_lasting: true })
+            }
+            None => Err(BlobError::passing(name, &error)),
+        }
     }
 
     async fn publish(&self, name: &str, part: usize, bytes: Vec<u8>) -> Result<PublishAckFuture, BlobError> {
