@@ -16,9 +16,11 @@ use crate::{
     painting, it waits. A zone is profiled by one agent and painted by another, both with pixels that travel, so nothing of \
     the protocol is left out.\n\n\
     An award is an order to paint a zone, which counts when it is written on the blackboard. Awards a second are those between \
-    the first tenth of all and the last. What an agent waits for an award is the time from when it says that it has painted a \
+    the first tenth of all and the last. An award takes from the agent's bid until it has the order in hand: the round of the \
+    auction ends, the award is written, and sent. What an agent waits for an award is the time from when it says that it has painted a \
     zone until it has the next one in hand: its report goes to the Master, a round of the auction is held, the award is written \
-    by compare-and-set, and sent. Meanwhile it has another zone to paint. All agents together cannot ask for more than (agents / \
+    by compare-and-set, and sent. Meanwhile it has another zone to paint, and zones go to those who would have them \
+    soonest: so one that has just begun its next zone is not in a hurry, and the longest waits are about as long as a zone. All agents together cannot ask for more than (agents / \
     seconds of a zone) awards a second: with more than the farm can give, the wait is that of a queue.\n\n\
     For example:\n  bottega bench farm\n  bottega bench farm --agents 500 --zone-time 100ms    # the most that it can give"
 )]

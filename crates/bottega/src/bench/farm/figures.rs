@@ -21,6 +21,7 @@ pub(super) struct Seen {
     pub(super) awards: Vec<u64>,
     pub(super) profiles: Vec<u64>,
     pub(super) waits: Vec<Wait>,
+    pub(super) answers: Vec<Wait>,
     /// Over all links, to and from the server.
     pub(super) messages: u64,
     pub(super) bytes: u64,
@@ -33,7 +34,9 @@ pub(super) struct Figures {
     pub(super) profiles_per_second: f64,
     /// The most that so many agents can ask for.
     pub(super) wanted_per_second: f64,
-    /// What agents waited for an award, in milliseconds: median, 99 of 100, the longest; and how often.
+    /// From a bid to the award that answers it, in milliseconds: median, 99 of 100, the longest.
+    pub(super) answer: [f64; 3],
+    /// From a report to the next award: the same; and how often.
     pub(super) wait: [f64; 3],
     pub(super) waits: usize,
     /// To the server and from it, for each zone, profile, pixels and all.
@@ -44,16 +47,21 @@ pub(super) struct Figures {
 impl Figures {
     pub(super) fn of(seen: &Seen) -> Self {
         let steady = steady(&seen.awards);
-        let mut waits: Vec<u64> =
-            seen.waits.iter().filter(|wait| steady.contains(&wait.at)).map(|wait| wait.took).collect();
-        waits.sort_unstable();
-        let wait = [0.5, 0.99, 1.0].map(|share| quantile(&waits, share) as f64 / 1e3);
+        let sorted = |waits: &[Wait]| {
+            let waits = waits.iter().filter(|wait| steady.contains(&wait.at));
+            let mut waits: Vec<u64> = waits.map(|wait| wait.took).collect();
+            waits.sort_unstable();
+            waits
+        };
+        let of = |waits: &[u64]| [0.5, 0.99, 1.0].map(|share| quantile(waits, share) as f64 / 1e3);
+        let waits = sorted(&seen.waits);
         let zones = seen.zones.max(1) as f64;
         Self {
             awards_per_second: rate(&seen.awards),
             profiles_per_second: rate(&seen.profiles),
             wanted_per_second: f64::from(seen.agents) / seen.zone_seconds,
-            wait,
+            answer: of(&sorted(&seen.answers)),
+            wait: of(&waits),
             waits: waits.len(),
             messages_per_zone: seen.messages as f64 / zones,
             bytes_per_zone: seen.bytes as f64 / zones,
@@ -62,6 +70,7 @@ impl Figures {
 
     pub(super) fn as_json(&self, seen: &Seen) -> Value {
         let [median, p99, longest] = self.wait;
+        let [answer_median, answer_p99, answer_longest] = self.answer;
         json!({
             "server": seen.server,
             "agents": seen.agents,
@@ -73,6 +82,7 @@ impl Figures {
             "awards_per_second": self.awards_per_second,
             "wanted_per_second": self.wanted_per_second,
             "profiles_per_second": self.profiles_per_second,
+            "award_ms": {"p50": answer_median, "p99": answer_p99, "max": answer_longest},
             "award_wait_ms": {"p50": median, "p99": p99, "max": longest, "count": self.waits},
             "messages_per_zone": self.messages_per_zone,
             "bytes_per_zone": self.bytes_per_zone,
@@ -81,9 +91,11 @@ impl Figures {
 
     pub(super) fn as_text(&self, seen: &Seen) -> String {
         let [median, p99, longest] = self.wait;
+        let [answer_median, answer_p99, answer_longest] = self.answer;
         format!(
             "{} agents in {} processes, NATS {}, {} zones of {:.3} s, {:.1} s in all\n\
              awards      {:8.0} a second, of {:.0} that the agents can ask for\n\
+             award       {answer_median:8.1} ms in the median, {answer_p99:.1} ms for 99 of 100, {answer_longest:.1} ms at most: from a bid to the award in hand\n\
              wait        {median:8.1} ms in the median, {p99:.1} ms for 99 of 100, {longest:.1} ms at most: from a report to the next award in hand\n\
              profiles    {:8.0} a second\n\
              a zone is   {:8.1} messages and {:.0} bytes, to and from the server\n",

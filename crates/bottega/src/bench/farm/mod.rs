@@ -77,8 +77,9 @@ fn measure(args: &FarmBenchArgs, ways: &Ways) -> Result<Seen, CliError> {
     let traffic = link.uplink.traffic();
     let own = traffic.messages_in + traffic.messages_out;
     let own_bytes = traffic.bytes_in + traffic.bytes_out;
-    let mut waits = watch.agent.take();
+    let [mut waits, mut answers] = watch.agent.take();
     waits.extend(told.iter().flat_map(|told| &told.waits));
+    answers.extend(told.iter().flat_map(|told| &told.answers));
     Ok(Seen {
         server: link.uplink.server_version(),
         agents: args.agents,
@@ -89,6 +90,7 @@ fn measure(args: &FarmBenchArgs, ways: &Ways) -> Result<Seen, CliError> {
         awards: watch.awards(),
         profiles: watch.profiles(),
         waits,
+        answers,
         messages: own + told.iter().map(|told| told.messages).sum::<u64>(),
         bytes: own_bytes + told.iter().map(|told| told.bytes).sum::<u64>(),
     })

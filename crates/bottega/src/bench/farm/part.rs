@@ -28,6 +28,7 @@ const STACK_BYTES: usize = 256 << 10;
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Told {
     pub(super) waits: Vec<Wait>,
+    pub(super) answers: Vec<Wait>,
     pub(super) messages: u64,
     pub(super) bytes: u64,
 }
@@ -50,8 +51,9 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
     let mut told = Told::default();
     for agent in agents {
         let seen = agent.join().map_err(|_| CliError::failed("an agent ended in a panic", "report it"))?;
-        let Told { waits, messages, bytes } = seen.map_err(CliError::Job)?;
+        let Told { waits, answers, messages, bytes } = seen.map_err(CliError::Job)?;
         told.waits.extend(waits);
+        told.answers.extend(answers);
         told.messages += messages;
         told.bytes += bytes;
     }
@@ -63,8 +65,10 @@ fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Li
     let watch = Arc::new(AgentWatch::default());
     assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.clone())?;
     let traffic = link.uplink.traffic();
+    let [waits, answers] = watch.take();
     Ok(Told {
-        waits: watch.take(),
+        waits,
+        answers,
         messages: traffic.messages_in + traffic.messages_out,
         bytes: traffic.bytes_in + traffic.bytes_out,
     })

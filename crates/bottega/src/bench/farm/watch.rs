@@ -15,9 +15,12 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Wait {
     /// When it had it, in microseconds since 1970: the processes of a bench have one clock.
     pub(super) at: u64,
-    /// Since it had said that it had painted a zone, in microseconds.
+    /// Since it had said that it had painted a zone, or had bid for this one, in microseconds.
     pub(super) took: u64,
 }
+
+/// Bids of an agent that may still be answered by an award.
+const BIDS_MAX: usize = 64;
 
 /// Sees one agent wait for awards.
 #[derive(Default)]
@@ -30,6 +33,9 @@ struct Waits {
     /// The orders that it has reported.
     reported: BTreeSet<Revision>,
     waits: Vec<Wait>,
+    /// Its last bids, by conversation, and when it made them.
+    bids: VecDeque<(u64, Time)>,
+    answers: Vec<Wait>,
 }
 
 impl AgentWatch {
@@ -37,14 +43,22 @@ impl AgentWatch {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What it has seen.
-    pub(super) fn take(&self) -> Vec<Wait> {
-        std::mem::take(&mut self.lock().waits)
+    /// What it has seen: from reports to awards, and from bids to awards.
+    pub(super) fn take(&self) -> [Vec<Wait>; 2] {
+        let mut waits = self.lock();
+        [std::mem::take(&mut waits.waits), std::mem::take(&mut waits.answers)]
     }
 }
 
 impl Observer for AgentWatch {
     fn message(&self, now: Time, message: &FarmMessage) {
+        if message.performative == Performative::Propose {
+            let mut waits = self.lock();
+            if waits.bids.len() == BIDS_MAX {
+                waits.bids.pop_front();
+            }
+            waits.bids.push_back((message.conversation_id, now));
+        }
         let FarmContent::Report(report) = &message.content else { return };
         // A profile is one sample.
         if report.outcome.as_ref().is_ok_and(|painting| painting.result.samples == painting.choice.samples) {
@@ -61,6 +75,10 @@ impl Observer for AgentWatch {
             return;
         }
         let mut waits = self.lock();
+        let bid = waits.bids.iter().find(|(conversation, _)| *conversation == message.conversation_id).copied();
+        if let Some((_, since)) = bid {
+            waits.answers.push(Wait { at: unix_micros(), took: micros(now - since) });
+        }
         // The first ones come before anything is painted.
         if let Some(since) = waits.rooms.pop_front() {
             waits.waits.push(Wait { at: unix_micros(), took: micros(now - since) });
