@@ -226,7 +226,8 @@ impl<'a> Farm<'a> {
         let words = ["diff", &one, &other, "--json"].map(str::to_owned);
         let said = command(&self.program, self.folder.path(), &words).output()?.stdout;
         let said: Value = serde_json::from_slice(&said).context("bottega diff says nothing")?;
-        println!("the pictures: {said}");
+        ensure!(said["rmse"] == 0.0, "the pictures differ: {said}");
+        println!("  the same picture");
         Ok(())
     }
 }

@@ -4,23 +4,8 @@
 
 mod support;
 
-use std::{env, path::PathBuf};
-
 use serde_json::Value;
-use support::{run, succeed, text};
-
-fn servers() -> Vec<PathBuf> {
-    let named = env::var_os("BOTTEGA_NATS_SERVERS");
-    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
-    let places = env::var_os("PATH").unwrap_or_default();
-    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
-    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
-    let found = if named.is_empty() { system.into_iter().collect() } else { named };
-    if found.is_empty() {
-        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
-    }
-    found
-}
+use support::{run, servers, succeed, text};
 
 fn number(value: &Value, field: &str) -> f64 {
     value[field].as_f64().unwrap_or_else(|| panic!("no number `{field}` in {value}"))

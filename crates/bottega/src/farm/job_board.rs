@@ -106,6 +106,7 @@ impl JobBoard {
         }
         for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
             self.forget_zones(job.work);
+            self.forget_learnt(job.work);
         }
     }
 

@@ -196,7 +196,7 @@ fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, CliError
 
 /// The name of this process among those of its machine.
 fn process_name(member: &str) -> String {
-    format!("{member}.{:04x}", fresh_number() & 0xffff)
+    format!("{member}.{:08x}", fresh_number() & 0xffff_ffff)
 }
 
 fn told(source: NatsError) -> CliError {

@@ -65,13 +65,14 @@ pub(crate) fn take_part(
     elsewhere: impl Fn() -> bool + Send + 'static,
 ) -> Result<Part, CliError> {
     let Member { board, name, .. } = member;
+    // It may take longer than a lease.
+    learn_from_others(board, job, &*tools.engine)?;
     let lease = board.claim(number, name)?;
     let leads = lease.is_some();
     let asked = job.from == *name;
     if leads {
         board.log(number, &format!("{name} leads"));
     }
-    learn_from_others(board, job, &*tools.engine)?;
     let this = StopSwitch::new();
     let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default() });
     let guard = Guard {
@@ -305,6 +306,10 @@ impl Observer for Told {
 
     fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
         self.inner.message(now, message);
+    }
+
+    fn heard(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.inner.heard(now, message);
     }
 
     fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {

@@ -1,7 +1,7 @@
 //! A farm on this machine, and what is asked of it.
 
 use std::{
-    env, fs,
+    fs,
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
@@ -24,19 +24,6 @@ pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quie
 /// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
 pub(super) const MANY: &str = "--spp=2000";
-
-pub(super) fn servers() -> Vec<PathBuf> {
-    let named = env::var_os("BOTTEGA_NATS_SERVERS");
-    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
-    let places = env::var_os("PATH").unwrap_or_default();
-    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
-    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
-    let found = if named.is_empty() { system.into_iter().collect() } else { named };
-    if found.is_empty() {
-        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
-    }
-    found
-}
 
 /// A process that ends with the test.
 pub(super) struct Process(pub(super) Child);

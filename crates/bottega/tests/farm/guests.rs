@@ -7,8 +7,8 @@ use bottega_farm::FarmCodec;
 use serde_json::Value;
 
 use super::{
-    fixture::{Farm, bits, link, options, painted, servers},
-    support::text,
+    fixture::{Farm, bits, link, options, painted},
+    support::{servers, text},
 };
 
 #[test]

@@ -3,8 +3,8 @@
 use std::fs;
 
 use super::{
-    fixture::{FEW, Farm, PICTURE, bits, link, servers},
-    support::text,
+    fixture::{FEW, Farm, PICTURE, bits, link},
+    support::{servers, text},
 };
 
 #[test]

@@ -16,9 +16,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use fixture::{FEW, Farm, MANY, PICTURE, bits, link, painted, servers};
+use fixture::{FEW, Farm, MANY, PICTURE, bits, link, painted};
 use serde_json::Value;
-use support::text;
+use support::{servers, text};
 
 #[test]
 fn three_machines_and_any_server_give_the_bits_of_one() {

@@ -17,8 +17,8 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::{
-    fixture::{ONE_AT_A_TIME, Process, WAIT, bits, servers},
-    support::{self, bottega, text},
+    fixture::{ONE_AT_A_TIME, Process, WAIT, bits},
+    support::{self, bottega, servers, text},
 };
 
 const PICTURE: [&str; 8] = ["render", "goblets.glb", "--size", "96x72", "--spp", "16", "--quiet", "-o"];

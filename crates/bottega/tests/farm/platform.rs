@@ -10,8 +10,8 @@ use jade::{Jade, Line, TAKEN, is};
 use serde_json::Value;
 
 use super::{
-    fixture::{Farm, Process, WAIT, bits, servers},
-    support::text,
+    fixture::{Farm, Process, WAIT, bits},
+    support::{servers, text},
 };
 
 /// A platform that shows a farm.
