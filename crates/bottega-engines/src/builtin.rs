@@ -10,10 +10,13 @@ use std::{
     time::Duration,
 };
 
-use bottega_hra::{Completed, Hra, HraClient, HraConfig, HraReport, Resource, VirtualCpu, WorkUnit};
+use bottega_hra::{
+    Completed, CostBook, Hra, HraClient, HraConfig, HraReport, Lane, Primitive, PrimitiveSet, VirtualCpu, WorkUnit,
+};
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
     BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, integrator::PathIntegrator,
+    photon::cast_photons,
 };
 
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
@@ -31,6 +34,9 @@ const UNIT_TIME: Duration = Duration::from_millis(8);
 /// zone's blocks end one after the other.
 const UNITS_PER_LANE: usize = 3;
 
+/// The same for each device beside them, which takes many units at once.
+const UNITS_PER_DEVICE: usize = 128;
+
 /// What a sample of a pixel may take before any was measured.
 const SAMPLE_NS_GUESSED: u64 = 2_000;
 
@@ -46,8 +52,17 @@ pub struct BuiltinOptions {
     pub settings: PathSettings,
     /// Which values a pixel keeps.
     pub layout: Layout,
-    /// Processors to use.
+    /// Processors to use; 0: none, the devices do all.
     pub threads: usize,
+}
+
+/// Who paints beside the processors.
+#[derive(Default)]
+pub struct Devices {
+    /// Each is told of all work of an allocator that also has the processors.
+    pub lanes: Vec<Lane<RenderWork>>,
+    /// What is known of the costs of any of them, and of the processors.
+    pub costs: Option<CostBook>,
 }
 
 /// The built-in engine over the processors of this machine.
@@ -63,6 +78,8 @@ type Watcher = Box<dyn Fn(&Tile) + Send + Sync>;
 struct Shared {
     scene: Arc<PreparedScene>,
     options: BuiltinOptions,
+    /// How many there are beside the processors.
+    devices: usize,
     cancelled: AtomicBool,
     /// Nanoseconds that one sample of one pixel takes, learnt from the units done so far.
     sample_ns: AtomicU64,
@@ -74,18 +91,19 @@ struct Shared {
 }
 
 impl BuiltinEngine {
-    /// An engine on `options.threads` processors, and on whatever else is given as `devices`.
-    pub fn new(
-        scene: Arc<PreparedScene>,
-        options: BuiltinOptions,
-        devices: Vec<Box<dyn Resource<RenderWork>>>,
-    ) -> Self {
-        let mut resources = VirtualCpu::lanes(options.threads, RenderWork::perform);
-        resources.extend(devices);
-        let hra = Hra::new(HraConfig::default(), resources);
+    /// An engine on `options.threads` processors, and on whatever else is given as `devices`: with these, pixels are no
+    /// longer the same to the last bit.
+    pub fn new(scene: Arc<PreparedScene>, options: BuiltinOptions, devices: Devices) -> Self {
+        let processors = VirtualCpu::lanes(options.threads, RenderWork::perform);
+        let Devices { lanes, costs } = devices;
+        let device_count = lanes.len();
+        let lanes = processors.into_iter().map(Lane::from).chain(lanes).chain(looker(&options)).collect();
+        let costs = costs.unwrap_or_else(|| CostBook::new(""));
+        let hra = Hra::with_costs(HraConfig::default(), lanes, &costs);
         let shared = Shared {
             scene,
             options,
+            devices: device_count,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
             samples_done: AtomicU64::new(0),
@@ -118,6 +136,13 @@ impl BuiltinEngine {
     }
 }
 
+/// Where the devices do all, a processor is there for what they know nothing of: the rays of a look at the scene.
+fn looker(options: &BuiltinOptions) -> Option<Lane<RenderWork>> {
+    let rays = [Primitive::Intersect, Primitive::Occluded];
+    let looker = VirtualCpu::new("cpu".to_owned(), PrimitiveSet::from(rays), RenderWork::perform);
+    (options.threads == 0).then(|| Lane::Direct(Box::new(looker)))
+}
+
 impl RenderEngine for BuiltinEngine {
     fn describe(&self) -> EngineDescription {
         EngineDescription {
@@ -125,7 +150,7 @@ impl RenderEngine for BuiltinEngine {
             has_max_depth: true,
             has_light_samples: true,
             resumes_samples: true,
-            exact_by_pixel: true,
+            exact_by_pixel: self.shared.devices == 0,
         }
     }
 
@@ -139,10 +164,11 @@ impl RenderEngine for BuiltinEngine {
     fn prepare(&self) -> Result<(), EngineError> {
         // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
         let options = &self.shared.options;
-        match PathIntegrator::new(&self.shared.scene, options.view, &options.settings) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() }),
-        }
+        let prepared = match options.settings.photons {
+            None => PathIntegrator::new(&self.shared.scene, options.view, &options.settings).map(|_| ()),
+            Some(_) => cast_photons(&self.shared.scene, options.view, &options.settings, &self.hra.client()),
+        };
+        prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
     fn learnt(&self) -> Option<Vec<u8>> {
@@ -236,7 +262,7 @@ impl<'a> ZonePainter<'a> {
     }
 
     fn paint(mut self) -> Result<Painted, EngineError> {
-        let window = UNITS_PER_LANE * self.shared.options.threads;
+        let window = UNITS_PER_LANE * self.shared.options.threads + UNITS_PER_DEVICE * self.shared.devices;
         for _ in 0..window {
             let ticket = self.under_way.len();
             self.under_way.push(None);
@@ -283,7 +309,7 @@ impl<'a> ZonePainter<'a> {
         });
         block.next_sample += block.in_unit;
         self.under_way[ticket] = Some(block);
-        let unit = WorkUnit { work, ticket: ticket as u64, max_delay: MAX_DELAY, priority: 0 };
+        let unit = WorkUnit { max_delay: MAX_DELAY, ..WorkUnit::new(work, ticket as u64) };
         self.client.submit(unit).map_err(|error| self.failure(&error))
     }
 
@@ -304,7 +330,11 @@ impl<'a> ZonePainter<'a> {
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
         self.progress.add(samples);
-        self.learn(completed.busy, samples);
+        // What devices take is another matter, which the allocator learns.
+        let threads = self.shared.options.threads;
+        if threads == 0 || completed.resource.is_some_and(|id| (id.0 as usize) < threads) {
+            self.learn(completed.busy, samples);
+        }
         if let Some(watcher) = self.shared.watcher.get() {
             watcher(&tile);
         }

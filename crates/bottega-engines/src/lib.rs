@@ -7,7 +7,7 @@ mod builtin;
 mod engine;
 
 pub use bottega_render::survey::{Survey, SurveyPixel};
-pub use builtin::{BuiltinEngine, BuiltinOptions};
+pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};
 pub use engine::{
     CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };

@@ -8,7 +8,8 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Painted, RenderEngine, TaskProgress, Tunables,
+    ZoneTask,
 };
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
@@ -43,7 +44,7 @@ fn engine(threads: usize) -> BuiltinEngine {
         layout: Layout::new(AovSet::NONE.with(Aov::Normal)),
         threads,
     };
-    BuiltinEngine::new(Arc::new(scene), options, Vec::new())
+    BuiltinEngine::new(Arc::new(scene), options, Devices::default())
 }
 
 fn begin(

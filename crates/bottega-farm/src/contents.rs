@@ -97,6 +97,18 @@ impl Painting {
         let made = |it: &Self| (it.choice, it.result.samples, it.result.digest, it.goal, it.error.map(f64::to_bits));
         made(self) == made(other)
     }
+
+    /// Whether two agents may have made the same of a zone with engines that give no two of them the same bits, as far as
+    /// can be told without the pixels. What they estimate of the error, and the samples wanted for it, differ by chance.
+    pub(crate) fn may_look_like(&self, other: &Self) -> bool {
+        let close = |a: f64, b: f64| a.max(b) <= 2.0 * a.min(b);
+        let errors = match (self.error, other.error) {
+            (Some(one), Some(other)) => one == other || close(one, other),
+            (one, other) => one.is_none() == other.is_none(),
+        };
+        let goals = self.goal == other.goal || close(f64::from(self.goal) + 4.0, f64::from(other.goal) + 4.0);
+        (self.choice, self.result.samples) == (other.choice, other.result.samples) && errors && goals
+    }
 }
 
 /// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).

@@ -24,7 +24,7 @@ use std::{
 
 use bottega_agents::{AgentId, LocalPlatform, Mailbox, Revision, StateMachine, Time, Uplink, driver::Performer};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
-use bottega_image::{Film, Rect};
+use bottega_image::{Film, Rect, Tile};
 
 use self::easel::Easel;
 use self::fetchers::Fetchers;
@@ -182,9 +182,6 @@ pub fn lead(
     if settings.verify > 1 && link.is_none() {
         return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
     }
-    if settings.verify > 1 && !engine.describe().exact_by_pixel {
-        return Err(JobError::Verify { reason: "this engine gives no two machines the same bits" });
-    }
     let mut kept = kept;
     if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
         // The time begins anew with each run.
@@ -275,6 +272,7 @@ fn populate(
         prefetch,
         shares_tail: link.is_some(),
         verify: settings.verify,
+        compares_by_look: !shared.engine.describe().exact_by_pixel,
         secret: secret(),
         goals: GoalRules::default(),
         timing,
@@ -474,6 +472,7 @@ impl Shared {
                 self.observer.zone_changed(&row);
                 self.observer.progress(&progress);
             }
+            FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
             FarmEffect::Compose { zone, result, mask } => {
                 let shared = Arc::clone(self);
                 let to = mailbox.clone();
@@ -482,6 +481,36 @@ impl Shared {
             FarmEffect::Finish { failed } => self.end(End::Finished(failed)),
             FarmEffect::Abandon { reason } => self.end(End::Abandoned(reason)),
         }
+    }
+
+    /// Looks at two paintings of a zone, when both are here.
+    fn compare(self: &Arc<Self>, zone: ZoneId, results: [ResultRef; 2], mailbox: &FarmMailbox) {
+        self.begin_outstanding();
+        let (shared, to) = (Arc::clone(self), mailbox.clone());
+        let look = move || {
+            let outcome = results.each_ref().map(|result| shared.tile_of(zone, result));
+            let outcome = match outcome {
+                [Ok(one), Ok(other)] => Ok(one.looks_like(&other)),
+                [Err(reason), _] | [_, Err(reason)] if shared.stop.is_requested() => {
+                    tracing::debug!(reason, "stopped before two paintings were compared");
+                    return shared.end_outstanding();
+                }
+                [one, _] => Err(results[usize::from(one.is_ok())]),
+            };
+            to.complete(FarmCompletion::Compared { zone, results, outcome });
+            shared.end_outstanding();
+        };
+        if let Err(error) = self.fetchers.begin(look) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
+        }
+    }
+
+    /// The tile that a result speaks of, wherever it is.
+    fn tile_of(&self, zone: ZoneId, result: &ResultRef) -> Result<Tile, String> {
+        let here = self.easel().tile(zone, result);
+        let link = self.link.as_ref().ok_or("its tile is not here");
+        here.map_or_else(|| link?.get(result, &self.stop), Ok)
     }
 
     fn compose(&self, zone: ZoneId, result: &ResultRef, mask: &Mask, found: Result<(), String>, mailbox: &FarmMailbox) {

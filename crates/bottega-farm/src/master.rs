@@ -10,6 +10,7 @@
 mod allot;
 mod composition;
 mod ledger;
+mod likeness;
 mod members;
 mod pace;
 mod plan;
@@ -29,7 +30,7 @@ use std::{
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use self::{composition::Composition, ledger::Ledger, roster::Roster};
+use self::{composition::Composition, ledger::Ledger, likeness::Likeness, roster::Roster};
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
     FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order, Painting, Partition,
@@ -78,6 +79,8 @@ pub struct MasterConfig {
     pub shares_tail: bool,
     /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
     pub verify: u32,
+    /// Whether engines give no two agents the same bits, so that pixels are looked at to compare them.
+    pub compares_by_look: bool,
     /// What nobody else knows: it decides what of agents that are believed is compared all the same.
     pub secret: u64,
     /// How a goal is neared.
@@ -143,6 +146,8 @@ pub struct Master {
     lost: BTreeMap<MemberId, u32>,
     /// Zones whose rows may rest on the word of one that was found wrong; mostly none.
     dubious: Vec<ZoneId>,
+    /// What is known of pixels that were compared by their look.
+    likeness: Likeness,
     /// Something in the film is to be painted again: it is begun anew when it has answered.
     film_is_stale: bool,
     /// For how many looks there have been too few machines to compare.
@@ -198,6 +203,7 @@ impl Master {
             left_out: FxHashMap::default(),
             lost: BTreeMap::new(),
             dubious: Vec::new(),
+            likeness: Likeness::default(),
             film_is_stale: false,
             lacking: 0,
             rounds: BTreeMap::new(),
@@ -272,6 +278,9 @@ impl StateMachine for Master {
             FarmEvent::Store { ticket, reply } => news = self.handle_store(now, ticket, reply, actions),
             FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => {
                 self.composed(now, zone, outcome, actions);
+            }
+            FarmEvent::Completed(FarmCompletion::Compared { zone, results, outcome }) => {
+                self.looked_at(now, zone, results, outcome, actions);
             }
             FarmEvent::Completed(FarmCompletion::Stop) => {
                 self.stopping = true;

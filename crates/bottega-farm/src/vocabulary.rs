@@ -92,6 +92,13 @@ pub enum FarmEffect {
     BeginFilm(Arc<WorkRow>),
     /// A zone's row has changed: for those who watch, and for the journal.
     ZoneChanged(Arc<ZoneRow>),
+    /// Look whether two paintings of a zone may be the same picture; ends with [`FarmCompletion::Compared`].
+    Compare {
+        /// Which zone.
+        zone: ZoneId,
+        /// Their samples.
+        results: [ResultRef; 2],
+    },
     /// Put a painted zone into the film; ends with [`FarmCompletion::Composed`].
     Compose {
         /// Which zone.
@@ -141,6 +148,15 @@ pub enum FarmCompletion {
         /// Of each order that is known: what of it is painted, in samples of single pixels.
         Vec<(ZoneId, Revision, u64)>,
     ),
+    /// Of [`FarmEffect::Compare`].
+    Compared {
+        /// Which zone.
+        zone: ZoneId,
+        /// Their samples.
+        results: [ResultRef; 2],
+        /// Whether they look alike, or which of them cannot be had.
+        outcome: Result<bool, ResultRef>,
+    },
     /// Of [`FarmEffect::Compose`].
     Composed {
         /// Which zone.

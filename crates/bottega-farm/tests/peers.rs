@@ -56,6 +56,7 @@ impl Stage {
             prefetch: 2,
             shares_tail: true,
             verify: 1,
+            compares_by_look: false,
             secret: 7,
             goals: GoalRules::default(),
             timing: Timing::default(),

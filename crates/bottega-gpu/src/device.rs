@@ -1,14 +1,13 @@
 //! One device with a scene on it: pipelines, buffers, and the way of a batch there and back.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
-use bottega_kernels::Ray;
+use bottega_kernels::{Hit, Ray};
 use bytemuck::{Pod, Zeroable};
-use wgpu::{
-    Adapter, BindGroup, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages, ComputePipeline, PollError, PollType,
-};
+use wgpu::{Adapter, BindGroup, BindGroupLayout, Buffer, BufferUsages, ComputePipeline};
 
+use crate::context::{Context, storage};
 use crate::geometry::Geometry;
 use crate::{AdapterInfo, GpuError};
 
@@ -20,19 +19,19 @@ const GROUPS_MAX: u32 = 65_535;
 pub(crate) const TILE_MAX: usize = (GROUP_SIZE * GROUPS_MAX) as usize;
 /// Buffers for fewer rays than this are not worth growing later.
 const BATCH_MIN: usize = 4_096;
-/// Bytes of the scene that are handed over at once, so that staging takes little more.
-const UPLOAD_BYTES: usize = 64 << 20;
+/// Arrays that the shader sees.
+const STORAGE_BUFFERS: u32 = 4;
 
 /// What is asked of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Query {
+enum Query {
     Intersect,
     Occluded,
 }
 
 impl Query {
     /// Words of 32 bits that answer one ray.
-    pub(crate) const fn words(self) -> usize {
+    const fn words(self) -> usize {
         match self {
             Self::Intersect => 5,
             Self::Occluded => 1,
@@ -43,14 +42,14 @@ impl Query {
 /// A ray as the shader reads it: all finite, nothing to be found where `t_min >= t_max`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct DeviceRay([f32; 8]);
+struct DeviceRay([f32; 8]);
 
 impl DeviceRay {
     const NEVER: Self = Self([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
     /// Stands for infinity.
     const FAR: f32 = 3e38;
 
-    pub(crate) fn of(ray: &Ray) -> Self {
+    fn of(ray: &Ray) -> Self {
         let (o, scale) = (ray.origin, direction_scale(ray));
         let d = ray.direction / scale;
         let (t_min, t_max) = ((ray.t_min * scale).max(0.0), (ray.t_max * scale).min(Self::FAR));
@@ -62,24 +61,9 @@ impl DeviceRay {
 }
 
 /// The size that is taken out of a direction whose length is far from 1; then `t` on the device is `t · scale`.
-pub(crate) fn direction_scale(ray: &Ray) -> f32 {
+fn direction_scale(ray: &Ray) -> f32 {
     let size = ray.direction.abs().max_element();
     if (1e-3..=1e3).contains(&size) || size == 0.0 || !size.is_finite() { 1.0 } else { size }
-}
-
-/// What the driver said out of turn.
-#[derive(Debug, Default)]
-struct Faults {
-    refused: Mutex<Option<String>>,
-    lost: Mutex<Option<String>>,
-}
-
-fn note(slot: &Mutex<Option<String>>, message: String) {
-    slot.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
-}
-
-fn noted(slot: &Mutex<Option<String>>) -> Option<String> {
-    slot.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 /// Buffers of a batch, as large as the largest so far.
@@ -94,8 +78,7 @@ struct Batch {
 
 #[derive(Debug)]
 pub(crate) struct Device {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    context: Arc<Context>,
     layout: BindGroupLayout,
     intersect: ComputePipeline,
     occluded: ComputePipeline,
@@ -104,14 +87,6 @@ pub(crate) struct Device {
     params: Buffer,
     batch: Option<Batch>,
     staging: Vec<DeviceRay>,
-    faults: Arc<Faults>,
-    timeout: Duration,
-}
-
-/// Most bytes that the adapter lets a shader see in one array.
-pub(crate) fn binding_limit(adapter: &Adapter) -> u64 {
-    let limits = adapter.limits();
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
 impl Device {
@@ -121,69 +96,61 @@ impl Device {
         geometry: &Geometry,
         timeout: Duration,
     ) -> Result<Self, GpuError> {
-        let limits = adapter.limits();
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("bottega"),
-            required_limits: wgpu::Limits {
-                max_storage_buffer_binding_size: limits.max_storage_buffer_binding_size,
-                max_buffer_size: limits.max_buffer_size,
-                ..wgpu::Limits::downlevel_defaults()
-            },
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|source| GpuError::Device { adapter: info.name.clone(), source })?;
-        let faults = Arc::new(Faults::default());
-        let (refusals, losses) = (Arc::clone(&faults), Arc::clone(&faults));
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&refusals.refused, error.to_string())));
-        device.set_device_lost_callback(move |reason, message| note(&losses.lost, format!("{reason:?}: {message}")));
-
-        let layout = layout(&device);
-        let (intersect, occluded) = pipelines(&device, &layout);
-        let nodes = upload(&device, &queue, "nodes", bytemuck::cast_slice(&geometry.nodes));
-        let shapes = upload(&device, &queue, "shapes", bytemuck::cast_slice(&geometry.shapes));
-        let params = buffer(&device, "params", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
-        let made = Self {
-            device,
-            queue,
-            layout,
-            intersect,
-            occluded,
-            nodes,
-            shapes,
-            params,
-            batch: None,
-            staging: Vec::new(),
-            faults,
-            timeout,
-        };
-        made.check()?;
+        let context = Context::open(adapter, info, STORAGE_BUFFERS, wgpu::Features::empty(), timeout)?;
+        let nodes = context.upload("nodes", bytemuck::cast_slice(&geometry.nodes));
+        let shapes = context.upload("shapes", bytemuck::cast_slice(&geometry.shapes));
+        let made = Self::on(Arc::new(context), nodes, shapes);
+        made.context.check()?;
         Ok(made)
     }
 
-    /// The first thing that went wrong so far.
-    fn check(&self) -> Result<(), GpuError> {
-        if let Some(message) = noted(&self.faults.lost) {
-            return Err(GpuError::Lost(message));
+    /// Over the shapes that are on a device already.
+    pub(crate) fn on(context: Arc<Context>, nodes: Buffer, shapes: Buffer) -> Self {
+        let uniform = wgpu::BufferBindingType::Uniform;
+        let entries = [(0, storage(true)), (1, storage(true)), (2, storage(true)), (3, storage(false)), (4, uniform)];
+        let layout = context.layout("rays", &entries);
+        let (intersect, occluded) = pipelines(&context.device, &layout);
+        let params = context.buffer("params", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        Self { context, layout, intersect, occluded, nodes, shapes, params, batch: None, staging: Vec::new() }
+    }
+
+    /// The closest hit of each ray, at most [`TILE_MAX`] and `tile` of them at a time.
+    pub(crate) fn intersect(&mut self, rays: &[Ray], tile: usize) -> Result<Vec<Hit>, GpuError> {
+        let mut hits = Vec::with_capacity(rays.len());
+        for tile in rays.chunks(tile) {
+            self.run(Query::Intersect, tile, |words| {
+                let (words, _) = words.as_chunks();
+                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, *words)));
+            })?;
         }
-        noted(&self.faults.refused).map_or(Ok(()), |message| Err(GpuError::Refused(message)))
+        Ok(hits)
+    }
+
+    /// Whether each ray hits anything, as many at a time.
+    pub(crate) fn occluded(&mut self, rays: &[Ray], tile: usize) -> Result<Vec<bool>, GpuError> {
+        let mut occluded = Vec::with_capacity(rays.len());
+        for tile in rays.chunks(tile) {
+            self.run(Query::Occluded, tile, |words| occluded.extend(words.iter().map(|&word| word != 0)))?;
+        }
+        Ok(occluded)
     }
 
     /// Answers up to [`TILE_MAX`] rays; `read` gets [`Query::words`] words for each.
-    pub(crate) fn run(&mut self, query: Query, rays: &[Ray], read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
+    fn run(&mut self, query: Query, rays: &[Ray], read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
         assert!(rays.len() <= TILE_MAX, "batches are cut into tiles before they come here");
         if rays.is_empty() {
             return Ok(());
         }
-        self.check()?;
+        self.context.check()?;
         self.grow(rays.len());
         let Some(batch) = &self.batch else { return Ok(()) };
         self.staging.clear();
         self.staging.extend(rays.iter().map(DeviceRay::of));
-        self.queue.write_buffer(&batch.rays, 0, bytemuck::cast_slice(&self.staging));
-        self.queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&[rays.len() as u32, 0, 0, 0]));
+        let Context { device, queue, .. } = &*self.context;
+        queue.write_buffer(&batch.rays, 0, bytemuck::cast_slice(&self.staging));
+        queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&[rays.len() as u32, 0, 0, 0]));
         let bytes = (rays.len() * query.words() * size_of::<u32>()) as u64;
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(match query {
@@ -194,30 +161,8 @@ impl Device {
             pass.dispatch_workgroups((rays.len() as u32).div_ceil(GROUP_SIZE), 1, 1);
         }
         encoder.copy_buffer_to_buffer(&batch.answers, 0, &batch.readback, 0, bytes);
-        let submission = self.queue.submit([encoder.finish()]);
-        let mapped = Arc::new(Mutex::new(None));
-        let told = Arc::clone(&mapped);
-        batch.readback.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
-        });
-        let wait = PollType::Wait { submission_index: Some(submission), timeout: Some(self.timeout) };
-        let polled = self.device.poll(wait);
-        self.check()?;
-        match polled {
-            Ok(_) => {}
-            Err(PollError::Timeout) => return Err(GpuError::Timeout(self.timeout)),
-            Err(error) => return Err(GpuError::Refused(error.to_string())),
-        }
-        match mapped.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(GpuError::Refused(error.to_string())),
-            None => return Err(GpuError::Timeout(self.timeout)),
-        }
-        let view = batch.readback.get_mapped_range(0..bytes).map_err(|error| GpuError::Refused(error.to_string()))?;
-        read(bytemuck::cast_slice(&view));
-        drop(view);
-        batch.readback.unmap();
-        self.check()
+        let submission = queue.submit([encoder.finish()]);
+        self.context.read(submission, &batch.readback, bytes, read)
     }
 
     /// Makes room for a batch.
@@ -228,76 +173,45 @@ impl Device {
         self.batch = None; // The old one goes first, where memory is short.
         let capacity = rays.max(BATCH_MIN).next_power_of_two().min(TILE_MAX);
         let answer_bytes = (capacity * Query::Intersect.words() * size_of::<u32>()) as u64;
-        let make = |label, bytes, usage| buffer(&self.device, label, bytes, usage);
+        let make = |label, bytes, usage| self.context.buffer(label, bytes, usage);
         let ray_bytes = (capacity * size_of::<DeviceRay>()) as u64;
         let rays = make("rays", ray_bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST);
         let answers = make("answers", answer_bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
         let readback = make("readback", answer_bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-        let bound = [&self.nodes, &self.shapes, &rays, &answers, &self.params];
-        let entries: Vec<_> = bound
-            .into_iter()
-            .zip(0..)
-            .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("batch"),
-            layout: &self.layout,
-            entries: &entries,
-        });
+        let bound = [(0, &self.nodes), (1, &self.shapes), (2, &rays), (3, &answers), (4, &self.params)];
+        let bindings = self.context.bind("batch", &self.layout, &bound);
         self.batch = Some(Batch { capacity, rays, answers, readback, bindings });
     }
 
     /// Takes the device away, as a driver does that resets it.
     #[cfg(test)]
     pub(crate) fn lose(&self) {
-        self.device.destroy();
+        self.context.device.destroy();
     }
 
     /// Asks for something that is not allowed, as a bug of ours would.
     #[cfg(test)]
     pub(crate) fn misuse(&self) {
-        buffer(&self.device, "misuse", 16, BufferUsages::MAP_READ | BufferUsages::STORAGE);
+        self.context.buffer("misuse", 16, BufferUsages::MAP_READ | BufferUsages::STORAGE);
     }
 }
 
-fn buffer(device: &wgpu::Device, label: &str, size: u64, usage: BufferUsages) -> Buffer {
-    device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-}
-
-/// A buffer with `bytes` in it; never empty, which a binding may not be.
-fn upload(device: &wgpu::Device, queue: &wgpu::Queue, label: &str, bytes: &[u8]) -> Buffer {
-    // An array of one element at least, of the largest element that there is.
-    let size = (bytes.len() as u64).max(64);
-    let made = buffer(device, label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST);
-    for (part, index) in bytes.chunks(UPLOAD_BYTES).zip(0..) {
-        queue.write_buffer(&made, index * UPLOAD_BYTES as u64, part);
-        queue.submit([]); // Lets the staging memory go before the next part.
+/// A hit from the words that the shader wrote: t, u, v, instance, primitive.
+fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
+    let [t, u, v, instance, primitive] = words;
+    if instance == u32::MAX {
+        return Hit::NONE;
     }
-    made
-}
-
-fn layout(device: &wgpu::Device) -> BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("rays"),
-        entries: &[
-            entry(0, storage(true)),
-            entry(1, storage(true)),
-            entry(2, storage(true)),
-            entry(3, storage(false)),
-            entry(4, wgpu::BufferBindingType::Uniform),
-        ],
-    })
+    let [t, u, v] = [t, u, v].map(f32::from_bits);
+    Hit { t: t / direction_scale(ray), u, v, instance, primitive }
 }
 
 fn pipelines(device: &wgpu::Device, layout: &BindGroupLayout) -> (ComputePipeline, ComputePipeline) {
-    let module = device.create_shader_module(wgpu::include_wgsl!("traverse.wgsl"));
+    let source =
+        concat!(include_str!("wgsl/shapes.wgsl"), include_str!("wgsl/traverse.wgsl"), include_str!("wgsl/rays.wgsl"));
+    let descriptor =
+        wgpu::ShaderModuleDescriptor { label: Some("rays"), source: wgpu::ShaderSource::Wgsl(source.into()) };
+    let module = device.create_shader_module(descriptor);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("rays"),
         bind_group_layouts: &[Some(layout)],

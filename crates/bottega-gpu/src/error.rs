@@ -37,6 +37,9 @@ pub enum GpuError {
         /// The adapter.
         adapter: String,
     },
+    /// The scene has what paths on the GPU have not.
+    #[error("not for a GPU: {}", .0.join("; "))]
+    Unsupported(Vec<String>),
     /// Coverage by a texture cannot be seen here, so hits would be wrong.
     #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not see")]
     AlphaTested(String),

@@ -1,8 +1,13 @@
-//! Rays on a GPU: closest hits and occlusion as WGSL compute through wgpu, as one resource of the allocator.
+//! Rays and paths on a GPU, as WGSL compute through wgpu: resources of the allocator.
 //!
-//! [`GpuRays`] puts a scene's triangles and spheres on a device and answers batches of rays. It is a
-//! [`Resource`](bottega_hra::Resource) for every work that is a [`RayWork`](bottega_hra::RayWork). It decides nothing
-//! about which batches it gets: that is the allocator's part.
+//! - [`GpuRays`] puts a scene's triangles and spheres on a device and answers batches of rays: closest hits and occlusion. It is
+//!   a [`Resource`](bottega_hra::Resource) for every work that is a [`RayWork`](bottega_hra::RayWork).
+//! - [`GpuPaths`] puts a whole scene there, lights, materials and textures, and paints blocks of pixels: a
+//!   [`WindowedResource`](bottega_hra::WindowedResource) for [`RenderWork`](bottega_render::RenderWork). All blocks that have
+//!   come make one batch of paths, which go on from kernel to kernel by queues on the device; nothing comes back but sums.
+//!
+//! They decide nothing about which work they get: that is the allocator's part. Paths are the processor's path integrator,
+//! number for number, but for the guide; `bottega_render::flat` tells the shaders of the scene.
 //!
 //! A device that is lost gives its unit back and is made anew when the allocator tries it again; a command that wgpu
 //! refuses is an error, never a panic. Software adapters (llvmpipe) are used when asked for by name, to test with.
@@ -12,11 +17,16 @@
 
 mod adapter;
 mod bvh;
+mod context;
 mod device;
 mod error;
 mod geometry;
+mod material;
+mod paths;
+mod pipeline_cache;
 mod rays;
 
 pub use adapter::{AdapterInfo, AdapterKind, adapters};
 pub use error::GpuError;
+pub use paths::{GpuPaths, PathOptions};
 pub use rays::{GpuOptions, GpuRays};

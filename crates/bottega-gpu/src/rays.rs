@@ -8,7 +8,8 @@ use bottega_scene::{AlphaMode, Scene};
 use wgpu::Adapter;
 
 use crate::adapter::choose;
-use crate::device::{Device, Query, TILE_MAX, binding_limit, direction_scale};
+use crate::context::binding_limit;
+use crate::device::{Device, TILE_MAX};
 use crate::geometry::Geometry;
 use crate::{AdapterInfo, AdapterKind, GpuError};
 
@@ -97,30 +98,17 @@ impl GpuRays {
 
     /// The closest hit of each ray. After an error the next call begins with a new device.
     pub fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
-        let mut hits = Vec::with_capacity(rays.len());
-        for tile in rays.chunks(self.tile_rays) {
-            self.run(Query::Intersect, tile, |words| {
-                let (words, _) = words.as_chunks();
-                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, *words)));
-            })?;
-        }
-        Ok(hits)
+        let tile = self.tile_rays;
+        let outcome = self.device()?.intersect(rays, tile);
+        self.device.take_if(|_| outcome.is_err());
+        outcome
     }
 
     /// Whether each ray hits anything. After an error the next call begins with a new device.
     pub fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
-        let mut occluded = Vec::with_capacity(rays.len());
-        for tile in rays.chunks(self.tile_rays) {
-            self.run(Query::Occluded, tile, |words| occluded.extend(words.iter().map(|&word| word != 0)))?;
-        }
-        Ok(occluded)
-    }
-
-    fn run(&mut self, query: Query, rays: &[Ray], read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
-        let outcome = self.device()?.run(query, rays, read);
-        if outcome.is_err() {
-            self.device = None;
-        }
+        let tile = self.tile_rays;
+        let outcome = self.device()?.occluded(rays, tile);
+        self.device.take_if(|_| outcome.is_err());
         outcome
     }
 
@@ -141,16 +129,6 @@ fn cut_out(scene: &Scene) -> Option<String> {
     used.filter_map(|material| scene.materials.get(material as usize))
         .find(|material| material.alpha_mode != AlphaMode::Opaque)
         .map(|material| material.name.clone())
-}
-
-/// A hit from the words that the shader wrote: t, u, v, instance, primitive.
-fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
-    let [t, u, v, instance, primitive] = words;
-    if instance == u32::MAX {
-        return Hit::NONE;
-    }
-    let [t, u, v] = [t, u, v].map(f32::from_bits);
-    Hit { t: t / direction_scale(ray), u, v, instance, primitive }
 }
 
 impl<W: RayWork> Resource<W> for GpuRays {

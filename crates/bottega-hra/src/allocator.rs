@@ -1,20 +1,28 @@
 //! The allocator: makes the lanes, hands out clients, ends everything.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use crate::shared::Shared;
-use crate::window::{self, Window, WindowedResource};
-use crate::{HraClient, HraReport, Resource, ResourceDescriptor, ResourceId, Work, lane};
+use crate::policy::core::Core;
+use crate::policy::ledger::Ledger;
+use crate::threads::far::{Window, WindowedResource};
+use crate::threads::shared::{LanePost, Shared};
+use crate::threads::sync::Post;
+use crate::threads::{direct, far, watch};
+use crate::{CostBook, HraClient, HraReport, Resource, ResourceDescriptor, ResourceId, Work};
 
 /// Bounds of the allocator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HraConfig {
-    /// Units that the work bin holds; submitters wait beyond it. At least 1. More gives the allocator more to choose
-    /// from, less makes a change of mind take effect sooner.
+    /// Most units that the work bin holds; submitters wait beyond it. At least 1.
     pub bin_capacity: usize,
+    /// Least units that it takes, at most `bin_capacity`.
+    pub bin_min: usize,
+    /// How long a unit should wait in the bin. Between its bounds the bin takes as many units as are done in that time
+    /// (Little's law): more gives the allocator more to choose from, less makes a change of mind take effect sooner.
+    pub bin_delay: Duration,
     /// How often a unit is tried before it is answered as failed; at least 1.
     pub max_attempts: u32,
     /// Upper bound of every unit's maximum delay.
@@ -25,17 +33,32 @@ pub struct HraConfig {
     pub pause_max: Duration,
     /// A resource with so many failures in a row is given up.
     pub max_failures: u32,
+    /// A resource hangs when it takes so many times what its cost model expects, its uncertainty on top; at least 1.
+    pub hang_factor: f64,
+    /// No resource hangs before so much time has passed.
+    pub hang_min: Duration,
+    /// A resource that is called directly hangs after so much time, whatever is expected. For far ones see
+    /// [`Window::patience`].
+    pub hang_max: Duration,
+    /// Spans of activity that are kept for each resource, for [`timeline_svg`](crate::timeline_svg); 0: none.
+    pub spans_kept: usize,
 }
 
 impl Default for HraConfig {
     fn default() -> Self {
         Self {
-            bin_capacity: 1024,
+            bin_capacity: 1 << 16,
+            bin_min: 64,
+            bin_delay: Duration::from_millis(50),
             max_attempts: 3,
             max_delay_bound: Duration::from_secs(60),
             pause_min: Duration::from_millis(10),
             pause_max: Duration::from_secs(5),
             max_failures: 12,
+            hang_factor: 10.0,
+            hang_min: Duration::from_secs(2),
+            hang_max: Duration::from_secs(120),
+            spans_kept: 0,
         }
     }
 }
@@ -61,15 +84,24 @@ impl<W: Work> Lane<W> {
             Self::Windowed(resource, _) => resource.descriptor(),
         }
     }
+
+    fn window(&self) -> Option<Window> {
+        match self {
+            Self::Direct(_) => None,
+            Self::Windowed(_, window) => Some(*window),
+        }
+    }
 }
 
-/// The Hardware Resource Allocator. Owns a thread for each resource, and the work bin.
+/// The Hardware Resource Allocator. Owns a thread for each resource and one that watches over them, and the work bin.
 ///
 /// Dropped, it takes nothing more, answers the units that wait with [`UnitError::Closed`](crate::UnitError::Closed),
-/// lets those under way be finished and answered, and waits for its threads. Clients may go before or after it.
+/// lets those under way be finished and answered, and waits for its threads, but for those whose resource hangs.
+/// Clients may go before or after it.
 pub struct Hra<W: Work> {
     shared: Arc<Shared<W>>,
-    threads: Vec<JoinHandle<()>>,
+    lanes: Vec<Option<JoinHandle<()>>>,
+    watch: Option<JoinHandle<()>>,
 }
 
 impl<W: Work> Hra<W> {
@@ -80,10 +112,26 @@ impl<W: Work> Hra<W> {
 
     /// An allocator of resources of both kinds.
     pub fn with_lanes(config: HraConfig, lanes: Vec<Lane<W>>) -> Self {
-        let shared = Arc::new(Shared::new(config, lanes.iter().map(Lane::descriptor).collect()));
-        let threads =
-            lanes.into_iter().zip(0..).filter_map(|(lane, id)| start(&shared, ResourceId(id), lane)).collect();
-        Self { shared, threads }
+        Self::with_costs(config, lanes, &CostBook::new(""))
+    }
+
+    /// An allocator of resources of both kinds, that knows from the start what they cost.
+    pub fn with_costs(config: HraConfig, lanes: Vec<Lane<W>>, costs: &CostBook) -> Self {
+        let described: Vec<_> = lanes.iter().map(|lane| (lane.descriptor(), lane.window())).collect();
+        let posts = described.iter().map(|(descriptor, window)| LanePost {
+            descriptor: descriptor.clone(),
+            is_far: window.is_some(),
+            post: Post::default(),
+            ledger: Mutex::new(Ledger::new()),
+            inbox: Mutex::new(Vec::new()),
+        });
+        let posts = posts.collect();
+        let core = Core::new(config, described, costs);
+        let shared = Arc::new(Shared::new(core, posts, config.max_delay_bound));
+        let watched = Arc::clone(&shared);
+        let watch = thread::Builder::new().name("hra watch".to_owned()).spawn(move || watch::watch(&watched)).ok();
+        let lanes = lanes.into_iter().zip(0..).map(|(lane, id)| start(&shared, ResourceId(id), lane)).collect();
+        Self { shared, lanes, watch }
     }
 
     /// A new client, with a results bin of its own.
@@ -93,7 +141,8 @@ impl<W: Work> Hra<W> {
 
     /// What each resource did so far.
     pub fn report(&self) -> HraReport {
-        self.shared.report()
+        let pending = self.shared.room.taken();
+        self.shared.with_core(|core, now, _| HraReport::of(core, now, pending))
     }
 }
 
@@ -104,13 +153,18 @@ fn start<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, lane: Lane<W>) -> Opt
     let run = move || {
         // The drivers catch what resources panic with; this is for a resource that panics in its `Drop`.
         let _ = catch_unwind(AssertUnwindSafe(|| match lane {
-            Lane::Direct(resource) => lane::drive(&lanes_shared, id, resource),
-            Lane::Windowed(resource, window) => window::drive(&lanes_shared, id, resource, window),
+            Lane::Direct(resource) => direct::drive(&lanes_shared, id, resource),
+            Lane::Windowed(resource, _) => far::drive(&lanes_shared, id, resource),
         }));
+        lanes_shared.set_over(id, true);
     };
     let started = thread::Builder::new().name(name).spawn(run).ok();
     if started.is_none() {
-        shared.retire(id);
+        shared.with_core(|core, now, out| {
+            core.retire(now, id, out);
+            shared.publish(core);
+        });
+        shared.set_over(id, true);
     }
     started
 }
@@ -119,11 +173,18 @@ impl<W: Work> Drop for Hra<W> {
     fn drop(&mut self) {
         self.shared.close();
         let this_thread = thread::current().id();
-        for thread in self.threads.drain(..) {
-            // A unit that owned the last handle of its own allocator drops it on a lane, which cannot await itself.
-            if thread.thread().id() != this_thread {
-                let _ = thread.join();
+        let is_here =
+            |thread: &Option<JoinHandle<()>>| thread.as_ref().is_some_and(|thread| thread.thread().id() == this_thread);
+        // A unit that owned the last handle of its own allocator drops it on a lane, which cannot await itself.
+        for (lane, id) in self.lanes.iter().zip(0..) {
+            if is_here(lane) {
+                self.shared.set_over(ResourceId(id), true);
             }
+        }
+        self.shared.wait_until_over();
+        self.shared.alarm.end();
+        if let Some(watch) = self.watch.take().filter(|_| !is_here(&self.watch)) {
+            let _ = watch.join();
         }
     }
 }

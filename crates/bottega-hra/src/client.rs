@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::results_bin::{ResultsBin, deadline_after};
-use crate::shared::Shared;
+use crate::threads::results_bin::{ResultsBin, deadline_after};
+use crate::threads::shared::Shared;
+use crate::threads::submit::into_unit;
 use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 
 /// A client of an allocator, with a results bin of its own.
@@ -14,6 +15,8 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 /// was answered, and submits nothing more.
 pub struct HraClient<W: Work> {
     handle: Arc<Handle<W>>,
+    /// Where its units go in; another for each clone, so that threads do not meet there.
+    inlet: usize,
 }
 
 struct Handle<W: Work> {
@@ -23,18 +26,19 @@ struct Handle<W: Work> {
 
 impl<W: Work> Clone for HraClient<W> {
     fn clone(&self) -> Self {
-        Self { handle: Arc::clone(&self.handle) }
+        Self { handle: Arc::clone(&self.handle), inlet: self.handle.shared.inlets.assign() }
     }
 }
 
 impl<W: Work> HraClient<W> {
     pub(crate) fn new(shared: Arc<Shared<W>>) -> Self {
-        Self { handle: Arc::new(Handle { shared, results: Arc::new(ResultsBin::new()) }) }
+        let inlet = shared.inlets.assign();
+        Self { handle: Arc::new(Handle { shared, results: Arc::new(ResultsBin::new()) }), inlet }
     }
 
     /// Puts a unit into the work bin; waits while the bin is full.
     pub fn submit(&self, unit: WorkUnit<W>) -> Result<(), SubmitError> {
-        self.submit_group(vec![unit])
+        self.handle.shared.submit(&self.handle.results, self.inlet, unit)
     }
 
     /// Puts units into the work bin in one call, in their order; waits as often as the bin is full.
@@ -42,12 +46,12 @@ impl<W: Work> HraClient<W> {
     /// When any of them cannot be done by any resource, none is taken. When the allocator is shut down while the call
     /// waits, those already taken are answered, the others are dropped.
     pub fn submit_group(&self, units: Vec<WorkUnit<W>>) -> Result<(), SubmitError> {
-        self.handle.shared.submit(&self.handle.results, units)
+        self.handle.shared.submit_group(&self.handle.results, self.inlet, units)
     }
 
     /// Puts a unit into the work bin if there is room just now.
     pub fn try_submit(&self, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
-        self.handle.shared.try_submit(&self.handle.results, unit)
+        self.handle.shared.try_submit(&self.handle.results, self.inlet, unit)
     }
 
     /// The next answer, in the order in which they were computed. Waits for it; `None` when nothing is outstanding.
@@ -60,6 +64,11 @@ impl<W: Work> HraClient<W> {
         self.handle.results.take(deadline_after(timeout))
     }
 
+    /// The next answers, all that are there but at most `max`. Waits for the first; none when nothing is outstanding.
+    pub fn take_many(&self, max: usize) -> Vec<Completed<W::Output>> {
+        self.handle.results.take_many(max, None)
+    }
+
     /// How many units were submitted, or are being so, and not yet answered to this client.
     pub fn outstanding(&self) -> usize {
         self.handle.results.outstanding()
@@ -67,7 +76,7 @@ impl<W: Work> HraClient<W> {
 
     /// Takes back all units of this client that still wait in the bin; they get no answer. Those under way do.
     pub fn cancel_pending(&self) -> Vec<WorkUnit<W>> {
-        self.handle.shared.cancel(&self.handle.results)
+        self.handle.shared.cancel(&self.handle.results).into_iter().map(into_unit).collect()
     }
 }
 

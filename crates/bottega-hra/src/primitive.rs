@@ -18,15 +18,17 @@ pub enum Primitive {
     PixelBlock,
     /// Paths of a batch of photons. High level.
     PhotonBatch,
+    /// Irradiance at a batch of points, as sensors measure it. High level.
+    SensorBatch,
 }
 
 impl Primitive {
     /// How many primitives there are.
-    pub const COUNT: usize = 5;
+    pub const COUNT: usize = 6;
 
     /// Every primitive, in the order of [`Primitive::index`].
     pub const ALL: [Self; Self::COUNT] =
-        [Self::Intersect, Self::Occluded, Self::PhotonGather, Self::PixelBlock, Self::PhotonBatch];
+        [Self::Intersect, Self::Occluded, Self::PhotonGather, Self::PixelBlock, Self::PhotonBatch, Self::SensorBatch];
 
     /// Place in [`Primitive::ALL`], for tables with an entry a primitive.
     pub const fn index(self) -> usize {
@@ -41,6 +43,7 @@ impl Primitive {
             Self::PhotonGather => "photon gather",
             Self::PixelBlock => "pixel block",
             Self::PhotonBatch => "photon batch",
+            Self::SensorBatch => "sensor batch",
         }
     }
 }

@@ -1,8 +1,10 @@
 //! What each resource did with its time.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crate::{CostModel, Primitive, ResourceDescriptor, ResourceId};
+use crate::policy::core::Core;
+use crate::policy::time::Time;
+use crate::{CostBook, CostModel, Incident, Primitive, ResourceDescriptor, ResourceId, Span};
 
 /// What a resource is at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,7 +13,7 @@ pub enum Activity {
     Idle,
     /// Works.
     Working,
-    /// Left alone after a failure, for a while.
+    /// Left alone after a failure, for a while; or it does not return from a call.
     Suspended,
     /// Given up after too many failures in a row, or because it could not be started.
     Retired,
@@ -24,8 +26,12 @@ pub struct HraReport {
     pub uptime: Duration,
     /// Units in the work bin.
     pub pending: usize,
+    /// Units that the bin takes at present.
+    pub bin_capacity: usize,
     /// One entry a resource, in the order of their numbers.
     pub resources: Vec<ResourceReport>,
+    /// What went wrong with resources, for the user to be told.
+    pub incidents: Vec<Incident>,
 }
 
 /// One resource since the allocator was made.
@@ -47,95 +53,51 @@ pub struct ResourceReport {
     pub idle: Duration,
     /// Time left alone after failures.
     pub suspended: Duration,
+    /// Bytes of data that it holds.
+    pub resident_bytes: u64,
     /// Learnt costs of the primitives that it has done, by primitive.
     pub costs: Vec<(Primitive, CostModel)>,
+    /// What it was at, in the order of time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+    pub spans: Vec<Span>,
 }
 
-/// The account that a lane keeps of itself.
-pub(crate) struct Account {
-    activity: Activity,
-    since: Instant,
-    units: u64,
-    failures: u64,
-    spent: [Duration; 4],
-    costs: [CostModel; Primitive::COUNT],
-}
+impl HraReport {
+    /// All costs learnt, for the next run.
+    pub fn costs(&self, version: impl Into<String>) -> CostBook {
+        let mut book = CostBook::new(version);
+        for resource in &self.resources {
+            for &(primitive, cost) in &resource.costs {
+                book.set(&resource.descriptor.name, primitive, cost);
+            }
+        }
+        book
+    }
 
-impl Account {
-    pub(crate) fn new(now: Instant) -> Self {
+    /// What `core` looks like.
+    pub(crate) fn of<T>(core: &Core<T>, now: Time, pending: usize) -> Self {
+        let resources = core.lanes().iter().zip(0..).map(|(lane, index)| {
+            let spent = |activity| lane.account.spent(activity, now);
+            let costs = Primitive::ALL.into_iter().map(|primitive| (primitive, lane.costs()[primitive.index()]));
+            ResourceReport {
+                id: ResourceId(index),
+                descriptor: lane.descriptor.clone(),
+                activity: lane.account.activity(),
+                units: lane.account.units,
+                failures: lane.account.failures,
+                busy: spent(Activity::Working),
+                idle: spent(Activity::Idle),
+                suspended: spent(Activity::Suspended),
+                resident_bytes: lane.residency.used(),
+                costs: costs.filter(|(_, cost)| cost.units() > 0).collect(),
+                spans: lane.account.spans(now),
+            }
+        });
         Self {
-            activity: Activity::Idle,
-            since: now,
-            units: 0,
-            failures: 0,
-            spent: [Duration::ZERO; 4],
-            costs: [CostModel::default(); Primitive::COUNT],
+            uptime: now.since(Time::ZERO),
+            pending,
+            bin_capacity: core.capacity(),
+            resources: resources.collect(),
+            incidents: core.incidents().list(),
         }
-    }
-
-    /// Turns to another activity.
-    pub(crate) fn enter(&mut self, activity: Activity, now: Instant) {
-        self.spent[self.activity as usize] += now.saturating_duration_since(self.since);
-        self.activity = activity;
-        self.since = now;
-    }
-
-    /// Books a unit that was done, with the time that it took of the resource.
-    pub(crate) fn book(&mut self, primitive: Primitive, size: u64, busy: Duration) {
-        self.units += 1;
-        self.costs[primitive.index()].observe(size, busy);
-    }
-
-    /// Books an attempt that failed.
-    pub(crate) fn book_failure(&mut self) {
-        self.failures += 1;
-    }
-
-    pub(crate) fn report(&self, id: ResourceId, descriptor: &ResourceDescriptor, now: Instant) -> ResourceReport {
-        let spent = |activity: Activity| {
-            let current =
-                if self.activity == activity { now.saturating_duration_since(self.since) } else { Duration::ZERO };
-            self.spent[activity as usize] + current
-        };
-        let costs = Primitive::ALL.into_iter().map(|primitive| (primitive, self.costs[primitive.index()]));
-        ResourceReport {
-            id,
-            descriptor: descriptor.clone(),
-            activity: self.activity,
-            units: self.units,
-            failures: self.failures,
-            busy: spent(Activity::Working),
-            idle: spent(Activity::Idle),
-            suspended: spent(Activity::Suspended),
-            costs: costs.filter(|(_, cost)| cost.units() > 0).collect(),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{Link, PrimitiveSet};
-
-    #[test]
-    fn all_time_is_accounted_for() {
-        let start = Instant::now();
-        let at = |ms| start + Duration::from_millis(ms);
-        let mut account = Account::new(start);
-        account.enter(Activity::Working, at(10));
-        account.enter(Activity::Suspended, at(30));
-        account.enter(Activity::Idle, at(70));
-        account.enter(Activity::Working, at(80));
-        let descriptor = ResourceDescriptor {
-            name: "test".into(),
-            primitives: PrimitiveSet::ALL,
-            memory_bytes: None,
-            link: Link::LOCAL,
-        };
-        let report = account.report(ResourceId(0), &descriptor, at(85));
-        assert_eq!(report.busy, Duration::from_millis(25));
-        assert_eq!(report.suspended, Duration::from_millis(40));
-        assert_eq!(report.idle, Duration::from_millis(20));
-        assert_eq!(report.activity, Activity::Working);
     }
 }

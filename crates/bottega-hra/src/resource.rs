@@ -4,7 +4,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::time::Duration;
 
-use crate::{Failed, PrimitiveSet, Work};
+use crate::{DataId, Failed, PrimitiveSet, Work};
 
 /// Number of a resource within its allocator: its place in the list that the allocator was made with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -70,6 +70,22 @@ pub trait Resource<W: Work>: Send {
     /// Makes the resource ready again after a failure, or says why that cannot be done yet.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
+    }
+
+    /// Throws data out of the resource's memory: it is the least recently used, and room is needed. Called before
+    /// `perform`; data that was never seen here may be named.
+    fn evict(&mut self, data: DataId) {
+        let _ = data;
+    }
+
+    /// Asked when `perform` gave work back: whether that was for want of memory.
+    fn is_out_of_memory(&self) -> bool {
+        false
+    }
+
+    /// Bytes of memory that are free for data, if the resource can tell; asked now and then.
+    fn memory_free(&self) -> Option<u64> {
+        None
     }
 }
 

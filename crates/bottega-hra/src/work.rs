@@ -23,6 +23,11 @@ pub trait Work: Send + Sized + 'static {
         None
     }
 
+    /// Bytes of [`Work::data`] in the memory of a resource. A resource with less memory never gets the unit.
+    fn data_bytes(&self) -> u64 {
+        0
+    }
+
     /// Bytes that must travel to a resource that already holds [`Work::data`].
     fn payload_bytes(&self) -> u64 {
         0
@@ -34,6 +39,14 @@ pub trait Work: Send + Sized + 'static {
     fn backup(&self) -> Option<Self> {
         None
     }
+
+    /// Whether `output` can be what came of work of `size` items: a look for garbage (a wrong length, numbers that are
+    /// none), much cheaper than the work. What it refuses is done again, elsewhere, if there is a [`Work::backup`].
+    /// Must not be chosen so strictly that a sound resource is refused: that would be given up in the end.
+    fn check(output: &Self::Output, size: u64) -> Result<(), String> {
+        let (_, _) = (output, size);
+        Ok(())
+    }
 }
 
 /// Work with what the allocator must know to place it in time.
@@ -43,17 +56,21 @@ pub struct WorkUnit<W> {
     pub work: W,
     /// The caller's own number; comes back with the answer. Need not be unique.
     pub ticket: u64,
-    /// Longest wait in the bin, after which the unit goes before all that are not late themselves. Cut to
-    /// [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound), so that nothing starves.
+    /// Longest wait in the bin. As soon as what waits could not be done before then, the unit goes before all that are
+    /// not late themselves, the latest first. Cut to [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound),
+    /// so that nothing starves.
     pub max_delay: Duration,
     /// Higher goes first among units that are not late.
     pub priority: i32,
+    /// Life time. A unit that is not done so long after it was submitted is answered by [`UnitError::Expired`]: at
+    /// that time if it still waits, else when its resource answers or is given up.
+    pub validity: Duration,
 }
 
 impl<W> WorkUnit<W> {
-    /// A unit of priority 0 that may wait as long as the allocator lets any unit wait.
+    /// A unit of priority 0 that may wait as long as the allocator lets any unit wait, and does not expire.
     pub fn new(work: W, ticket: u64) -> Self {
-        Self { work, ticket, max_delay: Duration::MAX, priority: 0 }
+        Self { work, ticket, max_delay: Duration::MAX, priority: 0, validity: Duration::MAX }
     }
 }
 
@@ -92,6 +109,9 @@ pub enum UnitError {
     /// Every resource that could have done it was given up.
     #[error("no resource is left that can do `{0}`")]
     NoResource(Primitive),
+    /// It was not done within its [`WorkUnit::validity`].
+    #[error("not done within its life time")]
+    Expired,
     /// The allocator was shut down first.
     #[error("the allocator was shut down")]
     Closed,
@@ -120,6 +140,14 @@ pub enum SubmitError {
     /// No resource can do this, so the unit would wait for ever.
     #[error("no resource can do `{0}`")]
     Unsupported(Primitive),
+    /// No resource that could do this has enough memory for the data.
+    #[error("no resource that can do `{primitive}` has memory for {bytes} bytes of data")]
+    TooLarge {
+        /// What was asked for.
+        primitive: Primitive,
+        /// On so much data.
+        bytes: u64,
+    },
 }
 
 /// Why one unit was not taken without waiting; gives it back.

@@ -173,7 +173,10 @@ fn what_fails_in_one_place_is_done_in_another() {
         let lanes = vec![
             custom("refuses", PrimitiveSet::ALL, |work| Err(Failed { work, reason: "broken".into() })),
             custom("panics", PrimitiveSet::ALL, |_| panic!("injected")),
-            custom("works", PrimitiveSet::ALL, |job| Ok(double(job))),
+            custom("works", PrimitiveSet::ALL, |job| {
+                thread::sleep(Duration::from_micros(100)); // So that the others have time to fail.
+                Ok(double(job))
+            }),
         ];
         let hra = Hra::new(quick(), lanes);
         let client = hra.client();

@@ -103,6 +103,7 @@ fn play(client: &HraClient<Job>, script: &Script) -> BTreeMap<u64, u32> {
             Err(UnitError::Failed { attempts, .. }) => assert_eq!(attempts, quick().max_attempts),
             Err(UnitError::Lost { .. }) => assert!(!script.has_backup, "a unit with a backup was lost"),
             Err(UnitError::Closed) => {}
+            Err(UnitError::Expired) => panic!("no unit had a life time"),
             Err(error @ UnitError::NoResource(_)) => panic!("{error}"),
         }
         answer.ticket
@@ -112,7 +113,7 @@ fn play(client: &HraClient<Job>, script: &Script) -> BTreeMap<u64, u32> {
             let primitive = Primitive::ALL[number as usize % Primitive::COUNT];
             let work = Job { number, primitive, has_backup: script.has_backup };
             let (priority, delay_ms) = ((number % 3) as i32, number % 2);
-            WorkUnit { work, ticket: number, max_delay: Duration::from_millis(delay_ms), priority }
+            WorkUnit { max_delay: Duration::from_millis(delay_ms), priority, ..WorkUnit::new(work, number) }
         });
         match client.submit_group(units.collect()) {
             Ok(()) => submitted += size as u64,

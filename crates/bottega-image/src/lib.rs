@@ -15,6 +15,7 @@ mod exr_read;
 mod exr_write;
 mod film;
 mod layout;
+mod likeness;
 mod metadata;
 mod metrics;
 mod output;

@@ -2,9 +2,9 @@
 
 use bottega_kernels::math;
 use bottega_scene::{Camera, Projection};
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Mat3, Vec2, Vec3};
 
-use crate::sampling::uniform_disk;
+use crate::{flat::Words, sampling::uniform_disk};
 
 /// What a path can resolve: the width of its beam, after Akenine-Möller et al. 2021, *Improved Shader and Texture
 /// Level of Detail Using Ray Cones*.
@@ -76,6 +76,17 @@ impl CameraRays {
             focus_distance: camera.focus_distance,
             cone,
         }
+    }
+
+    /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
+    pub(crate) fn write(&self, words: &mut Words) {
+        words.mat3(Mat3::from(self.world_from_camera.matrix3));
+        words.vec3(self.world_from_camera.translation.into());
+        words.vec2(self.half_extent);
+        words.vec2(self.lens_shift);
+        words.vec2(self.double_pixel);
+        words.flag(self.parallel);
+        words.numbers(&[self.lens_radius, self.focus_distance, self.cone.width, self.cone.spread]);
     }
 
     /// The ray through a place of the picture.

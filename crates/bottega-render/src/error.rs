@@ -22,6 +22,11 @@ pub enum RenderError {
     /// The scene breaks a promise of the model, such as an index out of range.
     #[error("the scene is not sound")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
+    /// Photons cannot be found in what fills space.
+    #[error(
+        "photon mapping knows nothing of media that scatter, emit or have no surface; paint this scene by path tracing"
+    )]
+    PhotonsInMedia,
     /// The acceleration structure cannot be built.
     #[error("cannot build the acceleration structure")]
     Accel(#[from] bottega_kernels::BuildError),

@@ -8,6 +8,8 @@ use std::sync::LazyLock;
 
 pub use bottega_scene::FilmFilter as Filter;
 
+use crate::flat::{self, Words};
+
 fn radius(filter: Filter) -> f32 {
     match filter {
         Filter::Box { radius }
@@ -93,6 +95,22 @@ impl FilterSampler {
             _ => return Self { radius: 0.5, shape: Shape::Uniform },
         };
         Self { radius, shape }
+    }
+
+    /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
+    pub(crate) fn write(&self, words: &mut Words) {
+        words.number(self.radius);
+        let table = match &self.shape {
+            Shape::Uniform => {
+                words.word(flat::NONE);
+                return words.numbers(&[1.0, f32::MAX]);
+            }
+            Shape::Shared(table) => table,
+            Shape::Own(table) => &**table,
+        };
+        words.word(words.place() + 3);
+        words.numbers(&[table.excess, table.sign_change.min(f32::MAX)]);
+        words.numbers(&table.quantiles);
     }
 
     /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1), and the factor with which the

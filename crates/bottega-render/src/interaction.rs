@@ -22,7 +22,7 @@ use crate::{
 /// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed
 /// from: 64 units in the last place. The kernel's own step goes by the place alone, and is too small in the middle of
 /// a large triangle that lies around the origin.
-const CLEARANCE: f32 = 64.0 / 8_388_608.0;
+pub(crate) const CLEARANCE: f32 = 64.0 / 8_388_608.0;
 
 /// A point of a surface, seen from a direction.
 #[derive(Debug)]

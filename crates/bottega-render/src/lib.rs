@@ -6,7 +6,9 @@
 pub mod bsdf;
 pub mod camera;
 pub mod filter;
+pub mod flat;
 pub mod integrator;
+pub mod photon;
 pub mod sampler;
 pub mod survey;
 
@@ -24,7 +26,7 @@ pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;
 pub use prepare::{PrepareOptions, PreparedScene, build_accel};
-pub use settings::{DirectLight, PathSettings, View};
+pub use settings::{DirectLight, PathSettings, PhotonFilter, PhotonSettings, View};
 pub use survey::survey;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 

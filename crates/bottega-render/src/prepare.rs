@@ -14,11 +14,12 @@ use crate::{
     RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
     guide::{Guide, UnreadGuide},
-    lights::{Lights, NO_LIGHT},
+    lights::{Emission, Lights, NO_LIGHT},
     media::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
+    photon::PhotonStore,
 };
 
 /// How a scene is prepared.
@@ -51,6 +52,8 @@ pub struct PreparedScene {
     needs_volume: bool,
     threads: usize,
     guides: Mutex<Vec<(Learnt, GuidePlace)>>,
+    emission: OnceLock<Emission>,
+    photons: PhotonStore,
     id: DataId,
 }
 
@@ -137,6 +140,8 @@ impl PreparedScene {
             needs_volume,
             threads: options.threads,
             guides: Mutex::default(),
+            emission: OnceLock::new(),
+            photons: PhotonStore::default(),
             id,
         }
     }
@@ -181,6 +186,7 @@ impl PreparedScene {
         let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
         let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
         guides.sum::<usize>()
+            + self.photons.memory_bytes()
             + self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
@@ -205,6 +211,24 @@ impl PreparedScene {
     /// Threads that may be used for what is made once.
     pub(crate) fn threads(&self) -> usize {
         self.threads
+    }
+
+    /// What emits photons.
+    pub(crate) fn emission(&self) -> &Emission {
+        self.emission.get_or_init(|| Emission::new(self))
+    }
+
+    /// Photon maps that are kept.
+    pub(crate) fn photons(&self) -> &PhotonStore {
+        &self.photons
+    }
+
+    /// Does something on as many threads as are meant for what is made once.
+    pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
+        match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {
+            Ok(pool) => pool.install(make),
+            Err(_) => make(),
+        }
     }
 
     /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks

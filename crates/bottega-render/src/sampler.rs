@@ -57,7 +57,7 @@ impl PixelSampler {
     #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
-        Self { pixel_key: mix(mix(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
+        Self { pixel_key: mix(mixed_seed(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
     }
 
     /// The four numbers of a dimension set.
@@ -119,6 +119,16 @@ impl PixelSampler {
         let shuffled = owen_scramble_reversed(reversed_index, (key >> 32) as u32);
         (sobol::reversed_point(shuffled), key)
     }
+}
+
+/// What all pixels have of a seed.
+pub fn mixed_seed(seed: u64) -> u64 {
+    mix(seed)
+}
+
+/// What the points of the sequence are joined from; see [`crate::flat::sobol_table`].
+pub(crate) fn sobol_table() -> &'static [[[u32; 4]; 16]; 8] {
+    &sobol::NIBBLES
 }
 
 /// Owen scrambling of fractions whose bits are reversed, by keys and dimensions, to numbers in [0, 1). Without branches, for

@@ -44,6 +44,60 @@ pub struct PathSettings {
     pub guiding: bool,
     /// Samples a pixel that the picture is to have: the more, the longer paths learn beforehand.
     pub planned_samples: u32,
+    /// Photon mapping in place of path tracing.
+    pub photons: Option<PhotonSettings>,
+}
+
+/// The settings of photon mapping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonSettings {
+    /// Photons that leave the lights, in each pass of a progressive picture. Without any there is direct light alone.
+    pub count: u32,
+    /// The nearest photons from which light is estimated; [`NEAREST_MAX`](crate::photon::NEAREST_MAX) at most.
+    pub gather: u32,
+    /// How far photons may lie, as a share of the radius of the scene; those of a progressive picture a fifth of it in the
+    /// first pass, and less in each later one.
+    pub radius: f32,
+    /// Rays of the final gathering in each sample, whose ends are lit by the map. 0: what the camera sees is lit by it.
+    pub final_rays: u32,
+    /// Surfaces that a photon may come to.
+    pub bounces: u32,
+    /// How near photons count more.
+    pub filter: PhotonFilter,
+    /// Greatest error with which indirect light on matte surfaces is taken from places near by instead of gathered anew, as
+    /// a share (Ward's a): 0.1 careful, 0.4 coarse, 0 never.
+    pub irradiance_cache: f32,
+    /// Whether photons that go on behind what is lit decide where shadow rays are needed.
+    pub shadow_photons: bool,
+    /// Whether each sample has photons of its own, and finds them within a radius that shrinks, so that with more and more
+    /// samples the picture becomes that of the path tracer.
+    pub progressive: bool,
+}
+
+/// How much a photon counts at its distance d from the middle of a disc of radius r.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PhotonFilter {
+    /// 2 (1 − d²/r²).
+    #[default]
+    Epanechnikov,
+    /// Falls linearly to 1/11 of its peak (Jensen 2001, §7.2.3, k = 1.1).
+    Cone,
+}
+
+impl Default for PhotonSettings {
+    fn default() -> Self {
+        Self {
+            count: 500_000,
+            gather: 60,
+            radius: 0.1,
+            final_rays: 4,
+            bounces: 16,
+            filter: PhotonFilter::Epanechnikov,
+            irradiance_cache: 0.0,
+            shadow_photons: false,
+            progressive: false,
+        }
+    }
 }
 
 impl Default for PathSettings {
@@ -57,6 +111,7 @@ impl Default for PathSettings {
             direct_light: DirectLight::Combined,
             guiding: true,
             planned_samples: 64,
+            photons: None,
         }
     }
 }

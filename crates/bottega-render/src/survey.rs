@@ -103,7 +103,7 @@ pub fn survey(
 }
 
 /// Submits all work and returns the outputs in the same order.
-fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Result<Vec<RenderOutput>, RenderError> {
+pub(crate) fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Result<Vec<RenderOutput>, RenderError> {
     let count = works.len();
     client.submit_group(works.into_iter().zip(0..).map(|(work, ticket)| WorkUnit::new(work, ticket)).collect())?;
     let mut outputs: Vec<Option<RenderOutput>> = vec![None; count];
@@ -275,7 +275,7 @@ fn intersect_all(
 ) -> Result<Vec<Hit>, RenderError> {
     let works = chains.chunks(RAYS_PER_UNIT).map(|chunk| {
         let rays = chunk.iter().map(|chain| Ray::new(chain.origin, chain.direction)).collect();
-        RenderWork::Rays { scene: Arc::clone(scene), rays }
+        RenderWork::Rays { scene: Arc::clone(scene), rays: Arc::new(rays) }
     });
     let mut hits = Vec::with_capacity(chains.len());
     for output in run(client, works.collect())? {

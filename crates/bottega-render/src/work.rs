@@ -4,11 +4,12 @@ use std::{fmt, ops::Range, sync::Arc};
 
 use bottega_hra::{DataId, Primitive, RayQuery, RayWork, Work};
 use bottega_image::{Aov, Rect, Tile};
-use bottega_kernels::{Hit, Ray, compiled};
+use bottega_kernels::{Hit, Ray};
 
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
-    integrator::{Painting, PathIntegrator, Wanted},
+    integrator::{Integrator, Wanted},
+    photon::{IrradianceWork, Photon, PhotonWork, Traced},
     survey::{SurveyPixel, probe},
 };
 
@@ -22,20 +23,24 @@ pub enum RenderWork {
     Rays {
         /// The scene.
         scene: Arc<PreparedScene>,
-        /// The rays.
-        rays: Vec<Ray>,
+        /// The rays, which stay where they are: whoever asks may need them again with the answer.
+        rays: Arc<Vec<Ray>>,
     },
     /// Whether each ray hits anything.
     Occlusion {
         /// The scene.
         scene: Arc<PreparedScene>,
-        /// The rays.
-        rays: Vec<Ray>,
+        /// The rays, which stay where they are: whoever asks may need them again with the answer.
+        rays: Arc<Vec<Ray>>,
     },
     /// Samples of a block of pixels.
     Block(BlockWork),
     /// A fast look at a block of pixels.
     Probe(ProbeWork),
+    /// Photons on their way.
+    Photons(PhotonWork),
+    /// Irradiance from photons at a batch of points.
+    Irradiance(IrradianceWork),
 }
 
 /// Samples of a block of pixels, added to running sums.
@@ -79,6 +84,10 @@ pub enum RenderOutput {
     Block(BlockOutput),
     /// One a pixel, row-major.
     Probe(Vec<SurveyPixel>),
+    /// Where they arrived, in the order of their indices.
+    Photons(Traced),
+    /// One a point: in place of a photon's power the irradiance.
+    Irradiance(Vec<Photon>),
     /// The picture asked for cannot be painted.
     Refused(Arc<RenderError>),
 }
@@ -114,6 +123,8 @@ impl RenderWork {
                 Ok(pixels) => RenderOutput::Probe(pixels),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
             },
+            Self::Photons(work) => RenderOutput::Photons(work.perform()),
+            Self::Irradiance(work) => RenderOutput::Irradiance(work.perform()),
         }
     }
 
@@ -122,6 +133,8 @@ impl RenderWork {
             Self::Rays { scene, .. } | Self::Occlusion { scene, .. } => scene,
             Self::Block(block) => &block.scene,
             Self::Probe(probe) => &probe.scene,
+            Self::Photons(work) => &work.scene,
+            Self::Irradiance(work) => &work.scene,
         }
     }
 }
@@ -133,7 +146,10 @@ impl BlockWork {
         let Self { scene, view, settings, mut tile, samples } = self;
         let layout = tile.layout();
         let wanted = Wanted { albedo: layout.offset(Aov::Albedo).is_some(), cost: layout.offset(Aov::Cost).is_some() };
-        let integrator = PathIntegrator::new(&scene, view, &settings)?.with_wanted(wanted);
+        let integrator = Integrator::new(&scene, view, &settings, wanted)?;
+        if let Integrator::Photons(photons) = &integrator {
+            photons.cast(samples.clone());
+        }
         let mut dropped_count = 0;
         let (mut some, mut records) = (Vec::new(), Vec::new());
         let mut all = tile.rect().pixels().flat_map(|(x, y)| samples.clone().map(move |sample| (x, y, sample)));
@@ -143,7 +159,7 @@ impl BlockWork {
             if some.is_empty() {
                 break;
             }
-            compiled::run(Painting { integrator: &integrator, samples: &some, records: &mut records });
+            integrator.paint(&some, &mut records);
             for (&(x, y, _), record) in some.iter().zip(&records) {
                 dropped_count += u64::from(record.is_dropped);
                 tile.add(x, y, &record.values);
@@ -161,6 +177,8 @@ impl Work for RenderWork {
             Self::Rays { .. } => Primitive::Intersect,
             Self::Occlusion { .. } => Primitive::Occluded,
             Self::Block(_) | Self::Probe(_) => Primitive::PixelBlock,
+            Self::Photons(_) => Primitive::PhotonBatch,
+            Self::Irradiance(_) => Primitive::PhotonGather,
         }
     }
 
@@ -169,6 +187,8 @@ impl Work for RenderWork {
             Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => rays.len() as u64,
             Self::Block(block) => block.tile.rect().area() * block.samples.len() as u64,
             Self::Probe(probe) => probe.rect.area() * u64::from(probe.sample_count),
+            Self::Photons(work) => work.indices.len() as u64,
+            Self::Irradiance(work) => work.points.len() as u64,
         }
     }
 
@@ -178,9 +198,9 @@ impl Work for RenderWork {
 
     fn payload_bytes(&self) -> u64 {
         match self {
-            Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => size_of_val(&**rays) as u64,
+            Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => size_of_val(rays.as_slice()) as u64,
             Self::Block(block) => size_of_val(block.tile.sums()) as u64,
-            Self::Probe(_) => 0,
+            Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) => 0,
         }
     }
 
@@ -194,7 +214,7 @@ impl RayWork for RenderWork {
         match self {
             Self::Rays { rays, .. } => Some(RayQuery::Intersect(rays)),
             Self::Occlusion { rays, .. } => Some(RayQuery::Occluded(rays)),
-            Self::Block(_) | Self::Probe(_) => None,
+            Self::Block(_) | Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) => None,
         }
     }
 

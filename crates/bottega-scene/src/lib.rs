@@ -38,7 +38,7 @@ mod validate;
 pub use camera::{Camera, FovAxis, Projection};
 pub use error::{SceneError, Warning};
 pub use grid::{Blend, Grid, GridError};
-pub use image::{Encoding, Image};
+pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
 pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Sides};

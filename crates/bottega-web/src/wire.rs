@@ -26,6 +26,8 @@ pub enum Event {
         agents: usize,
         /// Processors.
         threads: usize,
+        /// GPUs that paint beside them, by name.
+        gpus: Vec<String>,
         /// Seed of the picture.
         seed: u64,
     },

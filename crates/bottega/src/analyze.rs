@@ -6,7 +6,7 @@ mod verify;
 
 use std::{fs, path::Path, process::ExitCode, sync::Arc};
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Survey, Tunables};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
 use bottega_farm::{
     Analysis, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings, analyze,
     survey_size,
@@ -79,7 +79,7 @@ impl Analyzed {
             ..PathSettings::default()
         };
         let options = BuiltinOptions { view: subject.view, settings, layout: Layout::new(AovSet::NONE), threads };
-        let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, Vec::new());
+        let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, Devices::default());
         let frame = subject.frame();
         let (columns, rows) = survey_size(&frame);
         let survey = engine.survey(columns, rows)?;

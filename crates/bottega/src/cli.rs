@@ -1,5 +1,6 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
+mod photons;
 mod values;
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
@@ -9,6 +10,7 @@ use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
+use self::photons::PhotonArgs;
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_duration,
@@ -18,7 +20,8 @@ use self::values::{
     parse_rect, parse_size, parse_stops, parse_time,
 };
 use crate::{
-    bench::{FarmBenchArgs, MagarroArgs},
+    bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
+    devices::DeviceChoice,
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
     platform::PlatformArgs,
@@ -211,6 +214,8 @@ pub(crate) struct RenderArgs {
     /// How light is followed.
     #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
     pub(crate) integrator: IntegratorArg,
+    #[command(flatten)]
+    pub(crate) photon_mapping: PhotonArgs,
     /// Let paths go where materials send them, and do not learn beforehand where light comes from.
     #[arg(long, help_heading = "Quality")]
     pub(crate) no_guiding: bool,
@@ -246,9 +251,14 @@ pub(crate) struct RenderArgs {
     /// Render Agents that share the work; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
-    /// Let a GPU take part where it can (the look at the scene): part of its name, see `bottega devices`.
-    #[arg(long, value_name = "NAME", help_heading = "Work")]
-    pub(crate) gpu: Option<String>,
+    /// Who paints: `auto` (the processors, and the best GPU if there is one), or a list of `cpu` and parts of GPUs' names, see
+    /// `bottega devices`. A GPU's pixels differ from a processor's in rounding, and a scene that is none for it is painted by
+    /// the processors.
+    #[arg(long, value_name = "LIST", default_value = "auto", help_heading = "Work")]
+    pub(crate) devices: DeviceChoice,
+    /// Have every pixel the same to the last bit, whoever paints it: by processors alone, on all machines of a farm.
+    #[arg(long, help_heading = "Work")]
+    pub(crate) exact: bool,
     /// Paint an animation: frames FIRST..LAST, both included. The number of a frame takes the place of `####` in the name of
     /// the output. With --farm all frames are painted at once, by all machines.
     #[arg(long, value_name = "FIRST..LAST", conflicts_with_all = ["at", "resume", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
@@ -265,8 +275,8 @@ pub(crate) struct RenderArgs {
     /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities.
     #[arg(long, value_name = "N", requires = "farm", default_value_t = PRIORITY, value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)), help_heading = "Work")]
     pub(crate) priority: u32,
-    /// Do not trust the machines of the farm: each zone counts when so many different ones have painted the same, bit for bit.
-    /// Of one that was right often only a part is compared; one that was wrong is left out, and what was taken on its word is
+    /// Do not trust the machines of the farm: each zone counts when so many different ones have painted the same: bit for
+    /// bit, or by its look where engines give no two of them the same bits. Of one that was right often only a part is compared; one that was wrong is left out, and what was taken on its word is
     /// painted again. Zones wait while there are fewer machines.
     #[arg(long, value_name = "K", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Work")]
     pub(crate) verify: Option<u32>,
@@ -376,6 +386,8 @@ pub(crate) enum BenchCommand {
     Peers(PeersArgs),
     /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
     Farm(Box<FarmBenchArgs>),
+    /// The tables of the HRA paper: rays by direct calls, through the allocator, and with a GPU beside the processors.
+    Hra(HraBenchArgs),
     /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
     Magarro(MagarroArgs),
 }
@@ -432,6 +444,12 @@ fn parse_threads(text: &str) -> Result<usize, String> {
 
 #[derive(Debug, Args)]
 pub(crate) struct DevicesArgs {
+    /// Measure what work costs on each of them, and who would do how much of it; what is learnt is kept for `render`.
+    #[arg(long)]
+    pub(crate) bench: bool,
+    /// Measure the GPUs whose names contain this, software too; default: all that are no software.
+    #[arg(long, value_name = "NAME", requires = "bench")]
+    pub(crate) gpu: Option<String>,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,

@@ -26,13 +26,16 @@ use clap::{CommandFactory, Parser};
 use cli::{Cli, Command};
 use error::CliError;
 
+/// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
+const LOGGED: &str = "warn,async_nats=off";
+
 /// Exit code of a program that was told more than somebody wanted to hear, as shells have it: 128 and SIGPIPE.
 const NOBODY_LISTENS: i32 = 141;
 
 fn main() -> ExitCode {
     end_quietly_when_nobody_listens();
     tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| "warn".into()))
+        .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
         .with_writer(io::stderr)
         .init();
     let outcome = match Cli::parse().command {

@@ -16,6 +16,7 @@ use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
+    devices::{Crew, costs, incident_line},
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
     frames,
@@ -76,8 +77,10 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     }
     let name = name_of(args, &subject, &settings);
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
-    let engine = Arc::new(engine(args, &subject, &settings)?);
-    started(&reporter, args, &subject, &settings);
+    let (engine, crew) = engine(args, &subject, &settings)?;
+    let engine = Arc::new(engine);
+    crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
+    started(&reporter, args, &subject, &settings, &crew);
 
     if args.preview.is_some() || dashboard.is_some() {
         show(args, dashboard, &subject, settings.crop, &engine, &reporter, keeping.kept.as_ref())?;
@@ -100,6 +103,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         Painted::Elsewhere(picture) => return had(args, &reporter, &picture, &keeping.path),
     };
     reporter.finish();
+    devices_did(&engine, &crew, &reporter);
     if engine.dropped_count() > 0 {
         reporter.warn(format!("{} samples had no finite radiance and count as black", engine.dropped_count()));
     }
@@ -109,7 +113,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         write_record(path, &record)?;
         reporter.say(&recorded(path));
     }
-    let metadata = metadata(args, &subject, &settings, &report);
+    let metadata = metadata(args, &subject, &settings, &crew, &report);
     write(args, &args.output, format, &report.film, &metadata)?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
@@ -235,8 +239,16 @@ fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
     }
 }
 
-pub(crate) fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) -> Result<BuiltinEngine, CliError> {
-    let IntegratorArg::Path = args.integrator;
+/// The engine, and who paints for it.
+pub(crate) fn engine(
+    args: &RenderArgs,
+    subject: &Subject,
+    job: &JobSettings,
+) -> Result<(BuiltinEngine, Crew), CliError> {
+    let photons = match args.integrator {
+        IntegratorArg::Path => None,
+        IntegratorArg::Photon => Some(args.photon_mapping.settings(max_depth(args, subject))),
+    };
     let settings = PathSettings {
         seed: args.seed,
         max_depth: max_depth(args, subject),
@@ -247,11 +259,14 @@ pub(crate) fn engine(args: &RenderArgs, subject: &Subject, job: &JobSettings) ->
             Goal::Samples => job.samples,
             Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
         },
+        photons,
         ..PathSettings::default()
     };
-    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: job.processors };
-    let devices = crate::devices::gpu(args.gpu.as_deref(), subject.scene())?;
-    Ok(BuiltinEngine::new(Arc::clone(&subject.prepared), options, devices))
+    let choice = args.devices.exactly(args.exact)?;
+    let mut crew = Crew::gather(&choice, job.processors, &subject.prepared, job.layout, photons.is_some())?;
+    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: crew.threads };
+    let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, std::mem::take(&mut crew.devices));
+    Ok((engine, crew))
 }
 
 pub(crate) fn level(level: u8) -> Level {
@@ -319,17 +334,18 @@ fn failed(error: JobError) -> CliError {
     }
 }
 
-fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: &JobSettings) {
+fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: &JobSettings, crew: &Crew) {
     let crop = settings.crop;
     reporter.say(&format!(
-        "{}: {} triangles; {}x{} pixels, {} samples each, {} agents on {} processors",
+        "{}: {} triangles; {}x{} pixels, {} samples each, {} agent{} on {}",
         shown(&args.scene.file.scene),
         subject.scene().triangle_count(),
         crop.width(),
         crop.height(),
         settings.samples,
         settings.agents,
-        settings.processors,
+        if settings.agents == 1 { "" } else { "s" },
+        crew.names(),
     ));
     reporter.tell(Event::Started {
         version: 1,
@@ -340,13 +356,32 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         samples_per_pixel: settings.samples,
         agents: settings.agents,
-        threads: settings.processors,
+        threads: crew.threads,
+        gpus: crew.gpus.clone(),
         seed: args.seed,
     });
 }
 
+/// Tells what went wrong with devices, and keeps what was learnt of them.
+fn devices_did(engine: &BuiltinEngine, crew: &Crew, reporter: &Reporter) {
+    if crew.gpus.is_empty() {
+        return;
+    }
+    let report = engine.report();
+    for incident in &report.incidents {
+        reporter.warn(format!("{}; its work was done elsewhere", incident_line(&report, incident)));
+    }
+    costs::keep(&report);
+}
+
 /// What a picture says of how it was made.
-pub(crate) fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSettings, report: &JobReport) -> Metadata {
+pub(crate) fn metadata(
+    args: &RenderArgs,
+    subject: &Subject,
+    settings: &JobSettings,
+    crew: &Crew,
+    report: &JobReport,
+) -> Metadata {
     let mut metadata = Metadata::new();
     metadata.set("scene", shown(&args.scene.file.scene));
     metadata.set("scene_digest", &*subject.scene().digest);
@@ -360,12 +395,14 @@ pub(crate) fn metadata(args: &RenderArgs, subject: &Subject, settings: &JobSetti
     metadata.set("max_depth", settings.tunables.max_depth.to_string());
     metadata.set("light_samples", args.light_samples.to_string());
     metadata.set("seed", args.seed.to_string());
-    metadata.set("integrator", "path");
+    metadata.set("integrator", format!("{:?}", args.integrator).to_lowercase());
     metadata.set("filter", format!("{:?}", filter(args, subject)));
     metadata.set("optimize", settings.optimization.to_string());
     metadata.set("level", args.scene.level.to_string());
     metadata.set("agents", settings.agents.to_string());
-    metadata.set("threads", settings.processors.to_string());
+    metadata.set("threads", crew.threads.to_string());
+    metadata.set("devices", crew.names());
+    metadata.set("exact", crew.gpus.is_empty().to_string());
     metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
     metadata.set("complete", (!report.stopped).to_string());
     metadata

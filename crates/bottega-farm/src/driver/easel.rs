@@ -81,6 +81,11 @@ impl Easel {
         self.tiles.get(&zone).is_some_and(|(id, _)| *id == result.digest)
     }
 
+    /// A copy of the tile that a result speaks of, if it is here.
+    pub(super) fn tile(&self, zone: ZoneId, result: &ResultRef) -> Option<Tile> {
+        self.tiles.get(&zone).filter(|(id, _)| *id == result.digest).map(|(_, tile)| tile.clone())
+    }
+
     /// Takes in a tile that was painted elsewhere, and keeps it.
     pub(super) fn take_in(&mut self, zone: ZoneId, result: &ResultRef, tile: Tile) -> io::Result<()> {
         self.tiles.insert(zone, (result.digest, tile));

@@ -19,8 +19,8 @@ impl Master {
             return;
         }
         let (zone, fence) = (report.zone, report.fence);
-        let received =
-            || answer(message, &self.config.id, Performative::Confirm, FarmContent::Received { zone, fence });
+        let me = self.config.id.clone();
+        let received = || answer(message, &me, Performative::Confirm, FarmContent::Received { zone, fence });
         let refuse = |reason: &str| FarmContent::Refused { zone, fence, reason: reason.to_owned() };
         let Some((revision, row)) = self.board.zone(zone) else {
             return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);
@@ -39,8 +39,17 @@ impl Master {
         if !valid || self.left_out.contains_key(&message.sender) {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
         }
+        if let Ok(painting) = &report.outcome {
+            let row = row.clone();
+            if !self.can_compare(&row, painting, message, actions) {
+                return;
+            }
+        }
+        let is_gone = report.outcome.as_ref().is_ok_and(|painting| self.take_gone(zone, painting));
+        let Some((_, row)) = self.board.zone(zone) else { return };
         let after = match &report.outcome {
             Err(reason) => Err(reason.as_str()),
+            Ok(_) if is_gone => Err("its pixels cannot be had"),
             Ok(painting) => self
                 .accepted(row, fence, painting)
                 .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
@@ -49,6 +58,7 @@ impl Master {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
                 let then = Then::Receive { confirmation: Box::new(received()), well: true };
+                self.forget_likeness(&row);
                 self.write(now, row, then, actions);
                 self.pronounce(now, zone, &verdict, actions);
             }

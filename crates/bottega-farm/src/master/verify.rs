@@ -1,7 +1,7 @@
 //! Works among agents that are not trusted: what one paints is compared with what others make of the same.
 //!
-//! A step of a zone is accepted when so many agents of different machines as the user asks for made the same of it, bit for
-//! bit. Profiles always are; the painting that ends a zone may be accepted on the word of one agent that was right often, and
+//! A step of a zone is accepted when so many agents of different machines as the user asks for made the same of it: bit for
+//! bit, or by the look of it where an engine gives no two of them the same bits. Profiles always are; the painting that ends a zone may be accepted on the word of one agent that was right often, and
 //! then a share of it is compared all the same, chosen by a hash that only this Master can compute. Who is found wrong is left
 //! out, and what was accepted on its word is painted again.
 
@@ -45,12 +45,15 @@ impl Master {
         if !self.verifies() {
             return (accepted, Verdict::default());
         }
-        let counts = |vote: &&Vote| vote.agent != *agent && !self.is_wrong(&vote.agent);
+        let zone = before.zone;
+        let is_there = |vote: &Vote| !self.is_gone(zone, &vote.painting);
+        let counts = |vote: &&Vote| vote.agent != *agent && !self.is_wrong(&vote.agent) && is_there(vote);
         let mut votes: Vec<Vote> = before.votes.iter().filter(counts).cloned().collect();
         votes.push(Vote { agent: agent.clone(), painting: *painting });
-        let (same, other): (Vec<&Vote>, Vec<&Vote>) = votes.iter().partition(|vote| vote.painting.is_same(painting));
+        let (same, other): (Vec<&Vote>, Vec<&Vote>) =
+            votes.iter().partition(|vote| vote.agent == *agent || self.is_same(zone, painting, &vote.painting));
         let is_last = accepted.state == ZoneState::Done;
-        let is_believed = || is_last && other.is_empty() && same.iter().any(|vote| self.believes(vote, before.zone));
+        let is_believed = || is_last && other.is_empty() && same.iter().any(|vote| self.believes(vote, zone));
         if same.len() < self.config.verify as usize && !is_believed() {
             let state = if before.state == ZoneState::Profiling { ZoneState::Open } else { ZoneState::Profiled };
             let agent = accepted.agent;

@@ -65,6 +65,8 @@ pub struct Plan {
     pub shares_tail: bool,
     /// Agents that must make the same of a zone before it counts: see [`MasterConfig::verify`].
     pub verify: u32,
+    /// Whether no two agents give the same bits: see [`MasterConfig::compares_by_look`].
+    pub inexact: bool,
     /// How long is waited for what.
     pub timing: Timing,
     /// What agents know of rendering.
@@ -90,6 +92,7 @@ impl Plan {
             adaptation: AdaptationRule::default(),
             prefetch: 2,
             verify: 1,
+            inexact: false,
             timing: Timing::default(),
             expert: Expert::path_tracing(),
             seed,
@@ -274,7 +277,7 @@ impl<'a> Play<'a> {
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }
-        let mut studio = Studio::new(Arc::clone(piece), plan.fetch, plan.failures, plan.seed);
+        let mut studio = Studio::new(Arc::clone(piece), plan.fetch, plan.failures, plan.inexact, plan.seed);
         for machine in machines {
             studio.add_machine(f64::from(machine.processors), machine.speed);
         }
@@ -307,7 +310,7 @@ impl<'a> Play<'a> {
             simulator.record_trace();
         }
         let master = AgentId::new("master");
-        let Plan { auction, prefetch, shares_tail, timing, verify, .. } = *plan;
+        let Plan { auction, prefetch, shares_tail, timing, verify, inexact, .. } = *plan;
         let config = MasterConfig {
             id: master.clone(),
             work: piece.work.work,
@@ -315,6 +318,7 @@ impl<'a> Play<'a> {
             prefetch,
             shares_tail,
             verify,
+            compares_by_look: inexact,
             secret: plan.seed ^ 0x5ec7e7,
             goals: GoalRules::default(),
             timing,

@@ -9,7 +9,7 @@ use bottega_agents::{
 use rustc_hash::FxHashMap;
 
 use super::{
-    film::{FilmLog, digest, flaw},
+    film::{FilmLog, digest, flaw, signed, unsigned},
     machines::{Job, Machines},
     workpiece::Workpiece,
 };
@@ -17,6 +17,8 @@ use crate::{FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, Rela
 
 /// What an agent's benchmark takes.
 const BENCHMARK: Duration = Duration::from_millis(6);
+/// What it takes to look at two paintings of a zone.
+const LOOK: Duration = Duration::from_millis(3);
 /// By how much a machine that hangs becomes slower: what it paints in a run is less than a step of progress.
 const HUNG: f64 = 1e-12;
 /// Spans that are kept at most; more is counted, not shown.
@@ -78,6 +80,8 @@ pub(super) struct Studio {
     pub(super) seats: Vec<Seat>,
     /// Share of orders that fail.
     failures: f64,
+    /// No two agents give the same bits.
+    inexact: bool,
     fetch: Duration,
     random: Random,
     /// Kept for its memory.
@@ -90,7 +94,7 @@ pub(super) struct Studio {
 }
 
 impl Studio {
-    pub(super) fn new(piece: Arc<Workpiece>, fetch: Duration, failures: f64, seed: u64) -> Self {
+    pub(super) fn new(piece: Arc<Workpiece>, fetch: Duration, failures: f64, inexact: bool, seed: u64) -> Self {
         Self {
             film: FilmLog::new(piece.zone_count()),
             piece,
@@ -99,6 +103,7 @@ impl Studio {
             names: Vec::new(),
             seats: Vec::new(),
             failures,
+            inexact,
             fetch,
             random: Random::new(seed ^ 0x57d1),
             done: Vec::new(),
@@ -170,7 +175,9 @@ impl Studio {
         let outcome = if failed {
             Err("out of memory".to_owned())
         } else {
-            let result = ResultRef { fence, samples: job.samples, digest: digest(zone, job.samples, job.flaw ^ lie) };
+            let digest = digest(zone, job.samples, job.flaw ^ lie);
+            let digest = if self.inexact { signed(digest, job.agent) } else { digest };
+            let result = ResultRef { fence, samples: job.samples, digest };
             Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None })
         };
         FarmCompletion::Painted { zone, fence, outcome }
@@ -205,6 +212,12 @@ impl World<FarmAgent> for Studio {
                 let pixels = self.piece.rect(zone).map_or(0, |rect| rect.area());
                 let time = Duration::from_secs_f64(self.piece.composition_per_pixel * pixels as f64);
                 reports.push((time, FarmCompletion::Composed { zone, outcome: Ok(()) }));
+            }
+            (FarmEffect::Compare { zone, results }, _) => {
+                let lost = self.failures > 0.0 && self.random.unit() < self.failures;
+                let [one, other] = results.map(|result| unsigned(result.digest));
+                let outcome = if lost { Err(results[self.random.below(2)]) } else { Ok(one == other) };
+                reports.push((LOOK, FarmCompletion::Compared { zone, results, outcome }));
             }
             (FarmEffect::Finish { failed }, _) => {
                 self.film.finish(now, failed);

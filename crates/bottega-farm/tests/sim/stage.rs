@@ -120,6 +120,7 @@ impl World<FarmAgent> for Studio {
                 reports.push((Duration::ZERO, FarmCompletion::Looked(found)));
             }
             FarmEffect::TooFew { .. } => {}
+            FarmEffect::Compare { zone, .. } => panic!("{zone} is compared, and everybody is trusted"),
             FarmEffect::LeftOut { agent, reason } => panic!("{agent} is left out: {reason}"),
             FarmEffect::ZoneChanged(row) => _ = seen.zones.insert(row.zone, (*row).clone()),
             FarmEffect::Compose { zone, result, .. } => {
@@ -219,6 +220,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         prefetch: 2,
         shares_tail: scene.shares_tail,
         verify: scene.verify,
+        compares_by_look: false,
         secret: seed,
         goals: GoalRules::default(),
         timing,

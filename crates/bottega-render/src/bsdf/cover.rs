@@ -12,9 +12,9 @@ use super::fresnel;
 use super::microfacet::Microfacets;
 
 /// Nodes of the cosine, even from 0 to 1.
-const COSINES: usize = 64;
+pub(super) const COSINES: usize = 64;
 /// Nodes of α, even in its root from 0 to 1.
-const ROUGHNESS: usize = 48;
+pub(super) const ROUGHNESS: usize = 48;
 /// Indices of refraction are told apart to this part of 1, and thicknesses to this part of an octave.
 const ETA_STEPS: f32 = 16384.0;
 const THICKNESS_STEPS: f32 = 64.0;
@@ -78,11 +78,15 @@ impl Cover {
             is_separable: shadowing == Shadowing::Separable,
             mean,
         };
-        let position = alpha.max(0.0).sqrt().min(1.0) * (ROUGHNESS - 1) as f32;
-        let index = (position as usize).min(ROUGHNESS - 2);
+        let (index, fraction) = place(alpha);
         let family = family(boundary);
         let curve = |index: usize| -> &'static Curve { family[index].get_or_init(|| boundary.curve(index)) };
-        Self { curves: [curve(index), curve(index + 1)], fraction: position - index as f32 }
+        Self { curves: [curve(index), curve(index + 1)], fraction }
+    }
+
+    /// Its two curves: what reaches the base by the cosine, and what comes back to it.
+    pub(super) fn curves(&self) -> [[f32; COSINES + 1]; 2] {
+        self.curves.map(|curve| std::array::from_fn(|i| if i < COSINES { curve.through[i] } else { curve.back }))
     }
 
     fn mix(&self, value: impl Fn(&Curve) -> f32) -> f32 {
@@ -104,6 +108,19 @@ impl Cover {
     }
 }
 
+/// The node at or below a roughness α, and how near the next one is.
+pub(super) fn place(alpha: f32) -> (usize, f32) {
+    let position = alpha.max(0.0).sqrt().min(1.0) * (ROUGHNESS - 1) as f32;
+    let index = (position as usize).min(ROUGHNESS - 2);
+    (index, position - index as f32)
+}
+
+/// α of a node.
+pub(super) fn alpha_of(index: usize) -> f32 {
+    let root = index as f32 / (ROUGHNESS - 1) as f32;
+    root * root
+}
+
 type Family = [OnceLock<Curve>; ROUGHNESS];
 
 /// The curves of a boundary by roughness; they stay for the life of the process, some 13 kB for each boundary.
@@ -118,10 +135,9 @@ fn family(boundary: Boundary) -> &'static Family {
 
 impl Boundary {
     fn curve(&self, index: usize) -> Curve {
-        let root = index as f32 / (ROUGHNESS - 1) as f32;
         let distribution = if self.is_beckmann { Distribution::Beckmann } else { Distribution::Ggx };
         let shadowing = if self.is_separable { Shadowing::Separable } else { Shadowing::Correlated };
-        let facets = Microfacets::new(distribution, shadowing, [root * root; 2]);
+        let facets = Microfacets::new(distribution, shadowing, [alpha_of(index); 2]);
         let eta = self.eta as f32 / ETA_STEPS;
         let depth = if self.thickness == i32::MIN { 0.0 } else { math::exp2(self.thickness as f32 / THICKNESS_STEPS) };
         let node = |j: usize| (j as f32 / (COSINES - 1) as f32).max(1e-6);

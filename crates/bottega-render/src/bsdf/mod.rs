@@ -39,6 +39,7 @@ mod matte;
 mod microfacet;
 mod params;
 mod plastic;
+pub mod precomputed;
 mod principled;
 mod scatter;
 mod scattering;

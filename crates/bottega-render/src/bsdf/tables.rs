@@ -15,6 +15,8 @@ use super::ggx::Ggx;
 use super::sheen;
 
 const MU: usize = 32;
+/// Numbers of a curve, with its mean and its peak.
+pub(super) const CURVE: usize = MU + 2;
 const ROUGHNESS: usize = 16;
 /// Nodes of the index of refraction, even in √r, r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine at which total
 /// reflection sets in goes with √r.
@@ -145,6 +147,20 @@ impl Tables {
     /// The largest albedo that sheen has at any μ.
     pub(super) fn sheen_peak(&self, rough: Rough) -> f32 {
         rough.0.mix(|i| self.sheen[i].peak())
+    }
+
+    /// All curves: `single` and `schlick` by roughness, `rise` and both of `boundary` by index and roughness, `sheen`. Each is
+    /// its values by √μ, its mean, and its peak.
+    pub(super) fn curves(&self) -> impl Iterator<Item = [f32; CURVE]> {
+        let [outside, inside] = &self.boundary;
+        let curves = [&self.single, &self.schlick, &self.rise, outside, inside, &self.sheen];
+        curves.into_iter().flatten().map(|curve| {
+            std::array::from_fn(|i| match i {
+                MU => curve.mean,
+                _ if i > MU => curve.peak(),
+                _ => curve.at[i],
+            })
+        })
     }
 
     fn compute() -> Self {

@@ -18,13 +18,13 @@ impl Lifted {
     ///
     /// Source: Conty Estevez, Lecocq and Stein 2019, A Microfacet-Based Shadowing Function to Solve the Bump Terminator
     /// Problem, Ray Tracing Gems, chapter 12: α² is an eighth of the squared slope, and 1 at most.
-    pub(crate) fn new(normal: Vec3, shadows: bool) -> Self {
+    pub fn new(normal: Vec3, shadows: bool) -> Self {
         Self { normal, alpha_squared: if shadows { (0.125 * slope_squared(normal.z)).min(1.0) } else { 0.0 } }
     }
 
     /// What the scattering towards or from `wi` is multiplied by: Smith's shadowing of GGX facets. It knows of the light
     /// alone, so that scattering is not reciprocal by it.
-    pub(super) fn factor(&self, wi: Vec3) -> f32 {
+    pub(crate) fn factor(&self, wi: Vec3) -> f32 {
         let cosine = self.normal.dot(wi);
         if cosine * wi.z <= 0.0 {
             return 0.0;

@@ -17,7 +17,7 @@
 mod bytes;
 mod directions;
 mod learn;
-mod octahedron;
+pub(crate) mod octahedron;
 mod train;
 mod tree;
 

@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 
 /// The place of a unit direction in [−1, 1]², and s of the module's head.
 #[inline(always)]
-pub(super) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
+pub(crate) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
     let sum = w.x.abs() + w.y.abs() + w.z.abs();
     let inverse = 1.0 / sum;
     let upper = Vec2::new(w.x * inverse, w.y * inverse);
@@ -18,7 +18,7 @@ pub(super) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
 
 /// The unit direction at a place of [−1, 1]², and its s.
 #[inline(always)]
-pub(super) fn direction_from_square(place: Vec2) -> (Vec3, f32) {
+pub(crate) fn direction_from_square(place: Vec2) -> (Vec3, f32) {
     let z = 1.0 - place.x.abs() - place.y.abs();
     let under = (-z).max(0.0);
     let on_octahedron = Vec3::new(place.x - under.copysign(place.x), place.y - under.copysign(place.y), z);

@@ -1,10 +1,46 @@
 //! Integrators: from a pixel's sample to radiance.
 
 mod path;
+mod photon;
 mod turns;
 mod volume;
 
 pub use path::PathIntegrator;
 
-pub(crate) use path::{PathRecord, Wanted, bsdf_at};
+pub(crate) use path::{BLEND, PathRecord, Wanted, bsdf_at, exp};
+pub use photon::PhotonIntegrator;
 pub(crate) use turns::Painting;
+
+use bottega_kernels::compiled;
+
+use crate::{PathSettings, PreparedScene, RenderError, View};
+
+/// Whichever integrator the settings ask for.
+pub(crate) enum Integrator<'a> {
+    Paths(PathIntegrator<'a>),
+    Photons(PhotonIntegrator<'a>),
+}
+
+impl<'a> Integrator<'a> {
+    pub(crate) fn new(
+        prepared: &'a PreparedScene,
+        view: View,
+        settings: &'a PathSettings,
+        wanted: Wanted,
+    ) -> Result<Self, RenderError> {
+        Ok(match settings.photons {
+            None => Self::Paths(PathIntegrator::new(prepared, view, settings)?.with_wanted(wanted)),
+            Some(photons) => {
+                Self::Photons(PhotonIntegrator::new(prepared, view, settings, photons)?.with_wanted(wanted))
+            }
+        })
+    }
+
+    /// Paints samples: pixels, each with the index of a sample. What comes of them is put into `records`, in their order.
+    pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
+        match self {
+            Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records }),
+            Self::Photons(integrator) => integrator.paint(samples, records),
+        }
+    }
+}

@@ -3,7 +3,7 @@
 //! Sources: Kajiya 1986, *The Rendering Equation*; Veach 1997, *Robust Monte Carlo Methods for Light Transport
 //! Simulation*, chapters 8 to 10.
 
-mod light;
+pub(super) mod light;
 mod scatter;
 
 use std::sync::Arc;
@@ -40,7 +40,7 @@ const VERTEX_STEPS: f32 = 8.0;
 /// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
 /// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
-pub(super) const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+pub(crate) const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
@@ -138,13 +138,27 @@ pub struct PathIntegrator<'a> {
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
     pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
+        let mut integrator = Self::unguided(prepared, view, settings)?;
+        let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
+        if settings.guiding && is_worth_it && !prepared.needs_volume() {
+            integrator.guide = Some(prepared.guide(view, settings.planned_samples, || integrator.learn(view)));
+        }
+        Ok(integrator)
+    }
+
+    /// One whose paths learn nothing.
+    pub(super) fn unguided(
+        prepared: &'a PreparedScene,
+        view: View,
+        settings: &'a PathSettings,
+    ) -> Result<Self, RenderError> {
         let cameras = &prepared.scene().cameras;
         let camera =
             cameras.get(view.camera).ok_or(RenderError::NoCamera { index: view.camera, count: cameras.len() })?;
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
-        let mut integrator = Self {
+        Ok(Self {
             prepared,
             settings,
             camera: CameraRays::new(camera, view.width, view.height),
@@ -152,12 +166,7 @@ impl<'a> PathIntegrator<'a> {
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
-        };
-        let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
-        if settings.guiding && is_worth_it && !prepared.needs_volume() {
-            integrator.guide = Some(prepared.guide(view, settings.planned_samples, || integrator.learn(view)));
-        }
-        Ok(integrator)
+        })
     }
 
     /// Traces paths all over the picture for a guide.
@@ -508,6 +517,6 @@ pub(crate) fn bsdf_at<'a>(
 }
 
 #[inline(always)]
-fn exp(v: Vec3) -> Vec3 {
+pub(crate) fn exp(v: Vec3) -> Vec3 {
     Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
 }

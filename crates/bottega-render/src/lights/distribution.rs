@@ -1,5 +1,7 @@
 //! Densities on the unit square that are given by a table, and places drawn by them.
 
+use crate::flat::{NONE, Words};
+
 /// The largest number below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -27,6 +29,15 @@ impl Cells {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.conditional) + size_of_val(&*self.marginal)
+    }
+
+    /// Writes it down: size, and the places of the sums along each row and of those of the rows.
+    pub(super) fn write(&self, words: &mut Words) -> [u32; 5] {
+        let conditional = words.place();
+        words.numbers(&self.conditional);
+        let marginal = words.place();
+        words.numbers(&self.marginal);
+        [self.columns as u32, self.rows as u32, NONE, conditional, marginal]
     }
 
     fn row(&self, row: usize) -> &[f32] {
@@ -126,6 +137,17 @@ impl Bilinear {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.values) + size_of_val(&*self.sums) + size_of_val(&*self.marginal)
+    }
+
+    /// Writes it down: size, and the places of the values, the sums along each row and those of the rows.
+    pub(super) fn write(&self, words: &mut Words) -> [u32; 5] {
+        let values = words.place();
+        words.numbers(&self.values);
+        let sums = words.place();
+        words.numbers(&self.sums);
+        let marginal = words.place();
+        words.numbers(&self.marginal);
+        [self.columns as u32, self.rows as u32, values, sums, marginal]
     }
 
     fn row_sums(&self, row: usize) -> &[f32] {

@@ -8,7 +8,12 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
-use crate::{luminance, sampler::Quad, sampling::uniform_sphere};
+use crate::{
+    flat::{NONE, Words},
+    luminance,
+    sampler::Quad,
+    sampling::uniform_sphere,
+};
 
 /// Largest size of the sampling table, in cells.
 const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
@@ -132,6 +137,26 @@ impl EnvironmentLight {
             }
         }
         cells
+    }
+
+    /// Writes it down: kind of the table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping, factor, world from environment,
+    /// integral, picture, and what the table says of itself. Not its portals.
+    pub(crate) fn write(&self, words: &mut Words) -> u32 {
+        let (kind, table) = match &self.table {
+            Table::None => (0, [NONE; 5]),
+            Table::Uniform => (1, [NONE; 5]),
+            Table::Bilinear(table) => (2, table.write(words)),
+            Table::Cells(table) => (3, table.write(words)),
+        };
+        let place = words.place();
+        words.word(kind);
+        words.flag(self.mapping == EnvironmentMapping::EqualArea);
+        words.vec3(self.factor);
+        words.mat3(self.world_from_environment);
+        words.number(self.integral);
+        words.picture(self.picture);
+        words.words(&table);
+        place
     }
 
     /// Whether light sampling draws directions of it at all.
@@ -268,7 +293,7 @@ pub(super) fn square_of(direction: Vec3) -> Vec2 {
 }
 
 /// The direction of a place on a picture of equal areas.
-fn direction_of_square(place: Vec2) -> Vec3 {
+pub(super) fn direction_of_square(place: Vec2) -> Vec3 {
     let place = place * 2.0 - 1.0;
     let flat = place.abs();
     // Above 0 in the upper hemisphere, and as far from the edge of its diamond.

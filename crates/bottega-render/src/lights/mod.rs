@@ -6,7 +6,9 @@
 
 mod bounds;
 mod distribution;
+mod emission;
 mod environment;
+mod flat;
 mod portal;
 mod punctual;
 mod rectangle;
@@ -30,6 +32,7 @@ use crate::{
     sampler::Quad,
 };
 use bounds::LightBounds;
+pub(crate) use emission::{Emission, Emitted};
 use environment::EnvironmentLight;
 use surface::{Grid, Panel, Shape, SurfaceLight};
 use tree::LightTree;
@@ -194,6 +197,12 @@ impl Lights {
         }
     }
 
+    /// The number in the tree of a sphere of the scene; [`NO_LIGHT`] where it does not shine.
+    pub(crate) fn of_sphere(&self, sphere: u32) -> u32 {
+        let place = self.spheres.binary_search_by_key(&sphere, |&(index, _)| index);
+        place.map_or(NO_LIGHT, |place| self.spheres[place].1)
+    }
+
     /// Builds the tree, and numbers all lights as it does.
     fn hang(&mut self, collected: &Collected) {
         let (tree, order) = LightTree::new(&collected.bounds);
@@ -350,10 +359,7 @@ impl Lights {
     /// The number of the light that was hit; `None` where light sampling never finds it.
     pub(crate) fn light_of(&self, prepared: &PreparedScene, hit: &Hit) -> Option<u32> {
         let number = match hit.sphere() {
-            Some(sphere) => {
-                let place = self.spheres.binary_search_by_key(&sphere, |&(index, _)| index).ok()?;
-                self.spheres[place].1
-            }
+            Some(sphere) => self.of_sphere(sphere),
             None => {
                 let first = prepared.instance(hit.instance).first_light;
                 if first == NO_LIGHT {

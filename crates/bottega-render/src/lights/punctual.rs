@@ -1,13 +1,16 @@
 //! Lights without extent.
 
+use std::f32::consts::PI;
+
 use bottega_kernels::math;
-use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
+use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
 use glam::{Vec2, Vec3};
 
 use super::{
     LightSample, NO_LIGHT,
     bounds::{Cone, LightBounds},
-    environment::square_of,
+    emission::around,
+    environment::{direction_of_square, square_of},
 };
 use crate::luminance;
 
@@ -65,10 +68,7 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
         LightKind::Directional { .. } => None,
         LightKind::Goniometric { position, world_from_light, image, intensity } => from_point(position, p, |wi| {
             let place = square_of(world_from_light.transpose() * -wi);
-            // The nearest texel, as pbrt takes it.
-            let map = TextureMap { smooth: false, ..TextureMap::new(image) };
-            let texel = scene.images[image.0 as usize].eval(&map, place, 0.0).truncate();
-            intensity * (texel.element_sum() / 3.0)
+            intensity * goniometric(scene, image, place)
         }),
         LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
             from_point(world_from_light.translation.into(), p, |wi| {
@@ -81,12 +81,50 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
                 if place.abs().max_element() > 1.0 {
                     return Spectrum::ZERO;
                 }
-                let map = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(image) };
-                let texel = scene.images[image.0 as usize].eval(&map, place * 0.5 + 0.5, 0.0).truncate();
+                let texel = projected(scene, image, place * 0.5 + 0.5);
                 let cosine = -local.z;
                 texel * intensity / (cosine * cosine * cosine)
             })
         }
+    }
+}
+
+/// How strong a goniometric light is at a place of its picture: the nearest texel, as pbrt takes it.
+fn goniometric(scene: &Scene, image: ImageId, place: Vec2) -> f32 {
+    let map = TextureMap { smooth: false, ..TextureMap::new(image) };
+    scene.images[image.0 as usize].eval(&map, place, 0.0).truncate().element_sum() / 3.0
+}
+
+/// What a projector shows at a place of its picture.
+fn projected(scene: &Scene, image: ImageId, place: Vec2) -> Spectrum {
+    let map = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(image) };
+    scene.images[image.0 as usize].eval(&map, place, 0.0).truncate()
+}
+
+/// What leaves a light whose directions lie on the unit square: the light's place, the direction of `place`, and the power
+/// of the whole square if it were everywhere as strong as there. `None` for other lights.
+pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, Vec3, Spectrum)> {
+    match scene.lights[index as usize].kind {
+        LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
+            // From the axis outwards, even in the cosine.
+            let one_minus_cos = place.x * (1.0 - cos_outer);
+            let strength = fall_off(falloff, 1.0 - one_minus_cos, cos_inner, cos_outer);
+            let power = intensity * (strength * 2.0 * PI * (1.0 - cos_outer));
+            Some((position, around(direction, one_minus_cos, place.y), power))
+        }
+        LightKind::Goniometric { position, world_from_light, image, intensity } => {
+            let direction = world_from_light * direction_of_square(place);
+            Some((position, direction, intensity * (4.0 * PI * goniometric(scene, image, place))))
+        }
+        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+            // The solid angle of a part of the picture one away is its area times cos³, by which intensities are divided.
+            let half_height = math::tan(0.5 * vertical_fov);
+            let on_plane = (place * 2.0 - 1.0) * Vec2::new(aspect, -1.0) * half_height;
+            let direction = (world_from_light.matrix3 * on_plane.extend(-1.0)).normalize();
+            let area = 4.0 * half_height * half_height * aspect;
+            Some((world_from_light.translation.into(), direction, projected(scene, image, place) * intensity * area))
+        }
+        LightKind::Point { .. } | LightKind::Directional { .. } => None,
     }
 }
 

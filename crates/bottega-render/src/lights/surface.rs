@@ -14,6 +14,7 @@ use super::{
     triangle::SphericalTriangle,
 };
 use crate::{
+    flat::Words,
     interaction::{emitted, opacity_at},
     luminance,
     prepare::PreparedScene,
@@ -178,7 +179,22 @@ impl Panel {
     }
 }
 
+impl Shape {
+    /// 0 of a triangle; of a rectangle, 16 + its corner + 4 × the opposite one.
+    pub(super) fn code(self) -> u32 {
+        match self {
+            Self::Triangle => 0,
+            Self::Rectangle { corner, opposite } => 16 + u32::from(corner) + 4 * u32::from(opposite),
+        }
+    }
+}
+
 impl Grid {
+    /// Parts a side.
+    pub(super) fn side(self) -> u32 {
+        self.0
+    }
+
     fn parts(self, shape: Shape) -> Vec<Part> {
         let size = 1.0 / self.0 as f32;
         let mut parts = Vec::new();
@@ -242,13 +258,34 @@ enum Strategy {
 }
 
 impl SurfaceLight {
-    fn is_rectangle(&self) -> bool {
+    /// Writes it down: instance, triangle, shape, corner and sides of the panel, place and size of the part, material.
+    pub(super) fn write(&self, words: &mut Words) {
+        let Panel { instance, triangle, corner, x, y, shape } = self.panel;
+        words.words(&[instance, triangle, shape.code()]);
+        [corner, x, y].into_iter().for_each(|v| words.vec3(v));
+        words.numbers(&[self.part.s, self.part.t, self.part.size]);
+        words.word(self.material);
+    }
+
+    /// Index of the material.
+    pub(super) fn material(&self) -> u32 {
+        self.material
+    }
+
+    /// Area times mean emission, as luminance.
+    pub(super) fn flux(&self, scene: &Scene) -> f32 {
+        let (_, x, y) = self.extent();
+        let grid = Grid((1.0 / self.part.size.abs()).round() as u32);
+        self.area(x.cross(y).length()) * luminance(self.mean_emission(scene, grid)).max(0.0)
+    }
+
+    pub(super) fn is_rectangle(&self) -> bool {
         self.panel.shape != Shape::Triangle
     }
 
     /// Corner and sides of the part.
     #[inline(always)]
-    fn extent(&self) -> (Vec3, Vec3, Vec3) {
+    pub(super) fn extent(&self) -> (Vec3, Vec3, Vec3) {
         let (panel, part) = (&self.panel, &self.part);
         if part.size == 1.0 {
             return (panel.corner, panel.x, panel.y);
@@ -336,7 +373,7 @@ impl SurfaceLight {
 
     /// The area, from twice that of the triangle between both sides.
     #[inline(always)]
-    fn area(&self, double_area: f32) -> f32 {
+    pub(super) fn area(&self, double_area: f32) -> f32 {
         if self.is_rectangle() { double_area } else { 0.5 * double_area }
     }
 
@@ -366,15 +403,7 @@ impl SurfaceLight {
         }
         let pdf = solid_angle_pdf
             .unwrap_or_else(|| distance_squared * distance / (facing.abs() * (self.area(double_area) / double_area)));
-        let mut radiance = material.emission.factor;
-        if material.emission.texture.is_some() || material.has_opacity() {
-            let (s, t) = self.on_panel(place);
-            let (triangle, barycentric) = self.panel.triangle_at(s, t);
-            radiance = emitted(scene, self.panel.instance, triangle, barycentric, 0.0);
-            if material.has_opacity() {
-                radiance *= opacity_at(scene, self.panel.instance, triangle, barycentric);
-            }
-        }
+        let radiance = self.radiance_at(scene, place);
         let wi = to_light / distance;
         pdf.is_finite().then_some(LightSample {
             wi,
@@ -385,6 +414,22 @@ impl SurfaceLight {
             light: NO_LIGHT,
             pmf: 1.0,
         })
+    }
+
+    /// What it emits at a place in [0, 1]² of the part, as far as it is there.
+    #[inline(always)]
+    pub(super) fn radiance_at(&self, scene: &Scene, place: [f32; 2]) -> Spectrum {
+        let material = &scene.materials[self.material as usize];
+        if material.emission.texture.is_none() && !material.has_opacity() {
+            return material.emission.factor;
+        }
+        let (s, t) = self.on_panel(place);
+        let (triangle, barycentric) = self.panel.triangle_at(s, t);
+        let mut radiance = emitted(scene, self.panel.instance, triangle, barycentric, 0.0);
+        if material.has_opacity() {
+            radiance *= opacity_at(scene, self.panel.instance, triangle, barycentric);
+        }
+        radiance
     }
 
     /// Density per solid angle with which [`Self::sample`] draws the place `p` from `from`.

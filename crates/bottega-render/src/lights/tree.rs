@@ -12,7 +12,10 @@ use bottega_kernels::{Aabb, math};
 use glam::{Vec3, Vec4};
 
 use super::{NO_LIGHT, Receiver, bounds::LightBounds};
-use crate::bsdf::warp::ONE_MINUS_EPSILON;
+use crate::{
+    bsdf::warp::ONE_MINUS_EPSILON,
+    flat::{Words, header},
+};
 
 /// Children of a node: as many as a vector unit has lanes everywhere.
 const WIDTH: usize = 4;
@@ -230,6 +233,26 @@ impl LightTree {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+    }
+
+    /// Writes it down: center, half, axis (x of all children, y, z), radius, cos and sin of the spread, cos of the emission,
+    /// two-sidedness, intensity, child, end. Four words each, but three times four of the first three.
+    pub(super) fn write(&self, words: &mut Words) {
+        words.head(header::TREE, words.place());
+        words.head(header::LIGHT_COUNT, self.light_count);
+        words.head(header::TREE_INTENSITY, self.intensity.to_bits());
+        for node in &self.nodes {
+            for lanes in node.center.iter().chain(&node.half).chain(&node.axis) {
+                words.numbers(lanes);
+            }
+            for lanes in
+                [&node.radius, &node.cos_spread, &node.sin_spread, &node.cos_emission, &node.two_sided, &node.intensity]
+            {
+                words.numbers(lanes);
+            }
+            words.words(&node.child);
+            words.words(&node.end);
+        }
     }
 
     /// An estimate of the illuminance that all lights together make, if nothing is between; 0 only where none arrives.

@@ -6,7 +6,7 @@
 const POLYNOMIALS: [(usize, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
 
 /// For each group of four bits of the **reversed** index and each value of it, what it contributes to the four numbers.
-static NIBBLES: [[[u32; 4]; 16]; 8] = nibble_tables();
+pub(super) static NIBBLES: [[[u32; 4]; 16]; 8] = nibble_tables();
 
 /// A point of the sequence as four 32-bit fractions; these and its index **with their bits reversed** (the lowest bit of
 /// a fraction is the half).

@@ -7,6 +7,7 @@
 mod caustic;
 mod compare;
 mod paint;
+mod photons;
 
 use std::path::{Path, PathBuf};
 

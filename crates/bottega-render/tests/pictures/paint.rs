@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc, thread};
 
 use bottega_image::{AovSet, Film, Layout, Rect, Tile};
-use bottega_render::{BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::{LoadOptions, Loaded};
 
 /// Threads that paint; the picture does not depend on it.
@@ -17,6 +17,17 @@ const SEEDS: u32 = 4;
 /// - `change`: what is to be changed before.
 /// - `samples`: of each pixel, all seeds together.
 pub(crate) fn paint(path: &Path, size: (u32, u32), samples: u32, change: impl FnOnce(&mut Loaded)) -> Vec<Film> {
+    paint_by(path, size, samples, change, None)
+}
+
+/// The same by photons, where there are settings of them.
+pub(crate) fn paint_by(
+    path: &Path,
+    size: (u32, u32),
+    samples: u32,
+    change: impl FnOnce(&mut Loaded),
+    photons: Option<PhotonSettings>,
+) -> Vec<Film> {
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     let mut loaded = bottega_scene::load(path, &options).expect("a scene");
     change(&mut loaded);
@@ -27,6 +38,8 @@ pub(crate) fn paint(path: &Path, size: (u32, u32), samples: u32, change: impl Fn
         max_depth: loaded.hints.max_depth.unwrap_or(64).min(64),
         // The mean over a block of the reference's pixels, whose own filter is small against it.
         filter: Filter::PIXEL,
+        photons,
+        planned_samples: photons.map_or(PathSettings::default().planned_samples, |_| samples.div_ceil(SEEDS)),
         ..PathSettings::default()
     };
     let samples = samples.div_ceil(SEEDS);

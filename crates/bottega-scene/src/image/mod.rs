@@ -7,6 +7,7 @@ mod openexr;
 mod pfm;
 mod pictures;
 mod pyramid;
+mod raw;
 mod srgb;
 
 use glam::Vec4;
@@ -15,6 +16,7 @@ pub(crate) use decode::{Decoded, Header, PictureFault};
 pub(crate) use pictures::{Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
+pub use raw::{LevelTexels, linear_of_srgb_codes};
 
 /// A picture with its mip levels, decoded to linear values on lookup.
 ///

@@ -1,6 +1,7 @@
 //! `bottega bench`: figures of this program on this machine.
 
 mod farm;
+mod hra;
 mod magarro;
 mod peers;
 mod scene;
@@ -13,13 +14,14 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, EngineError, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };
 use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::LoadOptions;
 pub(crate) use farm::FarmBenchArgs;
+pub(crate) use hra::HraBenchArgs;
 pub(crate) use magarro::MagarroArgs;
 use scene::NeutralScene;
 use serde_json::{Value, json};
@@ -45,6 +47,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         BenchCommand::Rays { scenes, repeat, json } => rays(scenes, *repeat, *json),
         BenchCommand::Peers(args) => peers::run(args),
         BenchCommand::Farm(args) => farm::run(args),
+        BenchCommand::Hra(args) => hra::run(args),
         BenchCommand::Magarro(args) => magarro::run(args),
     }
 }
@@ -141,7 +144,7 @@ fn paint_zone(
 ) -> Result<(Tile, Duration), CliError> {
     let rect = Rect::of_size(view.width, view.height);
     let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
-    let engine = BuiltinEngine::new(Arc::clone(scene), options, Vec::new());
+    let engine = BuiltinEngine::new(Arc::clone(scene), options, Devices::default());
     let (sender, receiver) = mpsc::channel();
     let task = ZoneTask {
         rect,

@@ -25,6 +25,7 @@ use super::{
     link::{FarmLink, link},
     part::Member,
     patience::patiently,
+    studio::Own,
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
@@ -73,7 +74,8 @@ pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> 
         move |line: &str| reporter.say(line)
     };
     let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
-    let mut worker = Worker::new(member, cache, args.scene.threads, Some(only), Box::new(say));
+    let own = Own { threads: args.scene.threads, devices: args.devices.clone() };
+    let mut worker = Worker::new(member, cache, own, Some(only), Box::new(say));
     while !stop.is_requested() && !over.load(Ordering::Relaxed) {
         worker.work_once();
     }

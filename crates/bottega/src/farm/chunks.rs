@@ -2,6 +2,7 @@
 //! stays when the rest does not.
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::Path,
     sync::{
@@ -9,6 +10,7 @@ use std::{
         atomic::{AtomicUsize, Ordering},
     },
     thread,
+    time::Duration,
 };
 
 use bottega_agents::driver::nats::{BlobError, NatsBlobs};
@@ -21,11 +23,18 @@ use crate::error::CliError;
 const CHUNK_BYTES: usize = 4 << 20;
 /// Pieces of a file at most: 4 TiB.
 const CHUNKS_MAX: usize = 1 << 20;
+/// What their names in the store begin with.
+const PREFIX: &str = "chunk/";
 /// Pieces under way at once.
 const AT_ONCE: usize = 8;
 
+/// Pieces of this age that no job needs are let go. One who sends half of it after they came sends them again, so that none
+/// goes before its job is known.
+const UNUSED_KEPT: Duration = Duration::from_secs(24 * 3600);
+
 /// Where pieces are kept by name.
 pub(super) trait ChunkStore: Sync {
+    /// Whether a piece is there, and will be until the job that needs it is known.
     fn has(&self, name: &str) -> Result<bool, BlobError>;
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError>;
     fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError>;
@@ -33,7 +42,7 @@ pub(super) trait ChunkStore: Sync {
 
 impl ChunkStore for NatsBlobs {
     fn has(&self, name: &str) -> Result<bool, BlobError> {
-        self.has(name)
+        Ok(self.age(name)?.is_some_and(|age| age < UNUSED_KEPT / 2))
     }
 
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
@@ -145,7 +154,21 @@ fn is_hash(text: &str) -> bool {
 }
 
 fn blob_name(hash: &str) -> String {
-    format!("chunk/{hash}")
+    format!("{PREFIX}{hash}")
+}
+
+impl Contents {
+    /// The names of its pieces in the store.
+    pub(super) fn blobs(&self) -> impl Iterator<Item = String> {
+        self.chunks.iter().map(|hash| blob_name(hash))
+    }
+}
+
+/// Whether a blob is a piece that nobody needs any more.
+///
+/// - `needed`: the pieces of all jobs that are not over.
+pub(super) fn is_unused(name: &str, age: Duration, needed: &BTreeSet<String>) -> bool {
+    name.starts_with(PREFIX) && age > UNUSED_KEPT && !needed.contains(name)
 }
 
 #[cfg(test)]
@@ -239,6 +262,17 @@ mod tests {
         wrong(&Contents { chunks: vec!["0".repeat(64)], ..contents.clone() });
         shelf.chunks.lock().unwrap().values_mut().for_each(|bytes| bytes[0] ^= 1);
         wrong(&contents);
+    }
+
+    #[test]
+    fn only_old_pieces_that_no_job_needs_are_let_go() {
+        let contents: Contents = serde_json::from_str(r#"{"hash":"","chunks":["aa"]}"#).unwrap();
+        let needed: BTreeSet<String> = contents.blobs().collect();
+        let day = Duration::from_secs(24 * 3600);
+        assert!(is_unused("chunk/bb", 2 * day, &needed));
+        assert!(!is_unused("chunk/bb", day / 2, &needed), "its job may be on the way");
+        assert!(!is_unused("chunk/aa", 99 * day, &needed), "a job needs it");
+        assert!(!is_unused("job-7/order", 99 * day, &needed), "it is no piece");
     }
 
     #[test]

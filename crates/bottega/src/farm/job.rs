@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::scene_files::SceneFiles;
 use crate::{
     cli::{Cli, Command, EnvironmentArg, RenderArgs},
+    devices::DeviceChoice,
     error::CliError,
     rules::RulesText,
 };
@@ -128,7 +129,8 @@ impl Order {
         if let Some(environment) = environment {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }
-        (args.scene.threads, args.agents, args.rules, args.gpu) = (None, None, Vec::new(), None);
+        (args.scene.threads, args.agents, args.rules) = (None, None, Vec::new());
+        args.devices = DeviceChoice::Auto;
         Ok(*args)
     }
 }

@@ -4,13 +4,19 @@
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](super::machine).
 
-use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    thread,
+    time::Duration,
+};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
 use bottega_farm::{FarmCodec, Link, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
+    chunks,
     job::{Job, JobState, Order},
     machine::{Standing, order_name},
 };
@@ -94,7 +100,7 @@ impl JobBoard {
         Err(too_busy())
     }
 
-    /// Lets go of what nobody will ask for: zones of jobs that are over.
+    /// Lets go of what nobody will ask for: zones of jobs that are over, and after a day their scenes.
     pub(crate) fn sweep(&self) {
         let jobs = self.all();
         let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
@@ -108,6 +114,11 @@ impl JobBoard {
             self.forget_zones(job.work);
             self.forget_learnt(job.work);
         }
+        let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
+        // What a job needs whose order cannot be read just now is not known.
+        let Ok(orders) = live.map(|(_, job)| self.order(job)).collect::<Result<Vec<_>, _>>() else { return };
+        let needed: BTreeSet<String> = orders.iter().flat_map(|order| order.files.blobs()).collect();
+        self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed));
     }
 
     /// Lets go of the rows and pixels of a job's zones.
@@ -182,7 +193,7 @@ impl JobBoard {
         self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
         self.forget_zones(job.work);
         let prefix = format!("job-{}/", job.work);
-        self.uplink.blobs().forget_all(|name| name.starts_with(&prefix));
+        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
         Ok(())
     }
 

@@ -11,9 +11,14 @@ use super::{
     job_board::JobBoard,
     link::{FarmLink, LoginArgs, link},
     part::Member,
+    studio::Own,
     worker::{CACHE_BYTES, Worker},
 };
-use crate::{devices::processors, error::CliError, render};
+use crate::{
+    devices::{DeviceChoice, processors},
+    error::CliError,
+    render,
+};
 
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]
@@ -29,6 +34,10 @@ pub(crate) struct JoinArgs {
     /// Processors to use; default: all.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Who paints on this machine: `auto` (the processors, and the best GPU if there is one), or a list of `cpu` and parts of
+    /// GPUs' names. Jobs that ask for `--exact` have processors alone.
+    #[arg(long, value_name = "LIST", default_value = "auto")]
+    devices: DeviceChoice,
     /// Where scenes are kept; default: a folder of the user's state.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     cache: Option<PathBuf>,
@@ -52,7 +61,8 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
         Member { board: JobBoard { uplink }, name, threads: args.threads.map_or_else(processors, usize::from), stop };
     let folder = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, args.cache_size.map_or(CACHE_BYTES, |gigabytes| (gigabytes * 1e9) as u64));
-    let mut worker = Worker::new(member, cache, args.threads, None, Box::new(|line| println!("{line}")));
+    let own = Own { threads: args.threads, devices: args.devices.clone() };
+    let mut worker = Worker::new(member, cache, own, None, Box::new(|line| println!("{line}")));
     worker.work(args.once);
     worker.leave();
     println!("left the farm");

@@ -33,7 +33,7 @@ mod worker;
 #[cfg(test)]
 pub(crate) use self::job_board::Seat;
 pub(crate) use self::{
-    address::FarmAddress,
+    address::{FarmAddress, state_folder},
     animation::animate,
     client::{Asked, Painted, write_picture},
     job::{JobState, PRIORITY, PRIORITY_MAX},

@@ -95,6 +95,13 @@ impl SceneFiles {
     }
 }
 
+impl SceneFiles {
+    /// The names of all pieces in the store.
+    pub(super) fn blobs(&self) -> impl Iterator<Item = String> {
+        self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())
+    }
+}
+
 fn leading_out(name: &str) -> usize {
     Path::new(name).components().take_while(|part| *part == Component::ParentDir).count()
 }

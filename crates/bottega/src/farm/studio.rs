@@ -12,7 +12,14 @@ use super::{
     job_board::JobBoard,
     part::{Member, Tools},
 };
-use crate::{cli::RenderArgs, error::CliError, render, rules::experts, scene::Subject};
+use crate::{
+    cli::RenderArgs,
+    devices::{Crew, DeviceChoice},
+    error::CliError,
+    render,
+    rules::experts,
+    scene::Subject,
+};
 
 /// A job made ready.
 pub(super) struct Studio {
@@ -22,22 +29,33 @@ pub(super) struct Studio {
     subject: Subject,
     settings: JobSettings,
     engine: Arc<BuiltinEngine>,
+    /// Who paints here.
+    crew: Crew,
+}
+
+/// What of this machine paints.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Own {
+    /// Processors to use; `None`: all.
+    pub(super) threads: Option<u16>,
+    pub(super) devices: DeviceChoice,
 }
 
 impl Studio {
     /// Fetches what this machine lacks of a job's scene, and loads it.
-    pub(super) fn open(member: &Member, job: &Job, cache: &Cache, threads: Option<u16>) -> Result<Self, CliError> {
-        let own = env!("CARGO_PKG_VERSION");
-        if job.version != own {
+    pub(super) fn open(member: &Member, job: &Job, cache: &Cache, own: &Own) -> Result<Self, CliError> {
+        let version = env!("CARGO_PKG_VERSION");
+        if job.version != version {
             return Err(CliError::failed(
-                format!("the job is for version {}, this is {own}", job.version),
-                format!("install bottega {} here, or {own} there", job.version),
+                format!("the job is for version {}, this is {version}", job.version),
+                format!("install bottega {} here, or {version} there", job.version),
             ));
         }
         let order = member.board.order(job)?;
         let (scene, environment) = order.files.fetch(cache, member.board.uplink.blobs())?;
         let mut args = order.as_asked(&scene, environment)?;
-        args.scene.threads = threads;
+        args.scene.threads = own.threads;
+        args.devices = own.devices.for_others(args.exact);
         let subject = Subject::load(&args.scene)?;
         let (mut experts, _) = experts(order.rules)?;
         // The machines have the rules in turn, as agents of one process have.
@@ -45,8 +63,10 @@ impl Studio {
         experts.rotate_left(turn);
         let settings = render::job_settings(&args, &subject, experts)?;
         let settings = JobSettings { agents: 1, goal: render::asked_goal(&args), ..settings };
-        let engine = Arc::new(render::engine(&args, &subject, &settings)?);
-        Ok(Self { work: job.work, args, subject, settings, engine })
+        let (engine, crew) = render::engine(&args, &subject, &settings)?;
+        crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
+        let engine = Arc::new(engine);
+        Ok(Self { work: job.work, args, subject, settings, engine, crew })
     }
 
     /// What painting takes.
@@ -76,7 +96,7 @@ impl Studio {
         let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             let format = check_writable(&path)?;
-            let metadata = render::metadata(&self.args, &self.subject, &self.settings, report);
+            let metadata = render::metadata(&self.args, &self.subject, &self.settings, &self.crew, report);
             render::write(&self.args, &path, format, &report.film, &metadata)?;
             let bytes = fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
             board.keep_picture(job, &bytes)

@@ -217,7 +217,7 @@ fn reachable_here(listen: SocketAddr) -> String {
     SocketAddr::new(host, listen.port()).to_string()
 }
 
-/// The farm's address for others: that of the interface which leads outwards.
+/// The farm's address for others: that of the interface which leads outwards, or, where none does, of any that others see.
 fn reachable_there(listen: SocketAddr) -> String {
     let outwards = || {
         let socket = UdpSocket::bind("0.0.0.0:0").ok()?;
@@ -225,8 +225,10 @@ fn reachable_there(listen: SocketAddr) -> String {
         socket.connect("192.0.2.1:9").ok()?;
         socket.local_addr().ok().map(|address| address.ip())
     };
+    let any = || if_addrs::get_if_addrs().ok()?.into_iter().find(|it| it.ip().is_ipv4() && !it.is_loopback());
+    let host = || outwards().or_else(|| any().map(|it| it.ip()));
     match listen.ip() {
-        ip if ip.is_unspecified() => SocketAddr::new(outwards().unwrap_or(ip), listen.port()).to_string(),
+        ip if ip.is_unspecified() => SocketAddr::new(host().unwrap_or(ip), listen.port()).to_string(),
         _ => listen.to_string(),
     }
 }

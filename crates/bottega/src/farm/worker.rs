@@ -14,7 +14,7 @@ use super::{
     part::{Member, Part, take_part},
     patience::patiently,
     shares::{Wanting, choose, should_move},
-    studio::Studio,
+    studio::{Own, Studio},
 };
 use crate::error::CliError;
 
@@ -29,7 +29,7 @@ const STAYS: Duration = Duration::from_secs(5);
 pub(super) struct Worker {
     member: Member,
     cache: Cache,
-    threads: Option<u16>,
+    own: Own,
     /// The job that was painted last: its scene stays loaded.
     studio: Option<Studio>,
     /// Jobs that this machine cannot paint.
@@ -43,17 +43,17 @@ pub(super) struct Worker {
 
 impl Worker {
     /// - `cache`: where scenes are kept.
-    /// - `threads`: processors to use; `None`: all.
+    /// - `own`: what of this machine paints.
     /// - `only`: paint these jobs and no others.
     /// - `say`: tells the user what it does.
     pub(super) fn new(
         member: Member,
         cache: Cache,
-        threads: Option<u16>,
+        own: Own,
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(&str)>,
     ) -> Self {
-        Self { member, cache, threads, studio: None, refused: BTreeSet::new(), only, helped: None, say }
+        Self { member, cache, own, studio: None, refused: BTreeSet::new(), only, helped: None, say }
     }
 
     /// Says that it has gone.
@@ -158,7 +158,7 @@ impl Worker {
         if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
-            let open = || Studio::open(&self.member, job, &self.cache, self.threads);
+            let open = || Studio::open(&self.member, job, &self.cache, &self.own);
             self.studio = Some(patiently(stop, &self.say, open)?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };

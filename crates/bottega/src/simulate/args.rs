@@ -42,6 +42,9 @@ pub(crate) struct SimulateArgs {
     /// Have each zone painted by so many agents and compare, until they have earned trust: as `bottega render --verify`.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Agents")]
     pub(crate) verify: u32,
+    /// No two agents give the same bits, as engines that are not exact: what they paint is compared by its look.
+    #[arg(long, requires = "verify", help_heading = "Agents")]
+    pub(crate) inexact: bool,
     /// How winners of an auction are found.
     #[arg(long, value_enum, default_value_t = AuctionArg::Finish, help_heading = "Agents")]
     pub(crate) auction: AuctionArg,

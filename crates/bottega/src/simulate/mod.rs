@@ -50,6 +50,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
         },
         prefetch: args.prefetch,
         verify: args.verify,
+        inexact: args.inexact,
         trace: args.trace.is_some(),
         ..Plan::calm(crew, args.seed)
     };

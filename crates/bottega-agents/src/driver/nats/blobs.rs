@@ -1,8 +1,10 @@
 //! Blobs in an object store: scenes, orders and pictures.
 
+use std::time::{Duration, SystemTime};
+
 use async_nats::jetstream::{
     Context,
-    object_store::{self, GetErrorKind, InfoErrorKind, ObjectStore},
+    object_store::{self, GetErrorKind, InfoErrorKind, ObjectInfo, ObjectStore},
     stream::StorageType,
 };
 use tokio::{io::AsyncReadExt, runtime::Handle};
@@ -95,11 +97,7 @@ impl NatsBlobs {
     /// # Errors
     /// The server does not say.
     pub fn has(&self, name: &str) -> Result<bool, BlobError> {
-        match self.handle.block_on(self.store.info(name)) {
-            Ok(info) => Ok(!info.deleted),
-            Err(error) if error.kind() == InfoErrorKind::NotFound => Ok(false),
-            Err(error) => Err(BlobError::passing(name, &error)),
-        }
+        self.age(name).map(|age| age.is_some())
     }
 
     /// Reads a blob; `None`: there is none of this name.
@@ -132,13 +130,26 @@ impl NatsBlobs {
         }
     }
 
-    /// Lets all blobs go of whose names it is true.
-    pub fn forget_all(&self, mut is_dead: impl FnMut(&str) -> bool) {
+    /// How long ago a blob was put there, by the clock of the machine that did it and of this one; `None`: there is none of
+    /// this name.
+    ///
+    /// # Errors
+    /// The server does not say.
+    pub fn age(&self, name: &str) -> Result<Option<Duration>, BlobError> {
+        match self.handle.block_on(self.store.info(name)) {
+            Ok(info) => Ok((!info.deleted).then(|| age_of(&info))),
+            Err(error) if error.kind() == InfoErrorKind::NotFound => Ok(None),
+            Err(error) => Err(BlobError::passing(name, &error)),
+        }
+    }
+
+    /// Lets all blobs go of whose names and ages it is true.
+    pub fn forget_all(&self, mut is_dead: impl FnMut(&str, Duration) -> bool) {
         self.handle.block_on(async {
             let Ok(mut list) = self.store.list().await else { return };
             let mut names = Vec::new();
             while let Some(Ok(info)) = list.next().await {
-                if is_dead(&info.name) {
+                if is_dead(&info.name, age_of(&info)) {
                     names.push(info.name);
                 }
             }
@@ -149,4 +160,11 @@ impl NatsBlobs {
             }
         });
     }
+}
+
+/// One of the future, or of no time, is new.
+#[allow(clippy::disallowed_methods, reason = "ages are for the driver's users, no machine sees them")]
+fn age_of(info: &ObjectInfo) -> Duration {
+    let put = info.modified.map(SystemTime::from);
+    put.and_then(|put| SystemTime::now().duration_since(put).ok()).unwrap_or_default()
 }

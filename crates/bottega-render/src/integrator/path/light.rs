@@ -119,7 +119,7 @@ impl Path<'_> {
 
 /// The ray that asks whether a light is seen.
 #[inline(always)]
-fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
+pub(in crate::integrator) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     let origin = point.ray_origin(light.wi);
     if light.distance.is_infinite() {
         return Ray::new(origin, light.wi);
@@ -131,7 +131,7 @@ fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
 
 /// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
 #[inline(always)]
-fn power_heuristic(chosen: f32, other: f32) -> f32 {
+pub(in crate::integrator) fn power_heuristic(chosen: f32, other: f32) -> f32 {
     // By the ratio, so that squares of large densities do not overflow.
     let ratio = other / chosen;
     1.0 / (1.0 + ratio * ratio)

@@ -63,7 +63,7 @@ fn measure(args: &FarmBenchArgs, ways: &Ways) -> Result<Seen, CliError> {
         parts.push(Part::start(args, ways, Share { work, first: 1 + first, count: end - first })?);
     }
     parts.iter_mut().try_for_each(Part::until_ready)?;
-    let engine = Arc::new(IdleEngine::new(args.zone_time).map_err(|error| {
+    let engine = Arc::new(IdleEngine::new(args.zone_time, 0).map_err(|error| {
         CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
     })?);
     let watch = Arc::new(MasterWatch::default());

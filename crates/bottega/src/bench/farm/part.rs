@@ -42,8 +42,8 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
     let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
     end_with_parent(stops.clone())?;
     let mut agents = Vec::new();
-    for (link, stop) in links.into_iter().zip(stops) {
-        let engine = IdleEngine::new(args.zone_time).map_err(|error| no_thread(&error))?;
+    for ((link, stop), agent) in links.into_iter().zip(stops).zip(share.first..) {
+        let engine = IdleEngine::new(args.zone_time, agent).map_err(|error| no_thread(&error))?;
         let settings = settings.clone();
         let live = move || live(&settings, engine, &stop, &link);
         agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(|error| no_thread(&error))?);

@@ -17,7 +17,7 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, Tunables};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, Tunables};
 use bottega_farm::{
     AdaptationRule, AuctionRule, ImportanceFunction, JobSettings, Level, Optimization, StopSwitch,
     simulate::{Crew, Plan, Record, Recorder, Workpiece, simulate},
@@ -226,7 +226,7 @@ impl Bench {
         };
         let view = View { camera: 0, width: self.width, height: self.height };
         let options = BuiltinOptions { view, settings: path_settings, layout: settings.layout, threads: 1 };
-        let engine = Arc::new(BuiltinEngine::new(prepared, options, Vec::new()));
+        let engine = Arc::new(BuiltinEngine::new(prepared, options, Devices::default()));
         let recorder = Arc::new(Recorder::new(engine, Arc::new(())));
         let (as_engine, as_observer) = (Arc::clone(&recorder) as _, Arc::clone(&recorder) as _);
         let report = bottega_farm::run(settings, as_engine, as_observer, &StopSwitch::new(), None, None);

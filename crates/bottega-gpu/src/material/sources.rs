@@ -1,0 +1,98 @@
+//! The shaders, put together for what a scene's surfaces use.
+
+use super::features::Features;
+
+/// Files by what asks for them; `None`: everything does.
+const FILES: [(Option<Features>, &str); 25] = [
+    (None, include_str!("../wgsl/math.wgsl")),
+    (None, include_str!("../wgsl/warp.wgsl")),
+    (None, include_str!("../wgsl/texture.wgsl")),
+    (None, include_str!("../wgsl/material.wgsl")),
+    (None, include_str!("../wgsl/relief.wgsl")),
+    (None, include_str!("../wgsl/fresnel.wgsl")),
+    (None, include_str!("../wgsl/ggx.wgsl")),
+    (Some(Features::BECKMANN), include_str!("../wgsl/beckmann.wgsl")),
+    (None, include_str!("../wgsl/facets.wgsl")),
+    (None, include_str!("../wgsl/bsdf.wgsl")),
+    (None, include_str!("../wgsl/bsdf_matte.wgsl")),
+    (Some(Features::CONDUCTOR), include_str!("../wgsl/bsdf_conductor.wgsl")),
+    (Some(Features::DIELECTRIC), include_str!("../wgsl/bsdf_dielectric.wgsl")),
+    (Some(Features::PLASTIC), include_str!("../wgsl/cover.wgsl")),
+    (Some(Features::PLASTIC), include_str!("../wgsl/bsdf_plastic.wgsl")),
+    (Some(Features::STACK), include_str!("../wgsl/stack_numbers.wgsl")),
+    (Some(Features::STACK), include_str!("../wgsl/bsdf_stack.wgsl")),
+    (Some(Features::PRINCIPLED), include_str!("../wgsl/bsdf_principled.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/tables.wgsl")),
+    (Some(Features::LAYERED), LAYERS),
+    (Some(Features::LAYERED), include_str!("../wgsl/interface.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/layered_params.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/layered_of.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf_layered.wgsl")),
+    (None, include_str!("../wgsl/surface.wgsl")),
+];
+
+const LAYERS: &str =
+    concat!(include_str!("../wgsl/film.wgsl"), include_str!("../wgsl/sheen.wgsl"), include_str!("../wgsl/coat.wgsl"));
+
+/// The shaders with what `features` asks for: constants and functions alone. Files that nothing asks for are left out, and so
+/// are the lines that call them, which are those with an `if` of their constant that ends where it begins.
+pub(crate) fn source(features: Features) -> String {
+    let absent: Vec<_> = features.missing().map(|name| format!("if {name} {{")).collect();
+    let calls_nothing = |line: &&str| {
+        let is_whole = line.matches('{').count() == line.matches('}').count();
+        !(is_whole && absent.iter().any(|guard| line.contains(guard.as_str())))
+    };
+    let files = FILES.iter().filter(|(asked, _)| asked.is_none_or(|asked| features.has_some_of(asked)));
+    let lines = files.flat_map(|(_, file)| file.lines()).filter(calls_nothing);
+    lines.fold(features.constants(), |source, line| source + line + "\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether naga takes it, behind what its users declare.
+    fn check(features: Features) {
+        let source = [
+            "@group(0) @binding(0) var<storage, read> material_words: array<u32>;\n",
+            "@group(0) @binding(1) var<storage, read> texture_words: array<u32>;\n",
+            &source(features),
+        ]
+        .concat();
+        let module = wgpu::naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{features:?}: {}", error.emit_to_string(&source)));
+        let mut validator = wgpu::naga::valid::Validator::new(Default::default(), Default::default());
+        validator.validate(&module).unwrap_or_else(|error| panic!("{features:?}: {}", error.emit_to_string(&source)));
+    }
+
+    #[test]
+    fn any_features_make_a_shader() {
+        let stack = Features::STACK.with(Features::CONDUCTOR);
+        let alone = [
+            Features::default(),
+            Features::TEXTURES,
+            Features::BECKMANN,
+            Features::CONDUCTOR,
+            Features::DIELECTRIC,
+            Features::PLASTIC,
+            stack,
+            Features::PRINCIPLED,
+            Features::LAYERED,
+            Features::LAYERED.with(Features::FILM),
+            Features::LAYERED.with(Features::COAT),
+            Features::LAYERED.with(Features::SHEEN),
+        ];
+        for one in alone {
+            alone.iter().for_each(|&other| check(one.with(other)));
+        }
+        check(Features::ALL);
+    }
+
+    #[test]
+    fn what_is_not_asked_for_is_not_there() {
+        let matte = source(Features::default());
+        assert!(!matte.contains("stack_walk") && !matte.contains("layered_eval(") && matte.contains("lambert_eval("));
+        let layered = source(Features::LAYERED);
+        assert!(layered.contains("layered_eval(b, wi)") && !layered.contains("principled_eval("));
+    }
+}

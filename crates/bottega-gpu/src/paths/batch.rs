@@ -1,0 +1,147 @@
+//! Blocks of pixels that are painted together, as the kernels read them.
+
+use std::sync::Arc;
+
+use bottega_image::{Aov, Layout, Tile};
+use bottega_render::flat::{FlatPicture, NONE, sobol_table};
+use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, PreparedScene, View};
+use bytemuck::{Pod, Zeroable};
+
+use crate::GpuError;
+
+/// Words of a job.
+const JOB_WORDS: usize = 8;
+
+/// Most paths of a batch: their numbers must fit into words.
+pub(super) const PATHS_MAX: u64 = 1 << 31;
+
+/// As in the shader.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Params {
+    pub(super) mixed_seed: [u32; 2],
+    pub(super) capacity: u32,
+    pub(super) path_count: u32,
+    pub(super) first_path: u32,
+    pub(super) job_count: u32,
+    pub(super) pixel_count: u32,
+    pub(super) picture_at: u32,
+    pub(super) jobs_at: u32,
+    pub(super) max_depth: u32,
+    pub(super) roulette_depth: u32,
+    pub(super) light_samples: u32,
+    pub(super) direct_light: u32,
+    pub(super) stride: u32,
+    pub(super) albedo_at: u32,
+    pub(super) normal_at: u32,
+    pub(super) depth_at: u32,
+    pub(super) padding: u32,
+}
+
+/// What blocks must share to be painted together.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Kind {
+    pub(super) view: View,
+    pub(super) settings: Arc<PathSettings>,
+    pub(super) layout: Layout,
+}
+
+impl Kind {
+    pub(super) fn of(block: &BlockWork) -> Self {
+        Self { view: block.view, settings: Arc::clone(&block.settings), layout: block.tile.layout() }
+    }
+
+    /// Floats of a pixel: those of its layout, and the number of samples that were dropped.
+    pub(super) fn stride(&self) -> usize {
+        self.layout.stride() + 1
+    }
+}
+
+/// Paths of a block.
+pub(super) fn path_count(block: &BlockWork) -> u64 {
+    block.tile.rect().area() * block.samples.len() as u64
+}
+
+/// Blocks of one kind, put down for the kernels.
+#[derive(Debug)]
+pub(super) struct Batch {
+    pub(super) params: Params,
+    pub(super) words: Vec<u32>,
+    pub(super) path_count: u32,
+    stride: usize,
+}
+
+impl Batch {
+    /// - `blocks`: all of that kind, with fewer than [`PATHS_MAX`] paths.
+    pub(super) fn new(prepared: &PreparedScene, kind: &Kind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
+        let picture = FlatPicture::new(prepared, kind.view, kind.settings.filter)
+            .map_err(|error| GpuError::Invalid(error.to_string()))?;
+        let mut words = sobol_table();
+        let picture_at = words.len() as u32;
+        words.extend(&picture.words);
+        let jobs_at = words.len() as u32;
+        let (mut paths, mut pixels) = (0, 0);
+        for block in blocks {
+            let rect = block.tile.rect();
+            let (area, count) = (rect.area() as u32, path_count(block) as u32);
+            let job: [u32; JOB_WORDS] =
+                [rect.x0, rect.y0, rect.width(), area, block.samples.start, paths, pixels, count];
+            words.extend(job);
+            paths += count;
+            pixels += area;
+        }
+        let settings = &kind.settings;
+        let seed = bottega_render::sampler::mixed_seed(settings.seed);
+        let at = |aov: Aov| kind.layout.offset(aov).map_or(NONE, |offset| offset as u32);
+        let params = Params {
+            mixed_seed: [seed as u32, (seed >> 32) as u32],
+            job_count: blocks.len() as u32,
+            pixel_count: pixels,
+            picture_at,
+            jobs_at,
+            max_depth: settings.max_depth,
+            roulette_depth: settings.roulette_depth,
+            light_samples: settings.light_samples.max(1),
+            direct_light: match settings.direct_light {
+                DirectLight::Combined => 0,
+                DirectLight::LightSampling => 1,
+                DirectLight::BsdfSampling => 2,
+            },
+            stride: kind.stride() as u32,
+            albedo_at: at(Aov::Albedo),
+            normal_at: at(Aov::Normal),
+            depth_at: at(Aov::Depth),
+            ..Params::default()
+        };
+        Ok(Self { params, words, path_count: paths, stride: kind.stride() })
+    }
+
+    /// Floats of the sums of all pixels.
+    pub(super) fn sums(&self) -> usize {
+        self.params.pixel_count as usize * self.stride
+    }
+
+    /// Adds sums that came from the device to those of their blocks, which are in the batch's order.
+    pub(super) fn add(&self, sums: &[u32], blocks: Vec<BlockWork>) -> Vec<BlockOutput> {
+        let mut rest = sums;
+        let add = |block: BlockWork| {
+            let mut tile = block.tile;
+            let (own, others) = rest.split_at(tile.rect().area() as usize * self.stride);
+            rest = others;
+            BlockOutput { dropped_count: add_to(&mut tile, own, self.stride), tile }
+        };
+        blocks.into_iter().map(add).collect()
+    }
+}
+
+/// Adds the sums of the pixels of a tile; returns how many samples were dropped.
+fn add_to(tile: &mut Tile, sums: &[u32], stride: usize) -> u64 {
+    let mut dropped = 0;
+    for (pixel, added) in tile.sums_mut().chunks_exact_mut(stride - 1).zip(sums.chunks_exact(stride)) {
+        for (sum, &added) in pixel.iter_mut().zip(added) {
+            *sum += f32::from_bits(added);
+        }
+        dropped += f32::from_bits(added[stride - 1]) as u64;
+    }
+    dropped
+}

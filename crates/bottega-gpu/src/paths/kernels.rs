@@ -1,0 +1,150 @@
+//! The kernels of paths: their sources, layouts and pipelines.
+
+use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, PipelineCache};
+
+use crate::context::{Context, storage};
+use crate::material::{self, Features};
+
+/// Arrays that a kernel sees.
+pub(super) const STORAGE_BUFFERS: u32 = 10;
+
+const MATH: &str = include_str!("../wgsl/math.wgsl");
+/// What all kernels know but the planner.
+const COMMON: &str = concat!(
+    include_str!("../wgsl/words.wgsl"),
+    include_str!("../wgsl/functions.wgsl"),
+    include_str!("../wgsl/state.wgsl"),
+    include_str!("../wgsl/sampler.wgsl"),
+);
+const SURFACES: &str = concat!(include_str!("../wgsl/shapes.wgsl"), include_str!("../wgsl/places.wgsl"));
+const CAMERA: &str = concat!(include_str!("../wgsl/generate.wgsl"), include_str!("../wgsl/accumulate.wgsl"));
+const TRAVERSAL: &str = concat!(include_str!("../wgsl/traverse.wgsl"), include_str!("../wgsl/extend.wgsl"));
+const SHADING: &str = concat!(
+    include_str!("../wgsl/interaction.wgsl"),
+    include_str!("../wgsl/frame.wgsl"),
+    include_str!("../wgsl/light_shapes.wgsl"),
+    include_str!("../wgsl/light_points.wgsl"),
+    include_str!("../wgsl/environment.wgsl"),
+    include_str!("../wgsl/light_tree.wgsl"),
+    include_str!("../wgsl/lights.wgsl"),
+    include_str!("../wgsl/shade.wgsl"),
+);
+const PLAN: &str = include_str!("../wgsl/plan.wgsl");
+
+/// What kernels are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Variant {
+    /// Whether some surface may let rays pass.
+    pub(super) has_opacity: bool,
+    /// What the scene's surfaces use.
+    pub(super) features: Features,
+}
+
+/// The source of the kernels that begin and end paths.
+pub(super) fn camera_source() -> String {
+    [MATH, COMMON, CAMERA].concat()
+}
+
+/// The source of the kernels that follow rays.
+pub(super) fn traversal_source(variant: Variant) -> String {
+    if variant.has_opacity {
+        let materials = material::source(Features::TEXTURES);
+        [&materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), TRAVERSAL].concat()
+    } else {
+        [MATH, COMMON, include_str!("../wgsl/shapes.wgsl"), include_str!("../wgsl/all_there.wgsl"), TRAVERSAL].concat()
+    }
+}
+
+/// The source of the kernels that find light and scatter.
+pub(super) fn shading_source(variant: Variant) -> String {
+    [&material::source(variant.features), COMMON, SURFACES, SHADING].concat()
+}
+
+/// All pipelines, and the layouts of what they see.
+#[derive(Debug)]
+pub(super) struct Kernels {
+    /// Scene and batch, read only.
+    pub(super) scene_layout: BindGroupLayout,
+    /// What the kernels write.
+    pub(super) state_layout: BindGroupLayout,
+    pub(super) plan_layout: BindGroupLayout,
+    pub(super) generate: ComputePipeline,
+    pub(super) accumulate: ComputePipeline,
+    pub(super) extend: ComputePipeline,
+    pub(super) shadow: ComputePipeline,
+    pub(super) miss: ComputePipeline,
+    pub(super) shade: ComputePipeline,
+    pub(super) plan_extend: ComputePipeline,
+    pub(super) plan_shade: ComputePipeline,
+    pub(super) plan_next: ComputePipeline,
+}
+
+impl Kernels {
+    pub(super) fn new(context: &Context, variant: Variant, cache: Option<&PipelineCache>) -> Self {
+        let read = storage(true);
+        let scene: Vec<_> = (0..6).map(|at| (at, read)).chain([(6, BufferBindingType::Uniform)]).collect();
+        let scene_layout = context.layout("scene", &scene);
+        let written: Vec<_> = (0..4).map(|at| (at, storage(false))).collect();
+        let state_layout = context.layout("state", &written);
+        let plan_layout = context.layout("plan", &written[..2]);
+        let make = Maker { context, cache };
+        let paths = make.layout("paths", &[&scene_layout, &state_layout]);
+        let plan = make.layout("plan", &[&plan_layout]);
+        let [generate, accumulate] = make.pipelines(&camera_source(), &paths, ["generate", "accumulate"]);
+        let [extend, shadow] = make.pipelines(&traversal_source(variant), &paths, ["extend", "shadow"]);
+        let [miss, shade] = make.pipelines(&shading_source(variant), &paths, ["miss", "shade"]);
+        let [plan_extend, plan_shade, plan_next] =
+            make.pipelines(PLAN, &plan, ["plan_extend", "plan_shade", "plan_next"]);
+        Self {
+            scene_layout,
+            state_layout,
+            plan_layout,
+            generate,
+            accumulate,
+            extend,
+            shadow,
+            miss,
+            shade,
+            plan_extend,
+            plan_shade,
+            plan_next,
+        }
+    }
+}
+
+struct Maker<'a> {
+    context: &'a Context,
+    cache: Option<&'a PipelineCache>,
+}
+
+impl Maker<'_> {
+    fn layout(&self, label: &str, groups: &[&BindGroupLayout]) -> wgpu::PipelineLayout {
+        let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
+        self.context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &groups,
+            immediate_size: 0,
+        })
+    }
+
+    fn pipelines<const N: usize>(
+        &self,
+        source: &str,
+        layout: &wgpu::PipelineLayout,
+        entry_points: [&str; N],
+    ) -> [ComputePipeline; N] {
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(entry_points[0]), source };
+        let module = self.context.device.create_shader_module(descriptor);
+        entry_points.map(|entry_point| {
+            self.context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: Some(layout),
+                module: &module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: self.cache,
+            })
+        })
+    }
+}

@@ -1,0 +1,85 @@
+//! A scene as the kernels of paths read it.
+
+use bottega_kernels::{InstanceGeometry, MeshGeometry, SphereGeometry};
+use bottega_render::PreparedScene;
+use bottega_render::flat::FlatScene;
+
+use crate::GpuError;
+use crate::geometry::Geometry;
+use crate::material::{EncodedMaterials, Features};
+
+/// What is uploaded. Kept, to be uploaded again after the device was lost.
+#[derive(Debug)]
+pub(super) struct PathScene {
+    pub(super) geometry: Geometry,
+    pub(super) words: Vec<u32>,
+    pub(super) materials: Vec<u32>,
+    pub(super) textures: Vec<u32>,
+    pub(super) has_opacity: bool,
+    /// What its surfaces ask of the kernels.
+    pub(super) features: Features,
+}
+
+impl PathScene {
+    /// - `limit`: the most bytes that one array may take.
+    ///
+    /// # Errors
+    /// The scene has what the kernels have not, or does not fit.
+    pub(super) fn new(prepared: &PreparedScene, limit: u64, adapter: &str) -> Result<Self, GpuError> {
+        let mut missing = Vec::new();
+        let flat =
+            FlatScene::new(prepared).map_err(|errors| missing.extend(errors.iter().map(ToString::to_string))).ok();
+        let extra: Vec<_> = flat.iter().flat_map(|flat| &flat.pictures).map(|&(_, map)| map).collect();
+        let encoded = EncodedMaterials::new(prepared.scene(), &extra);
+        let encoded = encoded.map_err(|unsupported| missing.extend(unsupported.0)).ok();
+        let (Some(mut flat), Some(encoded)) = (flat, encoded) else { return Err(GpuError::Unsupported(missing)) };
+        for (&(place, _), &handle) in flat.pictures.iter().zip(&encoded.extra) {
+            flat.words[place as usize] = handle;
+        }
+        let geometry = geometry_of(prepared, limit, adapter)?;
+        let made = Self {
+            geometry,
+            words: flat.words,
+            materials: encoded.material_words,
+            textures: encoded.texture_words,
+            has_opacity: flat.has_opacity,
+            features: encoded.features.with_if(!flat.pictures.is_empty(), Features::TEXTURES),
+        };
+        let arrays = [
+            ("the scene's attributes and lights", made.words.len()),
+            ("the scene's materials", made.materials.len()),
+            ("the scene's textures", made.textures.len()),
+        ];
+        for (what, words) in arrays {
+            let bytes = (words * size_of::<u32>()) as u64;
+            if bytes > limit {
+                return Err(GpuError::TooLarge { what, bytes, limit, adapter: adapter.to_owned() });
+            }
+        }
+        Ok(made)
+    }
+
+    /// Bytes on the device.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        let words = self.words.len() + self.materials.len() + self.textures.len();
+        let geometry = size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes);
+        (words * size_of::<u32>() + geometry) as u64
+    }
+}
+
+fn geometry_of(prepared: &PreparedScene, limit: u64, adapter: &str) -> Result<Geometry, GpuError> {
+    let scene = prepared.scene();
+    let meshes: Vec<_> = scene
+        .meshes
+        .iter()
+        .map(|mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles })
+        .collect();
+    let instances: Vec<_> = scene
+        .instances
+        .iter()
+        .map(|instance| InstanceGeometry { mesh: instance.mesh, world_from_object: instance.world_from_object })
+        .collect();
+    let spheres: Vec<_> =
+        scene.spheres.iter().map(|sphere| SphereGeometry { center: sphere.center, radius: sphere.radius }).collect();
+    Geometry::build(&meshes, &instances, &spheres, limit, adapter)
+}

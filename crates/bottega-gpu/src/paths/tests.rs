@@ -1,0 +1,302 @@
+//! Pictures by the kernels against those of the processor, path by path: both take the same numbers.
+
+mod scenes;
+
+use std::sync::Arc;
+
+use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_kernels::Ray;
+use bottega_render::{
+    BlockWork, DirectLight, Filter, PathSettings, PrepareOptions, PreparedScene, RenderOutput, RenderWork, View,
+};
+use bottega_scene::Scene;
+use glam::Vec3;
+
+use super::PathOptions;
+use super::kernels::{Variant, camera_source, shading_source, traversal_source};
+use super::scene::PathScene;
+use super::tracer::Tracer;
+use super::worker::Worker;
+use crate::adapter::choose;
+use crate::adapters;
+use crate::context::binding_limit;
+use crate::material::Features;
+
+/// A worker on llvmpipe, or on whatever there is.
+fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<Worker> {
+    let there = adapters();
+    let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
+    let Some(wanted) = std::env::var("BOTTEGA_GPU").ok().or(software.or(there.first()).map(|it| it.name.clone()))
+    else {
+        eprintln!("skipped: no Vulkan adapter; install a driver, or Mesa's llvmpipe");
+        return None;
+    };
+    let (adapter, info) = choose(Some(&wanted)).unwrap();
+    let flat = PathScene::new(scene, binding_limit(&adapter), &info.name).unwrap();
+    let options = PathOptions { paths, timeout: std::time::Duration::from_secs(120), ..PathOptions::default() };
+    let open = move || Tracer::new(&adapter, &info, &flat, &options);
+    Some(Worker::new(Arc::clone(scene), Box::new(open)).unwrap())
+}
+
+fn layout() -> Layout {
+    Layout::new([Aov::Albedo, Aov::Normal, Aov::Depth].into_iter().collect::<AovSet>())
+}
+
+fn prepare(scene: Scene) -> Arc<PreparedScene> {
+    Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap())
+}
+
+fn settings() -> PathSettings {
+    PathSettings { guiding: false, max_depth: 6, filter: Filter::Box { radius: 0.5 }, ..PathSettings::default() }
+}
+
+/// What became of the samples of a small picture: those of the device, and those of the processor.
+struct Compared {
+    device: Tile,
+    processor: Tile,
+}
+
+const SIDE: u32 = 48;
+
+fn view() -> View {
+    View { camera: 0, width: SIDE, height: SIDE }
+}
+
+fn paint(
+    worker: &mut Worker,
+    scene: &Arc<PreparedScene>,
+    settings: PathSettings,
+    samples: std::ops::Range<u32>,
+) -> Compared {
+    let settings = Arc::new(settings);
+    let tile = Tile::new(Rect::new(0, 0, SIDE, SIDE), layout());
+    let block = BlockWork { scene: Arc::clone(scene), view: view(), settings, tile, samples };
+    let processor = block.clone().perform().unwrap().tile;
+    let outcome = worker.perform(vec![RenderWork::Block(block)]).remove(0);
+    match outcome.unwrap() {
+        RenderOutput::Block(output) => Compared { device: output.tile, processor },
+        other => panic!("{other:?}"),
+    }
+}
+
+impl Compared {
+    /// Of single samples: the share of pixels in which some value differs by more than a thousandth.
+    fn differing(&self) -> f64 {
+        let stride = self.device.layout().stride();
+        let pairs = self.device.sums().chunks_exact(stride).zip(self.processor.sums().chunks_exact(stride));
+        let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * (a.abs() + b.abs()) + 1e-5;
+        let different = |(a, b): &(&[f32], &[f32])| !a.iter().zip(b.iter()).all(close);
+        let all = pairs.clone().count();
+        for (a, b) in pairs.clone().filter(different).take(4) {
+            eprintln!("  device {a:?}\n  processor {b:?}");
+        }
+        pairs.filter(different).count() as f64 / all as f64
+    }
+
+    /// Mean of the radiance of all pixels.
+    fn means(&self) -> [f64; 2] {
+        [&self.device, &self.processor].map(|tile| {
+            let stride = tile.layout().stride();
+            let pixels = tile.sums().chunks_exact(stride);
+            let count = pixels.clone().map(|pixel| f64::from(pixel[Layout::SAMPLE_COUNT])).sum::<f64>();
+            pixels.map(|pixel| f64::from(pixel[0] + pixel[1] + pixel[2])).sum::<f64>() / count
+        })
+    }
+}
+
+/// Single paths are the same but for a few that graze an edge, and so is the mean.
+fn check(scene: Scene, all_settings: &[PathSettings]) {
+    let scene = prepare(scene);
+    let Some(mut worker) = worker(&scene, 1 << 14) else { return };
+    for &settings in all_settings {
+        let single = paint(&mut worker, &scene, settings, 5..6);
+        let differing = single.differing();
+        eprintln!("{:.2} % of the paths differ", 100.0 * differing);
+        assert!(differing <= 0.01, "{} % of the paths differ; means {:?}", 100.0 * differing, single.means());
+        let [device, processor] = paint(&mut worker, &scene, settings, 0..8).means();
+        assert!(processor > 0.01, "the picture is black");
+        assert!((device / processor - 1.0).abs() < 0.005, "{device} against {processor}");
+    }
+}
+
+#[test]
+fn the_kernels_are_sound() {
+    let all = [false, true]
+        .into_iter()
+        .flat_map(|has_opacity| [Features::ALL, Features::default()].map(|features| Variant { has_opacity, features }));
+    let sources = all.flat_map(|variant| [traversal_source(variant), shading_source(variant)]);
+    for source in sources.chain([camera_source()]) {
+        let module = wgpu::naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
+        let flags = wgpu::naga::valid::ValidationFlags::all();
+        let mut validator = wgpu::naga::valid::Validator::new(flags, wgpu::naga::valid::Capabilities::all());
+        validator.validate(&module).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
+    }
+}
+
+#[test]
+fn a_box_with_a_lamp_is_the_same_by_all_strategies() {
+    let strategies = [
+        (DirectLight::Combined, 1),
+        (DirectLight::BsdfSampling, 1),
+        (DirectLight::LightSampling, 1),
+        (DirectLight::Combined, 3),
+    ];
+    let settings =
+        strategies.map(|(direct_light, light_samples)| PathSettings { direct_light, light_samples, ..settings() });
+    check(scenes::cornell(), &settings);
+}
+
+#[test]
+fn long_paths_and_wide_filters_are_the_same() {
+    let deep = PathSettings { max_depth: 70, roulette_depth: 60, ..settings() };
+    let filters = [
+        Filter::Tent { radius: 1.0 },
+        Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
+        Filter::Gaussian { radius: 1.5, sigma: 0.5 },
+    ];
+    let settings: Vec<_> =
+        filters.map(|filter| PathSettings { filter, ..settings() }).into_iter().chain([deep]).collect();
+    check(scenes::open(), &settings);
+}
+
+#[test]
+fn skies_instances_and_lenses_are_the_same() {
+    check(scenes::placed(), &[settings()]);
+}
+
+#[test]
+fn pictures_that_shine_are_the_same() {
+    check(scenes::pictures(), &[settings()]);
+}
+
+#[test]
+fn cut_outs_are_the_same() {
+    check(scenes::cut_outs(), &[settings()]);
+}
+
+#[test]
+fn glass_and_metal_are_the_same() {
+    check(scenes::glass(), &[PathSettings { max_depth: 12, ..settings() }]);
+}
+
+#[test]
+fn reliefs_are_the_same() {
+    check(scenes::reliefs(), &[settings()]);
+}
+
+#[test]
+fn many_lights_are_the_same() {
+    check(scenes::many_lights(), &[settings()]);
+}
+
+#[test]
+fn a_lost_device_gives_blocks_back_and_is_made_anew() {
+    let scene = prepare(scenes::open());
+    let Some(mut worker) = worker(&scene, 1 << 10) else { return };
+    let block = |x: u32| BlockWork {
+        scene: Arc::clone(&scene),
+        view: view(),
+        settings: Arc::new(settings()),
+        tile: Tile::new(Rect::new(x, 0, x + 8, 8), layout()),
+        samples: 0..2,
+    };
+    worker.device().unwrap().lose();
+    let outcomes = worker.perform(vec![RenderWork::Block(block(0)), RenderWork::Block(block(8))]);
+    for (outcome, x) in outcomes.into_iter().zip([0, 8]) {
+        let failed = outcome.unwrap_err();
+        let RenderWork::Block(given) = failed.work else { panic!("not a block") };
+        assert_eq!(given.tile, block(x).tile);
+        assert!(failed.reason.contains("device"), "{}", failed.reason);
+    }
+    assert!(worker.device().is_none());
+    let again = worker.perform(vec![RenderWork::Block(block(0))]).remove(0);
+    assert!(matches!(again, Ok(RenderOutput::Block(output)) if output.tile.sums().iter().sum::<f32>() > 1.0));
+}
+
+#[test]
+fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
+    let scene = prepare(scenes::open());
+    let Some(mut worker) = worker(&scene, 1 << 10) else { return };
+    let block = |scene: &Arc<PreparedScene>, layout: Layout, samples| {
+        let tile = Tile::new(Rect::new(3, 4, 8, 6), layout);
+        let settings = Arc::new(settings());
+        RenderWork::Block(BlockWork { scene: Arc::clone(scene), view: view(), settings, tile, samples })
+    };
+    let costly = Layout::new(AovSet::NONE.with(Aov::Cost));
+    let works = vec![
+        RenderWork::Rays { scene: prepare(scenes::open()), rays: Arc::default() },
+        block(&scene, costly, 0..1),
+        block(&prepare(scenes::open()), layout(), 0..1),
+        block(&scene, layout(), 0..0),
+        block(&scene, Layout::new(AovSet::NONE), 0..3),
+    ];
+    let outcomes = worker.perform(works);
+    let reasons: Vec<_> = outcomes.iter().map(|outcome| outcome.as_ref().err().map(|failed| &*failed.reason)).collect();
+    assert_eq!(
+        reasons,
+        [
+            Some("another scene is on the device"),
+            Some("the cost of a pixel is not known to devices"),
+            Some("another scene is on the device"),
+            None,
+            None
+        ]
+    );
+    let Ok(RenderOutput::Block(output)) = &outcomes[4] else { panic!("no block") };
+    assert!(output.tile.sums().chunks_exact(6).all(|pixel| pixel[Layout::SAMPLE_COUNT] == 3.0));
+}
+
+#[test]
+fn other_samples_are_other_paths() {
+    let scene = prepare(scenes::cornell());
+    let Some(mut worker) = worker(&scene, 1 << 12) else { return };
+    let device = paint(&mut worker, &scene, settings(), 5..6).device;
+    let processor = paint(&mut worker, &scene, settings(), 6..7).processor;
+    assert!(Compared { device, processor }.differing() > 0.5, "the comparison sees nothing");
+}
+
+#[test]
+fn rays_are_answered_beside_paths() {
+    let scene = prepare(scenes::cornell());
+    let Some(mut worker) = worker(&scene, 1 << 10) else { return };
+    let directions = (0..200).map(|i| Vec3::new((i % 20) as f32 * 0.03 - 0.3, (i / 20) as f32 * 0.06 - 0.3, -1.0));
+    let rays = directions.map(|d| Ray { t_max: 4.5, ..Ray::new(Vec3::new(0.0, 0.0, 4.0), d) }).collect();
+    let rays = Arc::new(rays);
+    let works = [
+        RenderWork::Rays { scene: Arc::clone(&scene), rays: Arc::clone(&rays) },
+        RenderWork::Occlusion { scene: Arc::clone(&scene), rays },
+    ];
+    let outcomes = worker.perform(works.to_vec());
+    for (outcome, right) in outcomes.into_iter().zip(works.map(RenderWork::perform)) {
+        match (outcome.unwrap(), right) {
+            (RenderOutput::Hits(hits), RenderOutput::Hits(right)) => {
+                let same = hits.iter().zip(&right).filter(|(a, b)| a.instance == b.instance).count();
+                assert!(same >= 199 && right.iter().filter(|hit| hit.is_some()).count() > 50, "{same}");
+            }
+            (RenderOutput::Occlusion(hits), RenderOutput::Occlusion(right)) => {
+                let same = hits.iter().zip(&right).filter(|(a, b)| a == b).count();
+                assert!(same >= 199, "{same}");
+            }
+            (other, _) => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+#[ignore = "temporary"]
+fn temporary() {
+    let load = bottega_scene::LoadOptions { allow_outside: true, ..Default::default() };
+    let path = std::env::var("SCENE").unwrap();
+    let loaded = bottega_scene::load(std::path::Path::new(&path), &load).unwrap();
+    let scene = prepare(loaded.scene);
+    let start = std::time::Instant::now();
+    let Some(mut worker) = worker(&scene, 1 << 14) else { return };
+    eprintln!("open {:?}, {} lights", start.elapsed(), bottega_render::flat::FlatScene::new(&scene).unwrap().words[3]);
+    for max_depth in [0, 1, 2, 3, 4, 8] {
+        let settings = PathSettings { max_depth, ..settings() };
+        let start = std::time::Instant::now();
+        let single = paint(&mut worker, &scene, settings, 5..6);
+        eprintln!("depth {max_depth}: {:.2} % of the paths differ {:?}", 100.0 * single.differing(), start.elapsed());
+    }
+}

@@ -1,0 +1,276 @@
+//! A device with a scene on it that follows paths.
+
+use std::sync::Arc;
+
+use bottega_kernels::{Hit, Ray};
+use wgpu::{Adapter, BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, SubmissionIndex};
+
+use super::PathOptions;
+use super::batch::{Batch, Params};
+use super::kernels::{Kernels, STORAGE_BUFFERS, Variant};
+use super::scene::PathScene;
+use crate::context::{Context, binding_limit};
+use crate::device::Device;
+use crate::pipeline_cache::{self, PipelineCache};
+use crate::{AdapterInfo, GpuError};
+
+/// Threads in a group, as in the shaders.
+const GROUP_SIZE: u32 = 64;
+/// Groups in a dispatch that every device takes.
+const GROUPS_MAX: u32 = 65_535;
+/// Vectors of four words of a path's state, without and with each light sample.
+const FIELDS: u64 = 11;
+const SHADOW_FIELDS: u64 = 3;
+const FIELD_BYTES: u64 = 16;
+/// Queues of paths.
+const QUEUES: u64 = 5;
+/// Words of `control`.
+const CONTROL: [u32; 16] = [0; 16];
+const ACTIVE: usize = 1;
+/// Dispatches that are planned on the device.
+const PLANNED: u64 = 4;
+/// Rays that are handed over at once.
+const RAYS_AT_ONCE: usize = 1 << 20;
+/// Bounces that are submitted at once; after them the processor asks whether there is any path left.
+const BOUNCES: u32 = 32;
+
+/// Buffers that grow with the batches.
+#[derive(Debug)]
+struct Buffers {
+    words: Buffer,
+    sums: Buffer,
+    readback: Buffer,
+    scene: BindGroup,
+    state: BindGroup,
+}
+
+/// See the [module](self).
+#[derive(Debug)]
+pub(super) struct Tracer {
+    context: Arc<Context>,
+    rays: Device,
+    kernels: Kernels,
+    arrays: [Buffer; 5],
+    params: Buffer,
+    state: Buffer,
+    queues: Buffer,
+    control: Buffer,
+    groups: Buffer,
+    left: Buffer,
+    plan: BindGroup,
+    buffers: Option<Buffers>,
+    state_bytes: u64,
+    queue_paths: u64,
+}
+
+impl Tracer {
+    /// - `options.paths`: as many of them under way at a time, where the device has the memory.
+    pub(super) fn new(
+        adapter: &Adapter,
+        info: &AdapterInfo,
+        scene: &PathScene,
+        options: &PathOptions,
+    ) -> Result<Self, GpuError> {
+        let features = pipeline_cache::features(adapter);
+        let context = Context::open(adapter, info, STORAGE_BUFFERS, features, options.timeout)?;
+        let variant = Variant { has_opacity: scene.has_opacity, features: scene.features };
+        let context = Arc::new(context);
+        let cache = PipelineCache::open(&context, adapter, options.cache.as_deref());
+        let kernels = Kernels::new(&context, variant, cache.get());
+        context.check()?;
+        cache.keep();
+        let limit = binding_limit(adapter);
+        let paths = options.paths.clamp(1, u64::from(GROUP_SIZE * GROUPS_MAX));
+        let state_bytes = (paths * (FIELDS + SHADOW_FIELDS) * FIELD_BYTES).min(limit / FIELD_BYTES * FIELD_BYTES);
+        let queue_paths = paths.min(limit / (QUEUES * 4));
+        let arrays = [
+            context.upload("nodes", bytemuck::cast_slice(&scene.geometry.nodes)),
+            context.upload("shapes", bytemuck::cast_slice(&scene.geometry.shapes)),
+            context.upload("scene", bytemuck::cast_slice(&scene.words)),
+            context.upload("materials", bytemuck::cast_slice(&scene.materials)),
+            context.upload("textures", bytemuck::cast_slice(&scene.textures)),
+        ];
+        let rays = Device::on(Arc::clone(&context), arrays[0].clone(), arrays[1].clone());
+        let params =
+            context.buffer("params", size_of::<Params>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let state = context.buffer("state", state_bytes, BufferUsages::STORAGE);
+        let queues = context.buffer("queues", queue_paths * QUEUES * 4, BufferUsages::STORAGE);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let control = context.buffer("control", size_of_val(&CONTROL) as u64, usage);
+        let groups = context.buffer("groups", 12 * PLANNED, BufferUsages::STORAGE | BufferUsages::INDIRECT);
+        let left = context.buffer("left", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
+        let plan = context.bind("plan", &kernels.plan_layout, &[(0, &control), (1, &groups)]);
+        context.check()?;
+        Ok(Self {
+            context,
+            rays,
+            kernels,
+            arrays,
+            params,
+            state,
+            queues,
+            control,
+            groups,
+            left,
+            plan,
+            buffers: None,
+            state_bytes,
+            queue_paths,
+        })
+    }
+
+    /// The closest hit of each ray.
+    pub(super) fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
+        self.rays.intersect(rays, RAYS_AT_ONCE)
+    }
+
+    /// Whether each ray hits anything.
+    pub(super) fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
+        self.rays.occluded(rays, RAYS_AT_ONCE)
+    }
+
+    /// Paths that can be under way at once.
+    pub(super) fn capacity(&self, light_samples: u32) -> u64 {
+        let bytes = (FIELDS + SHADOW_FIELDS * u64::from(light_samples)) * FIELD_BYTES;
+        (self.state_bytes / bytes).min(self.queue_paths)
+    }
+
+    /// Follows all paths of a batch; `read` gets the sums of its pixels.
+    pub(super) fn run(&mut self, batch: &Batch, read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
+        self.context.check()?;
+        let capacity = self.capacity(batch.params.light_samples).min(u64::from(batch.path_count)) as u32;
+        if capacity == 0 {
+            return Err(GpuError::Invalid(format!("{} light samples at a vertex", batch.params.light_samples)));
+        }
+        let sum_bytes = (batch.sums() * size_of::<f32>()) as u64;
+        self.grow(size_of_val(&*batch.words) as u64, sum_bytes);
+        let Some(buffers) = &self.buffers else { return Ok(()) };
+        self.context.queue.write_buffer(&buffers.words, 0, bytemuck::cast_slice(&batch.words));
+        let mut encoder = self.encoder();
+        encoder.clear_buffer(&buffers.sums, 0, Some(sum_bytes));
+        self.context.queue.submit([encoder.finish()]);
+        let mut before = None;
+        for first_path in (0..batch.path_count).step_by(capacity as usize) {
+            let path_count = capacity.min(batch.path_count - first_path);
+            let params = Params { capacity, first_path, path_count, ..batch.params };
+            let submission = self.pass(&params, buffers)?;
+            // One pass is under way while the next is prepared: no wait is longer than two of them.
+            if let Some(before) = before.replace(submission) {
+                self.context.wait(before)?;
+            }
+        }
+        let mut encoder = self.encoder();
+        encoder.copy_buffer_to_buffer(&buffers.sums, 0, &buffers.readback, 0, sum_bytes);
+        let submission = self.context.queue.submit([encoder.finish()]);
+        self.context.read(submission, &buffers.readback, sum_bytes, read)
+    }
+
+    fn encoder(&self) -> CommandEncoder {
+        self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// Follows as many paths as there is room for, and adds what they find to the sums.
+    fn pass(&self, params: &Params, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
+        let queue = &self.context.queue;
+        let mut control = CONTROL;
+        control[ACTIVE] = params.path_count;
+        queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
+        queue.write_buffer(&self.control, 0, bytemuck::cast_slice(&control));
+        let mut encoder = self.encoder();
+        self.compute(&mut encoder, buffers, |pass| {
+            pass.set_pipeline(&self.kernels.generate);
+            pass.dispatch_workgroups(params.path_count.div_ceil(GROUP_SIZE), 1, 1);
+            self.plan(pass, buffers, &self.kernels.plan_extend);
+        });
+        let mut depth = 0;
+        loop {
+            let bounces = BOUNCES.min(params.max_depth - depth);
+            self.compute(&mut encoder, buffers, |pass| {
+                for _ in 0..=bounces {
+                    self.bounce(pass, buffers);
+                }
+            });
+            if params.max_depth - depth <= bounces {
+                break;
+            }
+            depth += bounces + 1;
+            encoder.copy_buffer_to_buffer(&self.control, 4 * ACTIVE as u64, &self.left, 0, 4);
+            let submission = queue.submit([encoder.finish()]);
+            let mut left = 0;
+            self.context.read(submission, &self.left, 4, |words| left = words[0])?;
+            encoder = self.encoder();
+            if left == 0 {
+                break;
+            }
+        }
+        self.compute(&mut encoder, buffers, |pass| {
+            pass.set_pipeline(&self.kernels.accumulate);
+            pass.dispatch_workgroups(params.pixel_count.div_ceil(GROUP_SIZE), 1, 1);
+        });
+        Ok(queue.submit([encoder.finish()]))
+    }
+
+    fn compute(&self, encoder: &mut CommandEncoder, buffers: &Buffers, record: impl FnOnce(&mut ComputePass<'_>)) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        set_groups(&mut pass, buffers);
+        record(&mut pass);
+    }
+
+    /// All paths under way come to their next surface, and leave it.
+    fn bounce(&self, pass: &mut ComputePass<'_>, buffers: &Buffers) {
+        let kernels = &self.kernels;
+        self.planned(pass, &kernels.extend, 0);
+        self.plan(pass, buffers, &kernels.plan_shade);
+        self.planned(pass, &kernels.miss, 1);
+        self.planned(pass, &kernels.shade, 3);
+        self.plan(pass, buffers, &kernels.plan_next);
+        self.planned(pass, &kernels.shadow, 2);
+    }
+
+    /// A kernel with as many threads as were planned for it.
+    fn planned(&self, pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, place: u64) {
+        pass.set_pipeline(pipeline);
+        pass.dispatch_workgroups_indirect(&self.groups, 12 * place);
+    }
+
+    fn plan(&self, pass: &mut ComputePass<'_>, buffers: &Buffers, pipeline: &ComputePipeline) {
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &self.plan, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+        set_groups(pass, buffers);
+    }
+
+    /// Makes room for a batch.
+    fn grow(&mut self, word_bytes: u64, sum_bytes: u64) {
+        if self.buffers.as_ref().is_some_and(|it| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes) {
+            return;
+        }
+        let (old_words, old_sums) = self.buffers.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
+        self.buffers = None; // The old ones go first, where memory is short.
+        let context = &self.context;
+        let size = |wanted: u64, old: u64| wanted.max(old).max(1 << 16).next_power_of_two();
+        let (word_bytes, sum_bytes) = (size(word_bytes, old_words), size(sum_bytes, old_sums));
+        let words = context.buffer("batch", word_bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let sums = context.buffer("sums", sum_bytes, usage);
+        let readback = context.buffer("readback", sum_bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
+        let [nodes, shapes, scene, materials, textures] = &self.arrays;
+        let read = [nodes, shapes, scene, &words, materials, textures, &self.params];
+        let read: Vec<_> = (0..).zip(read).collect();
+        let written: Vec<_> = (0..).zip([&self.state, &self.queues, &self.control, &sums]).collect();
+        let scene = context.bind("scene", &self.kernels.scene_layout, &read);
+        let state = context.bind("state", &self.kernels.state_layout, &written);
+        self.buffers = Some(Buffers { words, sums, readback, scene, state });
+    }
+
+    /// Takes the device away, as a driver does that resets it.
+    #[cfg(test)]
+    pub(super) fn lose(&self) {
+        self.context.device.destroy();
+    }
+}
+
+fn set_groups(pass: &mut ComputePass<'_>, buffers: &Buffers) {
+    pass.set_bind_group(0, &buffers.scene, &[]);
+    pass.set_bind_group(1, &buffers.state, &[]);
+}

@@ -1,0 +1,111 @@
+//! Compiled kernels, kept from one run to the next: a driver takes seconds for them.
+//!
+//! Unsafe: a driver is given what it is told to have made itself. What was read is therefore compared with the digest that was
+//! written with it, is only given to the kind of device that its file is named by, and wgpu compares driver and version.
+#![allow(unsafe_code)]
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use wgpu::{Adapter, Features, PipelineCacheDescriptor};
+
+use crate::context::Context;
+
+/// Larger files are nothing of ours.
+const BYTES_MAX: u64 = 256 << 20;
+
+/// The kernels that a driver has compiled.
+#[derive(Debug)]
+pub(crate) struct PipelineCache {
+    kept: Option<Kept>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    file: PathBuf,
+    cache: wgpu::PipelineCache,
+    digest: Option<blake3::Hash>,
+}
+
+/// What a device must be opened with, so that its kernels can be kept.
+pub(crate) fn features(adapter: &Adapter) -> Features {
+    adapter.features() & Features::PIPELINE_CACHE
+}
+
+impl PipelineCache {
+    /// What is kept in `folder` for such an adapter; without a folder, or where the driver cannot, nothing is.
+    pub(crate) fn open(context: &Context, adapter: &Adapter, folder: Option<&Path>) -> Self {
+        Self { kept: folder.and_then(|folder| Kept::open(context, adapter, folder)) }
+    }
+
+    /// For those who make pipelines.
+    pub(crate) fn get(&self) -> Option<&wgpu::PipelineCache> {
+        self.kept.as_ref().map(|kept| &kept.cache)
+    }
+
+    /// Writes down what was compiled since, if anything was. What could not be written is compiled again next time.
+    pub(crate) fn keep(&self) {
+        let Some(kept) = &self.kept else { return };
+        let Some(data) = kept.cache.get_data() else { return };
+        let digest = blake3::hash(&data);
+        if kept.digest == Some(digest) {
+            return;
+        }
+        _ = kept.file.parent().map(fs::create_dir_all);
+        _ = bottega_image::write_whole(&kept.file, &[digest.as_bytes(), data.as_slice()].concat());
+    }
+}
+
+impl Kept {
+    fn open(context: &Context, adapter: &Adapter, folder: &Path) -> Option<Self> {
+        if !context.device.features().contains(Features::PIPELINE_CACHE) {
+            return None;
+        }
+        let file = folder.join(wgpu::util::pipeline_cache_key(&adapter.get_info())?);
+        let read = read(&file);
+        let descriptor = PipelineCacheDescriptor {
+            label: Some("kernels"),
+            data: read.as_ref().map(|(_, data)| data.as_slice()),
+            fallback: true,
+        };
+        // SAFETY: the data, if any, has the digest of what `get_data` returned on such a device.
+        let cache = unsafe { context.device.create_pipeline_cache(&descriptor) };
+        Some(Self { file, cache, digest: read.map(|(digest, _)| digest) })
+    }
+}
+
+/// What [`PipelineCache::keep`] wrote; `None`: nothing, or not quite that.
+fn read(path: &Path) -> Option<(blake3::Hash, Vec<u8>)> {
+    let mut bytes = Vec::new();
+    File::open(path).ok()?.take(BYTES_MAX).read_to_end(&mut bytes).ok()?;
+    let (digest, data) = bytes.split_first_chunk::<{ blake3::OUT_LEN }>()?;
+    let digest = blake3::Hash::from_bytes(*digest);
+    (blake3::hash(data) == digest).then(|| (digest, data.to_vec()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_damaged_is_not_given_to_a_driver() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("cache");
+        assert_eq!(read(&file), None);
+        let data = b"kernels".as_slice();
+        let whole = [blake3::hash(data).as_bytes(), data].concat();
+        fs::write(&file, &whole).unwrap();
+        assert_eq!(read(&file).unwrap().1, data);
+        for length in 0..whole.len() {
+            fs::write(&file, &whole[..length]).unwrap();
+            assert_eq!(read(&file), None, "{length} bytes of it");
+        }
+        for place in 0..whole.len() {
+            let mut changed = whole.clone();
+            changed[place] ^= 1;
+            fs::write(&file, &changed).unwrap();
+            assert_eq!(read(&file), None, "byte {place} changed");
+        }
+    }
+}

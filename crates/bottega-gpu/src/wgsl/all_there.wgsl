@@ -1,0 +1,7 @@
+// Of scenes in which nothing is cut out.
+
+fn is_there(hit: Hit, ray: Ray) -> bool {
+    return true;
+}
+
+fn ask_as(path: u32, depth: u32) {}

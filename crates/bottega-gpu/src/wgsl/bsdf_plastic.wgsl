@@ -1,0 +1,138 @@
+// A matte base below a dielectric boundary. See `bsdf/plastic.rs`.
+
+// About the mean over the hemisphere of what a boundary lets through.
+const PLASTIC_MEAN_THROUGH: f32 = 0.9;
+
+struct Plastic {
+    eta: f32,
+    facets: Facets,
+    specular: vec3f,
+    // The series of reflections within, over η².
+    base: vec3f,
+    // Of a layer below a smooth boundary, in mean free paths.
+    thickness: f32,
+    // Of a rough boundary.
+    cover: Cover,
+}
+
+// d[0]: what the boundary's reflection is multiplied by, α of x; d[1]: base, α of y; d[2]: η, thickness, the cover's
+// fractions; d[3]: what wo lets through, probability of the boundary; words: the cover's place and stride, the facets' bits.
+fn plastic_of(wo: vec3f, plastic: Plastic) -> Bsdf {
+    var b = bsdf_black(wo);
+    let through = plastic_through(plastic, wo.z);
+    let fresnel = fresnel_dielectric(wo.z, plastic.eta);
+    let mirrored = math_mean(plastic.specular) * fresnel;
+    let sum = mirrored + math_mean(plastic.base) * through * PLASTIC_MEAN_THROUGH;
+    var chance = 1.0;
+    if sum > 0.0 {
+        chance = mirrored / sum;
+    }
+    b.kind = BSDF_KIND_PLASTIC;
+    let is_rough = !facets_are_smooth(plastic.facets);
+    b.lobes = select(0u, BSDF_HAS_NON_DELTA, is_rough || math_max3(plastic.base) > 0.0);
+    b.roughness = facets_roughness(plastic.facets);
+    b.albedo = plastic.specular * fresnel + plastic.base * (through * PLASTIC_MEAN_THROUGH);
+    b.d[0] = vec4f(plastic.specular, plastic.facets.alpha.x);
+    b.d[1] = vec4f(plastic.base, plastic.facets.alpha.y);
+    b.d[2] = vec4f(plastic.eta, plastic.thickness, plastic.cover.fraction, plastic.cover.deeper);
+    b.d[3] = vec4f(through, chance, 0.0, 0.0);
+    b.words = vec3u(plastic.cover.at, plastic.cover.stride, plastic.facets.bits);
+    return b;
+}
+
+fn plastic_from(b: ptr<function, Bsdf>) -> Plastic {
+    let words = (*b).words;
+    let d2 = (*b).d[2];
+    let facets = Facets(vec2f((*b).d[0].w, (*b).d[1].w), words.z);
+    let cover = Cover(words.x, d2.z, words.y, d2.w);
+    return Plastic(d2.x, facets, (*b).d[0].xyz, (*b).d[1].xyz, d2.y, cover);
+}
+
+// Share of light at a cosine that reaches the base.
+fn plastic_through(plastic: Plastic, cosine: f32) -> f32 {
+    if !facets_are_smooth(plastic.facets) {
+        return cover_through(plastic.cover, cosine);
+    }
+    let through = 1.0 - fresnel_dielectric(cosine, plastic.eta);
+    if plastic.thickness == 0.0 {
+        return through;
+    }
+    let sin2 = max(1.0 - cosine * cosine, 0.0) / (plastic.eta * plastic.eta);
+    return through * math_exp(-plastic.thickness / sqrt(max(1.0 - sin2, 1e-12)));
+}
+
+// Mean of the reflectance over the hemisphere, seen from within a solid of index `eta` (Egan and Hilgeman 1979).
+fn plastic_mean_internal(eta: f32) -> f32 {
+    let beyond = 1.0 / eta;
+    if beyond < 1.0 {
+        return ((-1.4399 * beyond + 0.7099) * beyond + 0.6681) + 0.0636 / beyond;
+    }
+    let r = eta;
+    return ((((-1.36881 * r + 4.98554) * r - 7.80989) * r + 6.75335) * r - 3.4793) * r + 0.919317;
+}
+
+fn plastic_eval(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
+    if wi.z <= 0.0 {
+        return BsdfValue(vec3f(0.0), 0.0);
+    }
+    let plastic = plastic_from(b);
+    let seen = (*b).d[3].xy;
+    let bounce = facets_bounce(plastic.facets, (*b).wo, wi, 1.0);
+    let value = plastic.base * (seen.x * plastic_through(plastic, wi.z) * FRAC_1_PI)
+        + plastic.specular * (fresnel_dielectric(bounce.cosine, plastic.eta) * bounce.value);
+    return BsdfValue(value, (1.0 - seen.y) * warp_cosine_pdf(wi.z) + seen.y * bounce.pdf);
+}
+
+fn plastic_draw(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
+    let plastic = plastic_from(b);
+    let wo = (*b).wo;
+    let chance = (*b).d[3].y;
+    if u.x >= chance {
+        return bsdf_spread(warp_cosine(u.yz), BSDF_REFLECTION | BSDF_DIFFUSE, 1.0);
+    }
+    if facets_are_smooth(plastic.facets) {
+        let energy = plastic.specular * fresnel_dielectric(wo.z, plastic.eta);
+        return bsdf_delta(vec3f(-wo.xy, wo.z), energy, chance, BSDF_REFLECTION, 1.0);
+    }
+    let wi = fresnel_reflect(wo, facets_sample(plastic.facets, wo, u.yz));
+    return bsdf_spread(wi, BSDF_REFLECTION | BSDF_GLOSSY, 1.0);
+}
+
+fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f) -> Bsdf {
+    let facets = facets_of(material_words[record + 1u], vec2f((*p)[2].x, (*p)[3].x));
+    let eta = material_f32(record + 2u);
+    let nonlinear = material_words[record + 3u] != 0u;
+    // 0: the boundary is smooth everywhere.
+    let block = material_words[record + 4u];
+    let diffuse = surface_share((*p)[0] * (*point).vertex_color.xyz);
+    var cover = Cover(0u, 0.0, 0u, 0.0);
+    var back = 0.0;
+    if block == 0u || facets_are_smooth(facets) {
+        back = plastic_mean_internal(eta);
+    } else {
+        cover = cover_of(block, facets.alpha, 0.0);
+        back = cover_back(cover);
+    }
+    let base = diffuse / ((1.0 - select(vec3f(1.0), diffuse, nonlinear) * back) * (eta * eta));
+    return plastic_of(wo, Plastic(eta, facets, surface_share((*p)[1]), base, 0.0, cover));
+}
+
+// A matte base below a layer that only absorbs. See `matte_coated` in `bsdf/coated.rs`.
+fn plastic_coat_surface(
+    record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f,
+) -> Bsdf {
+    let facets = facets_of(material_words[record + 1u], vec2f((*p)[3].x, (*p)[4].x));
+    let eta = material_f32(record + 2u);
+    let thickness = clamp((*p)[1].x, 0.0, 100.0);
+    let color = surface_share((*p)[5] * (*point).vertex_color.xyz);
+    let cover = cover_of(material_words[record + 4u], facets.alpha, thickness);
+    // Of the events within, every other one is at the base.
+    let bounces = f32((material_words[record + 3u] + 1u) / 2u);
+    let round = color * cover_back(cover);
+    var rest = vec3f(1.0);
+    if bounces > 0.0 {
+        rest = vec3f(math_pow(round.x, bounces), math_pow(round.y, bounces), math_pow(round.z, bounces));
+    }
+    let series = color * (1.0 - rest) / (1.0 - round);
+    return plastic_of(wo, Plastic(eta, facets, vec3f(1.0), series / (eta * eta), thickness, cover));
+}

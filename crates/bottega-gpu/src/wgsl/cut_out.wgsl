@@ -1,0 +1,41 @@
+// Whether a candidate hit counts where surfaces may let rays pass. It depends on the segment of the path and on the surface
+// alone, so all candidates of one ray may be asked in any order and more than once.
+
+var<private> asking: Sampler;
+var<private> asking_depth: u32;
+
+fn ask_as(path: u32, depth: u32) {
+    asking = sampler_from(path);
+    asking_depth = depth;
+}
+
+fn is_there(hit: Hit, ray: Ray) -> bool {
+    var place: SurfacePlace;
+    if (hit.instance & SPHERE) != 0u {
+        let sphere = sphere_at(hit.instance & ~SPHERE);
+        place.material = scene_words[sphere + 8u];
+        place.vertex_alpha = 1.0;
+    } else {
+        place.material = scene_words[scene_words[instance_at(hit.instance) + INSTANCE_MESH]];
+    }
+    let flags = material_flags(place.material);
+    if (flags & MATERIAL_HAS_OPACITY) == 0u {
+        return true;
+    }
+    if (flags & MATERIAL_NULL) != 0u {
+        return false;
+    }
+    if (hit.instance & SPHERE) == 0u {
+        place = place_of(hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    } else if (flags & MATERIAL_TEXTURED) != 0u {
+        let sphere = sphere_at(hit.instance & ~SPHERE);
+        let n = direction_or(ray.origin + hit.t * ray.direction - vec3_at(sphere), vec3(0.0, 1.0, 0.0));
+        place.uv0 = sphere_uv(sphere, n);
+        place.uv1 = place.uv0;
+    }
+    let there = opacity(place);
+    if there >= 1.0 {
+        return true;
+    }
+    return there > 0.0 && hashed(asking, vec2(hit.primitive, hit.instance ^ (asking_depth << 24u))) < there;
+}

@@ -1,0 +1,103 @@
+// The facets of a boundary, by either distribution: light that they mirror or refract once. See `bsdf/microfacet.rs`.
+
+const FACETS_BECKMANN: u32 = 1u;
+const FACETS_SEPARABLE: u32 = 2u;
+const FACETS_SCALE_SHIFT: u32 = 2u;
+
+struct Facets {
+    // Along x and y; both 0: smooth.
+    alpha: vec2f,
+    bits: u32,
+}
+
+// What facets make of light between two directions, if they mirrored or refracted all of it.
+struct FacetBounce {
+    // Of wo to the facet; 0: there is none.
+    cosine: f32,
+    value: f32,
+    pdf: f32,
+}
+
+// `bits` as encoded, with what roughness means in the upper ones.
+fn facets_of(bits: u32, roughness: vec2f) -> Facets {
+    var alpha = roughness;
+    switch bits >> FACETS_SCALE_SHIFT {
+        case 1u: { alpha = sqrt(max(roughness, vec2f(0.0))); }
+        case 2u: { alpha = roughness * roughness; }
+        default: {}
+    }
+    if max(alpha.x, alpha.y) < GGX_SMOOTH_ALPHA {
+        return Facets(vec2f(0.0), bits & 3u);
+    }
+    return Facets(clamp(alpha, vec2f(GGX_SMOOTH_ALPHA), vec2f(10.0)), bits & 3u);
+}
+
+fn facets_are_smooth(facets: Facets) -> bool {
+    return facets.alpha.x == 0.0;
+}
+
+fn facets_are_beckmann(facets: Facets) -> bool {
+    return (facets.bits & FACETS_BECKMANN) != 0u;
+}
+
+fn facets_roughness(facets: Facets) -> f32 {
+    return min(sqrt(sqrt(facets.alpha.x * facets.alpha.y)), 1.0);
+}
+
+fn facets_density(facets: Facets, h: vec3f) -> f32 {
+    if HAS_BECKMANN { if facets_are_beckmann(facets) { return beckmann_density(facets.alpha, h); } }
+    return ggx_density(facets.alpha, h);
+}
+
+// G₁; 1 of smooth ones.
+fn facets_masking(facets: Facets, w: vec3f) -> f32 {
+    if HAS_BECKMANN { if facets_are_beckmann(facets) { return beckmann_masking(facets.alpha, w); } }
+    return ggx_masking(facets.alpha, w);
+}
+
+// G₂; the directions may be on different sides.
+fn facets_shadowing(facets: Facets, wo: vec3f, wi: vec3f) -> f32 {
+    let o = facets_masking(facets, wo);
+    let i = facets_masking(facets, wi);
+    if (facets.bits & FACETS_SEPARABLE) != 0u {
+        return o * i;
+    }
+    return o * i / max(o + i - o * i, 1.2e-38);
+}
+
+fn facets_visible_area(facets: Facets, wo: vec3f) -> f32 {
+    if HAS_BECKMANN { if facets_are_beckmann(facets) { return beckmann_visible_area(facets.alpha, wo); } }
+    return ggx_visible_area(facets.alpha, wo);
+}
+
+// A facet's normal, as likely as `wo` sees it; that of the surface where it is smooth.
+fn facets_sample(facets: Facets, wo: vec3f, u: vec2f) -> vec3f {
+    if facets_are_smooth(facets) {
+        return vec3f(0.0, 0.0, 1.0);
+    }
+    if HAS_BECKMANN { if facets_are_beckmann(facets) { return beckmann_sample(facets.alpha, wo, u); } }
+    return ggx_sample(facets.alpha, wo, u);
+}
+
+// Light between wo above the surface and wi above it (mirrored) or below it (refracted by `eta`: index below over that
+// above; in importance mode). Nothing of smooth ones.
+fn facets_bounce(facets: Facets, wo: vec3f, wi: vec3f, eta: f32) -> FacetBounce {
+    let mirrors = wi.z > 0.0;
+    let sum = wo + select(eta, 1.0, mirrors) * wi;
+    let length2 = dot(sum, sum);
+    if facets_are_smooth(facets) || length2 < 1e-30 {
+        return FacetBounce(0.0, 0.0, 0.0);
+    }
+    let upright = sum / sqrt(length2);
+    let h = select(upright * math_sign(sum.z), upright, mirrors);
+    let cos_o = dot(wo, h);
+    let cos_i = dot(wi, h);
+    if cos_o <= 0.0 || (!mirrors && cos_i >= 0.0) || wi.z == 0.0 {
+        return FacetBounce(0.0, 0.0, 0.0);
+    }
+    // D times dω_h / dω_i (Walter et al. 2007, eq. 17) times the cosine of wo.
+    let jacobian = select(eta * eta * -cos_i * cos_o / length2, 0.25, mirrors);
+    let density = facets_density(facets, h) * jacobian;
+    let value = density * facets_shadowing(facets, wo, wi) / (wo.z * abs(wi.z));
+    return FacetBounce(cos_o, value, density / facets_visible_area(facets, wo));
+}

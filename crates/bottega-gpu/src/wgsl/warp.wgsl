@@ -1,0 +1,41 @@
+// Maps from the unit square to directions, and local frames.
+
+const WARP_UNIFORM_PDF: f32 = 0.159154943;
+
+// A direction of the upper hemisphere with density cos θ / π.
+fn warp_cosine(u: vec2f) -> vec3f {
+    let turn = math_turns(u.x);
+    let radius = sqrt(u.y);
+    return vec3f(radius * turn.y, radius * turn.x, sqrt(max(1.0 - u.y, 0.0)));
+}
+
+fn warp_cosine_pdf(cos_theta: f32) -> f32 {
+    return max(cos_theta, 0.0) * FRAC_1_PI;
+}
+
+// A direction of the upper hemisphere with constant density.
+fn warp_uniform(u: vec2f) -> vec3f {
+    let turn = math_turns(u.x);
+    let z = 1.0 - u.y;
+    let radius = sqrt(max(1.0 - z * z, 0.0));
+    return vec3f(radius * turn.y, radius * turn.x, z);
+}
+
+// Any frame around a unit normal, its columns x, y, z (Duff et al. 2017, listing 3).
+fn frame_of(n: vec3f) -> mat3x3f {
+    let sign = math_sign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    return mat3x3f(vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), vec3f(b, sign + n.y * n.y * a, -n.y), n);
+}
+
+// Splits a number in [0, 1) at `chance`: where in its part it lies.
+fn warp_rest(u: f32, chance: f32) -> f32 {
+    var rest = 0.0;
+    if u < chance {
+        rest = u / chance;
+    } else {
+        rest = (u - chance) / (1.0 - chance);
+    }
+    return clamp(rest, 0.0, ONE_MINUS_EPSILON);
+}

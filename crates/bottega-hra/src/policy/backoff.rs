@@ -1,0 +1,45 @@
+//! Pauses after failures.
+
+use std::time::Duration;
+
+use crate::HraConfig;
+
+/// Failures in a row, and the pauses that follow from them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Backoff {
+    failures: u32,
+}
+
+impl Backoff {
+    pub(crate) fn succeeded(&mut self) {
+        self.failures = 0;
+    }
+
+    /// The pause after one more failure: twice the one before. `None`: enough.
+    pub(crate) fn failed(&mut self, config: &HraConfig) -> Option<Duration> {
+        self.failures = self.failures.saturating_add(1);
+        let doublings = (self.failures - 1).min(31);
+        (self.failures < config.max_failures)
+            .then(|| config.pause_min.saturating_mul(1 << doublings).min(config.pause_max))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_double_up_to_the_longest_and_end_in_giving_up() {
+        let config = HraConfig {
+            pause_min: Duration::from_millis(1),
+            pause_max: Duration::from_millis(6),
+            max_failures: 6,
+            ..HraConfig::default()
+        };
+        let mut backoff = Backoff::default();
+        let pauses: Vec<_> = (0..6).map(|_| backoff.failed(&config).map(|pause| pause.as_millis())).collect();
+        assert_eq!(pauses, [Some(1), Some(2), Some(4), Some(6), Some(6), None]);
+        backoff.succeeded();
+        assert_eq!(backoff.failed(&config), Some(Duration::from_millis(1)));
+    }
+}

@@ -1,0 +1,237 @@
+//! The work bin: what waits, and what goes next.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::time::Time;
+use super::unit::{Chunk, Data, Meta, Unit};
+use crate::{DataId, Primitive, PrimitiveSet};
+
+/// Sets of data of one priority that are looked at for one that is resident.
+const DATA_LOOKED_AT: usize = 16;
+
+/// A chunk's place: highest priority first, then by data, then first come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Order {
+    priority: Reverse<i32>,
+    data: Option<DataId>,
+    sequence: u64,
+}
+
+/// A chunk from which a resource may be served.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Head {
+    pub(crate) primitive: Primitive,
+    pub(crate) order: Order,
+    /// Items of the unit in front.
+    pub(crate) size: u64,
+    pub(crate) data: Option<Data>,
+    pub(crate) late: Time,
+}
+
+impl Head {
+    pub(crate) fn priority(&self) -> i32 {
+        self.order.priority.0
+    }
+
+    pub(crate) fn sequence(&self) -> u64 {
+        self.order.sequence
+    }
+}
+
+/// What waits for one primitive.
+struct Shelf<T> {
+    chunks: BTreeMap<Order, Chunk<T>>,
+    /// The chunks, by the time at which their first unit becomes late.
+    late: BTreeSet<(Time, Order)>,
+    /// Those whose first unit expires, by that time.
+    expiring: BTreeSet<(Time, Order)>,
+    items: u64,
+}
+
+impl<T> Shelf<T> {
+    fn new() -> Self {
+        let (chunks, late, expiring) = (BTreeMap::new(), BTreeSet::new(), BTreeSet::new());
+        Self { chunks, late, expiring, items: 0 }
+    }
+
+    fn put(&mut self, order: Order, chunk: Chunk<T>) {
+        let Some(front) = chunk.front() else { return };
+        self.late.insert((front.late, order));
+        if front.expires < Time::NEVER {
+            self.expiring.insert((front.expires, order));
+        }
+        self.items = self.items.saturating_add(chunk.items());
+        self.chunks.insert(order, chunk);
+    }
+
+    fn remove(&mut self, order: Order) -> Option<Chunk<T>> {
+        let chunk = self.chunks.remove(&order)?;
+        if let Some(front) = chunk.front() {
+            self.late.remove(&(front.late, order));
+            self.expiring.remove(&(front.expires, order));
+        }
+        self.items = self.items.saturating_sub(chunk.items());
+        Some(chunk)
+    }
+
+    fn head(&self, primitive: Primitive, order: Order) -> Option<Head> {
+        let front = self.chunks.get(&order)?.front()?;
+        Some(Head { primitive, order, size: front.size, data: front.data, late: front.late })
+    }
+
+    /// The first chunk after `order` that is of other data or lower priority.
+    fn beyond(&self, order: Order) -> Option<Order> {
+        let last = Order { sequence: u64::MAX, ..order };
+        self.chunks.range(last..).next().map(|(&order, _)| order)
+    }
+}
+
+/// All units that wait.
+pub(crate) struct Bin<T> {
+    shelves: [Shelf<T>; Primitive::COUNT],
+    /// Units that came back from a resource that failed: few, for a resource that fails is left alone for a while.
+    retries: Vec<Unit<T>>,
+    len: usize,
+    sequence: u64,
+}
+
+impl<T> Bin<T> {
+    pub(crate) fn new() -> Self {
+        Self { shelves: std::array::from_fn(|_| Shelf::new()), retries: Vec::new(), len: 0, sequence: 0 }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Items that wait for a primitive, those of units to be tried again left out.
+    pub(crate) fn items_of(&self, primitive: Primitive) -> u64 {
+        self.shelves[primitive.index()].items
+    }
+
+    pub(crate) fn push(&mut self, chunk: Chunk<T>) {
+        let Some(front) = chunk.front() else { return };
+        let data = front.data.map(|data| data.id);
+        let order = Order { priority: Reverse(front.priority), data, sequence: self.sequence };
+        let shelf = front.primitive.index();
+        self.sequence += 1;
+        self.len += chunk.len();
+        self.shelves[shelf].put(order, chunk);
+    }
+
+    /// Puts back a unit that failed; it goes before all others.
+    pub(crate) fn push_retry(&mut self, unit: Unit<T>) {
+        self.retries.push(unit);
+        self.len += 1;
+    }
+
+    /// A unit that failed elsewhere and `may` be tried here.
+    pub(crate) fn take_retry(&mut self, may: impl Fn(&Meta) -> bool) -> Option<Unit<T>> {
+        let index = self.retries.iter().position(|unit| may(&unit.meta))?;
+        self.len -= 1;
+        Some(self.retries.remove(index))
+    }
+
+    /// Of the units that are late at `until`, the one that was so first.
+    pub(crate) fn latest(&self, able: PrimitiveSet, until: Time, holds: impl Fn(Option<Data>) -> bool) -> Option<Head> {
+        let first = |primitive: Primitive| {
+            let shelf = &self.shelves[primitive.index()];
+            let late = shelf.late.iter().take_while(|(late, _)| *late <= until);
+            late.filter_map(|&(_, order)| shelf.head(primitive, order)).find(|head| holds(head.data))
+        };
+        able.iter().filter_map(first).min_by_key(|head| (head.late, head.primitive, head.order))
+    }
+
+    /// Where to draw from for `primitive`: of the highest priority that has data which the resource `holds`, what is
+    /// resident there, else what came first.
+    pub(crate) fn head(
+        &self,
+        primitive: Primitive,
+        holds: impl Fn(Option<Data>) -> bool,
+        resident: impl Fn(DataId) -> bool,
+    ) -> Option<Head> {
+        let shelf = &self.shelves[primitive.index()];
+        let mut best: Option<Head> = None;
+        let mut next = shelf.chunks.first_key_value().map(|(&order, _)| order);
+        let mut looked_at = 0;
+        while let Some(order) = next {
+            let head = shelf.head(primitive, order)?;
+            if best.is_some_and(|best| best.priority() > head.priority() || looked_at >= DATA_LOOKED_AT) {
+                break;
+            }
+            if holds(head.data) {
+                looked_at += 1;
+                if head.data.is_some_and(|data| resident(data.id)) {
+                    return Some(head);
+                }
+                if best.is_none_or(|best| head.sequence() < best.sequence()) {
+                    best = Some(head);
+                }
+            }
+            next = shelf.beyond(order);
+        }
+        best
+    }
+
+    /// Takes units from `head` on, of the same priority and data, as long as `wanted`, told of each, agrees.
+    pub(crate) fn draw(&mut self, head: &Head, mut wanted: impl FnMut(&Meta) -> bool) -> Vec<Unit<T>> {
+        let shelf = &mut self.shelves[head.primitive.index()];
+        let mut drawn = Vec::new();
+        let mut next = Some(head.order);
+        while let Some(order) = next {
+            let Some(mut chunk) = shelf.remove(order) else { break };
+            while chunk.front().is_some_and(&mut wanted) {
+                drawn.extend(chunk.pop());
+            }
+            if chunk.len() > 0 {
+                shelf.put(order, chunk);
+                break;
+            }
+            let following = shelf.chunks.range(order..).next().map(|(&order, _)| order);
+            next = following.filter(|next| (next.priority, next.data) == (order.priority, order.data));
+        }
+        self.len -= drawn.len();
+        drawn
+    }
+
+    /// Takes out what is expired.
+    pub(crate) fn take_expired(&mut self, now: Time, out: &mut Vec<Unit<T>>) {
+        let before = out.len();
+        for shelf in &mut self.shelves {
+            while let Some(&(expires, order)) = shelf.expiring.first()
+                && expires <= now
+            {
+                let Some(mut chunk) = shelf.remove(order) else { break };
+                while chunk.front().is_some_and(|front| front.expires <= now) {
+                    out.extend(chunk.pop());
+                }
+                shelf.put(order, chunk);
+            }
+        }
+        out.extend(self.retries.extract_if(.., |unit| unit.meta.expires <= now));
+        self.len -= out.len() - before;
+    }
+
+    /// When the next unit expires.
+    pub(crate) fn next_expiry(&self) -> Option<Time> {
+        let shelves = self.shelves.iter().filter_map(|shelf| shelf.expiring.first().map(|&(expires, _)| expires));
+        let retries = self.retries.iter().map(|unit| unit.meta.expires).filter(|&expires| expires < Time::NEVER);
+        shelves.chain(retries).min()
+    }
+
+    /// Takes out all units for which `wanted` holds, in order of submission within a primitive, priority and data.
+    pub(crate) fn extract(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
+        let mut out: Vec<_> = self.retries.extract_if(.., |unit| wanted(unit)).collect();
+        for shelf in &mut self.shelves {
+            let orders: Vec<Order> = shelf.chunks.keys().copied().collect();
+            for order in orders {
+                let Some(mut chunk) = shelf.remove(order) else { continue };
+                chunk.extract(&wanted, &mut out);
+                shelf.put(order, chunk);
+            }
+        }
+        self.len -= out.len();
+        out
+    }
+}

@@ -1,0 +1,374 @@
+//! The allocator without threads: units come in, resources ask for work and answer, and it is said who does what.
+
+use std::time::Duration;
+
+use super::account::Account;
+use super::bin::Bin;
+use super::demand::Demand;
+use super::flow::Flow;
+use super::incident::{Fault, Incidents};
+use super::lane::{Health, Lane, Launch};
+use super::length::BinLength;
+use super::placement::{Choice, Planned};
+use super::roster::Roster;
+use super::time::Time;
+use super::unit::{Chunk, Unit};
+use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor, ResourceId, Window};
+
+/// State and decisions of an allocator whose units carry a `T`.
+pub(crate) struct Core<T> {
+    pub(super) config: HraConfig,
+    pub(super) lanes: Vec<Lane>,
+    pub(super) roster: Roster,
+    pub(super) bin: Bin<T>,
+    pub(super) length: BinLength,
+    pub(super) demand: Demand,
+    pub(super) incidents: Incidents,
+    pub(super) planned: Option<Planned>,
+    pub(super) closed: bool,
+    /// Resources that wait to be woken.
+    pub(super) dozing: usize,
+}
+
+/// What a resource is to do.
+pub(crate) enum Next<T> {
+    /// Do this.
+    Packet(Packet<T>),
+    /// Throw this out, for after a failure nobody knows what you hold; make yourself ready, and say whether that went
+    /// well.
+    Recover(Vec<DataId>),
+    /// Ask again when woken, when something is answered, and at this time.
+    Wait(Option<Time>),
+    /// Never ask again.
+    End,
+}
+
+/// Units handed to a resource together; all of one primitive and on the same data.
+pub(crate) struct Packet<T> {
+    pub(crate) sequence: u64,
+    pub(crate) units: Vec<Unit<T>>,
+    /// What the resource must throw out first.
+    pub(crate) evicted: Vec<DataId>,
+    /// When it is overdue.
+    pub(crate) deadline: Time,
+}
+
+/// What else is to be done after an event.
+pub(crate) struct Out<T> {
+    /// These should ask for work.
+    pub(crate) wake: Vec<ResourceId>,
+    /// These are too old to be of use.
+    pub(crate) expired: Vec<Unit<T>>,
+    /// Nobody is left who could do these.
+    pub(crate) orphans: Vec<Unit<T>>,
+    /// These packets have no answer long after there should have been one. If their units can be done again, call
+    /// [`Core::hung`], else [`Core::spare`].
+    pub(crate) overdue: Vec<(ResourceId, u64)>,
+}
+
+impl<T> Default for Out<T> {
+    fn default() -> Self {
+        Self { wake: Vec::new(), expired: Vec::new(), orphans: Vec::new(), overdue: Vec::new() }
+    }
+}
+
+/// How a packet ended.
+#[derive(Debug, Default)]
+pub(crate) struct Landing {
+    /// Units done, and their items.
+    pub(crate) done: usize,
+    pub(crate) done_items: u64,
+    /// Units that failed.
+    pub(crate) failed: usize,
+    pub(crate) fault: Option<(Fault, String)>,
+    /// The time that it took, where that was measured at the resource.
+    pub(crate) busy: Option<Duration>,
+}
+
+/// What became of a packet that landed.
+#[derive(Debug)]
+pub(crate) struct Landed {
+    /// Time that it took of the resource.
+    pub(crate) busy: Duration,
+    /// What the resource must throw out to get memory.
+    pub(crate) evicted: Vec<DataId>,
+    /// Whether those that failed are to blame on the resource.
+    pub(crate) blamed: bool,
+}
+
+impl<T> Core<T> {
+    /// An allocator of these resources; far ones have a window. Costs that the book has are known from the start.
+    pub(crate) fn new(
+        config: HraConfig,
+        resources: Vec<(ResourceDescriptor, Option<Window>)>,
+        book: &CostBook,
+    ) -> Self {
+        let descriptors: Vec<_> = resources.iter().map(|(descriptor, _)| descriptor.clone()).collect();
+        let lane = |(descriptor, window): (ResourceDescriptor, Option<Window>)| {
+            let flow = window.map(|window| Flow::new(window.packets, window.units_per_packet));
+            let patience = window.map_or(config.hang_max, |window| window.patience);
+            let costs = book.costs_of(&descriptor.name);
+            Lane::new(descriptor, flow, patience, costs, Account::new(Time::ZERO, config.spans_kept))
+        };
+        let mut demand = Demand::default();
+        demand.ran_dry(Time::ZERO);
+        Self {
+            roster: Roster::new(&descriptors),
+            lanes: resources.into_iter().map(lane).collect(),
+            bin: Bin::new(),
+            length: BinLength::new(&config, descriptors.len()),
+            demand,
+            incidents: Incidents::default(),
+            planned: None,
+            closed: false,
+            dozing: 0,
+            config,
+        }
+    }
+
+    // ---- The submitter's side.
+
+    /// Units that the bin should hold at most.
+    pub(crate) fn capacity(&self) -> usize {
+        self.length.capacity()
+    }
+
+    /// Units that wait.
+    pub(crate) fn waiting(&self) -> usize {
+        self.bin.len()
+    }
+
+    /// Resources that wait to be woken.
+    pub(crate) fn dozing(&self) -> usize {
+        self.dozing
+    }
+
+    /// The most data with which anybody can do `primitive`; `None` when nobody can at all.
+    pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
+        self.roster.most_data(primitive)
+    }
+
+    /// So much will be submitted as soon as there is room.
+    pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
+        self.demand.announce(primitive, items);
+    }
+
+    /// What was announced will not come.
+    pub(crate) fn retract(&mut self, primitive: Primitive, items: u64) {
+        self.demand.arrived(primitive, items);
+    }
+
+    /// Takes in units. After the end, and where nobody can do them, they come back as orphans.
+    pub(crate) fn submit(&mut self, now: Time, mut chunk: Chunk<T>, out: &mut Out<T>) {
+        let Some(front) = chunk.front() else { return };
+        let (primitive, size, data) = (front.primitive, front.size, front.data);
+        self.length.may_wait(front.late.since(front.submitted));
+        if chunk.announced {
+            self.demand.arrived(primitive, chunk.items());
+        }
+        if self.closed || !self.roster.anybody_can(primitive, data.map_or(0, |data| data.bytes)) {
+            out.orphans.extend(std::iter::from_fn(|| chunk.pop()));
+            return;
+        }
+        if !chunk.announced {
+            self.demand.came(now);
+        }
+        let units = chunk.len();
+        self.bin.push(chunk);
+        for _ in 0..units {
+            if self.dozing == 0 || !self.wake_best(now, primitive, size, data, out) {
+                break;
+            }
+        }
+    }
+
+    /// Takes out the units for which `wanted` holds.
+    pub(crate) fn cancel(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
+        self.bin.extract(wanted)
+    }
+
+    /// Hands out nothing any more; gives back what waits.
+    pub(crate) fn close(&mut self) -> Vec<Unit<T>> {
+        self.closed = true;
+        self.bin.extract(|_| true)
+    }
+
+    // ---- The resources' side.
+
+    /// A resource asks what to do.
+    pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut Out<T>) -> Next<T> {
+        self.bin.take_expired(now, &mut out.expired);
+        let lane = &mut self.lanes[id.index()];
+        self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
+        match lane.health {
+            Health::Retired => return Next::End,
+            _ if self.closed => return if lane.flights.is_empty() { Next::End } else { Next::Wait(None) },
+            Health::Paused(until) if until <= now => {
+                lane.health = Health::Recovering;
+                return Next::Recover(lane.residency.evict_all());
+            }
+            Health::Paused(until) => return Next::Wait(Some(until)),
+            Health::Recovering | Health::Hung => return Next::Wait(None),
+            Health::Up => {}
+        }
+        if !lane.has_room(now) {
+            return Next::Wait(None);
+        }
+        let until = match self.choose(now, id) {
+            Choice::Retry(unit) => match self.launch(now, id, vec![unit]) {
+                Ok(packet) => return Next::Packet(packet),
+                Err(_) => None,
+            },
+            Choice::Draw { head, units } => match self.draw(now, id, &head, units) {
+                Some(packet) => return Next::Packet(packet),
+                None => None,
+            },
+            Choice::Decline { until, sooner } => {
+                sooner.into_iter().for_each(|id| self.wake(id, out));
+                Some(until)
+            }
+            Choice::Nothing => {
+                self.note_if_dry(now);
+                None
+            }
+        };
+        self.lanes[id.index()].dozes = true;
+        self.dozing += 1;
+        Next::Wait(until)
+    }
+
+    fn note_if_dry(&mut self, now: Time) {
+        if self.bin.len() == 0 && self.lanes.iter().all(|lane| lane.flights.is_empty()) {
+            self.demand.ran_dry(now);
+        }
+    }
+
+    fn draw(&mut self, now: Time, id: ResourceId, head: &super::bin::Head, units: usize) -> Option<Packet<T>> {
+        let mut left = units;
+        let drawn = self.bin.draw(head, |_| {
+            let more = left > 0;
+            left -= usize::from(more);
+            more
+        });
+        self.launch(now, id, drawn).ok()
+    }
+
+    /// Sends a packet; the units go back into the bin when there is no memory for their data just now.
+    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Result<Packet<T>, ()> {
+        let lane = &mut self.lanes[id.index()];
+        let Some(first) = units.first().map(|unit| &unit.meta) else { return Err(()) };
+        let (primitive, data) = (first.primitive, first.data);
+        let admission = match data {
+            None => None,
+            Some(data) => match lane.residency.admit(data) {
+                Some(admission) => Some(admission),
+                None => {
+                    units.into_iter().for_each(|unit| self.bin.push_retry(unit));
+                    return Err(());
+                }
+            },
+        };
+        let items = units.iter().map(|unit| unit.meta.size).fold(0, u64::saturating_add);
+        let (evicted, moved_bytes) =
+            admission.map_or((Vec::new(), 0), |admission| (admission.evicted, admission.moved_bytes));
+        let launch = Launch { primitive, units: units.len(), items, data: data.map(|data| data.id), moved_bytes };
+        let sequence = lane.launch(now, &launch, &self.config);
+        lane.account.enter(Activity::Working, now);
+        self.length.taken(now, units.len(), self.bin.len());
+        let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.deadline);
+        Ok(Packet { sequence, units, evicted, deadline })
+    }
+
+    /// An answer to a packet. `None`: it was given up before, and whatever the answer is must be dropped.
+    pub(crate) fn landed(
+        &mut self,
+        now: Time,
+        id: ResourceId,
+        sequence: u64,
+        landing: Landing,
+        out: &mut Out<T>,
+    ) -> Option<Landed> {
+        let lane = &mut self.lanes[id.index()];
+        let Some(mut flight) = lane.land(sequence) else {
+            self.returned(now, id);
+            return None;
+        };
+        let Landing { done, done_items, failed, fault, busy } = landing;
+        lane.account.units += done as u64;
+        if done > 0 {
+            lane.goes_on(now, sequence);
+        }
+        let sent_units = flight.units;
+        let mut landed = Landed { busy: busy.unwrap_or(Duration::ZERO), evicted: Vec::new(), blamed: true };
+        if done > 0 && failed == 0 {
+            (flight.units, flight.items) = (done, done_items);
+            landed.busy = lane.learn(now, &flight, busy);
+        }
+        match fault {
+            None => lane.backoff.succeeded(),
+            Some((Fault::OutOfMemory, reason)) if sent_units > 1 => {
+                // Not a failure of its units: fewer of them may fit.
+                landed.blamed = false;
+                landed.evicted = lane.residency.evict_all();
+                if let Some(flow) = &mut lane.flow {
+                    flow.out_of_memory(sent_units);
+                }
+                self.incidents.note(now, id, Fault::OutOfMemory, &reason);
+            }
+            Some((fault, reason)) => {
+                if fault == Fault::OutOfMemory {
+                    landed.evicted = lane.residency.evict_all();
+                }
+                lane.account.failures += failed.max(1) as u64;
+                self.fail(now, id, fault, &reason, out);
+            }
+        }
+        self.settle_activity(now, id);
+        Some(landed)
+    }
+
+    /// Sets the account to what the resource is at.
+    pub(super) fn settle_activity(&mut self, now: Time, id: ResourceId) {
+        let lane = &mut self.lanes[id.index()];
+        let activity = match lane.health {
+            Health::Retired => Activity::Retired,
+            Health::Hung => Activity::Suspended,
+            _ if !lane.flights.is_empty() => Activity::Working,
+            Health::Paused(_) | Health::Recovering => Activity::Suspended,
+            Health::Up => Activity::Idle,
+        };
+        lane.account.enter(activity, now);
+    }
+
+    /// What the resource says of its memory.
+    pub(crate) fn set_memory_free(&mut self, id: ResourceId, bytes: u64) {
+        self.lanes[id.index()].residency.set_free(bytes);
+    }
+
+    // ---- Time.
+
+    /// Looks at what time alone brings: units that expire, packets that are overdue.
+    pub(crate) fn tick(&mut self, now: Time, out: &mut Out<T>) {
+        self.bin.take_expired(now, &mut out.expired);
+        for (lane, id) in self.lanes.iter().zip(0..) {
+            let overdue = lane.flights.iter().filter(|(_, flight)| flight.deadline <= now);
+            out.overdue.extend(overdue.map(|(&sequence, _)| (ResourceId(id), sequence)));
+        }
+    }
+
+    /// When [`Core::tick`] is next to be called.
+    pub(crate) fn next_event(&self) -> Option<Time> {
+        let flights = self.lanes.iter().filter_map(|lane| lane.flights.values().map(|flight| flight.deadline).min());
+        flights.chain(self.bin.next_expiry()).min()
+    }
+
+    // ---- The user's side.
+
+    pub(crate) fn lanes(&self) -> &[Lane] {
+        &self.lanes
+    }
+
+    pub(crate) fn incidents(&self) -> &Incidents {
+        &self.incidents
+    }
+}

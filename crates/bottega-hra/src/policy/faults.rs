@@ -1,0 +1,171 @@
+//! What follows when a resource fails: a pause, a try, and in the end its retirement.
+
+use super::core::{Core, Out};
+use super::incident::Fault;
+use super::lane::Health;
+use super::time::Time;
+use super::unit::Unit;
+use crate::ResourceId;
+
+/// Why a unit is not tried again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum GiveUp {
+    /// It was tried as often as allowed.
+    Failed,
+    /// Nobody is left who could do it.
+    NoResource,
+    /// The allocator was shut down.
+    Closed,
+    /// It is too old to be of use.
+    Expired,
+}
+
+impl<T> Core<T> {
+    /// A resource failed: it is left alone for a while, or for ever.
+    pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut Out<T>) {
+        self.incidents.note(now, id, fault, reason);
+        let lane = &mut self.lanes[id.index()];
+        if let Some(flow) = &mut lane.flow {
+            flow.failed();
+        }
+        // Packets that were under way when it failed say nothing new.
+        if !matches!(lane.health, Health::Paused(_)) {
+            match lane.backoff.failed(&self.config) {
+                Some(pause) => lane.health = Health::Paused(now.after(pause)),
+                None => return self.retire(now, id, out),
+            }
+        }
+        self.planned = None;
+        self.settle_activity(now, id);
+        self.wake_all_if_waiting(out);
+    }
+
+    /// A packet has no answer, and its units are to be done elsewhere.
+    pub(crate) fn hung(&mut self, now: Time, id: ResourceId, sequence: u64, out: &mut Out<T>) {
+        let lane = &mut self.lanes[id.index()];
+        let Some(flight) = lane.land(sequence) else { return };
+        if lane.health == Health::Retired {
+            return;
+        }
+        lane.account.failures += 1;
+        let reason = format!("no answer after {:.3} s", now.since(flight.sent).as_secs_f64());
+        self.fail(now, id, Fault::Hung, &reason, out);
+        let lane = &mut self.lanes[id.index()];
+        // A near resource holds its thread; the pause begins when it returns.
+        if lane.flow.is_none() && lane.health != Health::Retired {
+            lane.health = Health::Hung;
+        }
+        self.settle_activity(now, id);
+    }
+
+    /// A packet has no answer, and its units cannot be done again: it is given as much time once more.
+    pub(crate) fn spare(&mut self, now: Time, id: ResourceId, sequence: u64) {
+        let Some(flight) = self.lanes[id.index()].flights.get_mut(&sequence) else { return };
+        flight.deadline = now.after(now.since(flight.sent));
+        self.incidents.note(now, id, Fault::Hung, "no answer; its work has no backup, so it is waited for");
+    }
+
+    /// A near resource returned from a call that had been given up: it may try to recover at once.
+    pub(super) fn returned(&mut self, now: Time, id: ResourceId) {
+        let lane = &mut self.lanes[id.index()];
+        if lane.health == Health::Hung {
+            lane.health = Health::Paused(now);
+        }
+    }
+
+    /// The resource was asked to recover: did it?
+    pub(crate) fn recovered(&mut self, now: Time, id: ResourceId, outcome: Result<(), String>, out: &mut Out<T>) {
+        let lane = &mut self.lanes[id.index()];
+        if lane.health != Health::Recovering {
+            return;
+        }
+        match outcome {
+            Ok(()) => {
+                lane.health = Health::Up;
+                self.planned = None;
+                self.settle_activity(now, id);
+            }
+            Err(reason) => {
+                lane.account.failures += 1;
+                self.fail(now, id, Fault::NotRecovered, &reason, out);
+            }
+        }
+    }
+
+    /// Gives a resource up for good. What nobody else can do becomes an orphan.
+    pub(crate) fn retire(&mut self, now: Time, id: ResourceId, out: &mut Out<T>) {
+        self.incidents.note(now, id, Fault::Retired, "too many failures in a row, or it could not be started");
+        let lane = &mut self.lanes[id.index()];
+        lane.health = Health::Retired;
+        let overdue: Vec<_> = lane.flights.keys().map(|&sequence| (id, sequence)).collect();
+        out.overdue.extend(overdue);
+        self.roster.retire(id);
+        self.planned = None;
+        self.settle_activity(now, id);
+        let roster = &self.roster;
+        out.orphans.extend(
+            self.bin
+                .extract(|unit| !roster.anybody_can(unit.meta.primitive, unit.meta.data.map_or(0, |data| data.bytes))),
+        );
+        // A unit that failed on all who are left may now be tried there again.
+        self.wake_all_if_waiting(out);
+    }
+
+    /// A unit comes back undone from `id`; `blamed` if the resource is to blame. It is tried again, unless that would
+    /// be in vain: then it comes back.
+    pub(crate) fn give_back(
+        &mut self,
+        now: Time,
+        id: ResourceId,
+        mut unit: Unit<T>,
+        blamed: bool,
+        out: &mut Out<T>,
+    ) -> Option<(Unit<T>, GiveUp)> {
+        if blamed {
+            unit.meta.attempts += 1;
+            if !unit.meta.failed_on.contains(&id) {
+                unit.meta.failed_on.push(id);
+            }
+        }
+        let meta = &unit.meta;
+        let bytes = meta.data.map_or(0, |data| data.bytes);
+        if self.closed {
+            return Some((unit, GiveUp::Closed));
+        } else if meta.expires <= now {
+            return Some((unit, GiveUp::Expired));
+        } else if meta.attempts >= self.config.max_attempts.max(1) {
+            return Some((unit, GiveUp::Failed));
+        } else if !self.roster.anybody_can(meta.primitive, bytes) {
+            return Some((unit, GiveUp::NoResource));
+        }
+        let (primitive, size, data) = (meta.primitive, meta.size, meta.data);
+        let lanes: Vec<ResourceId> = (0..self.lanes.len() as u32).map(ResourceId).collect();
+        let may = |lane: &ResourceId| self.roster.may_try(*lane, meta);
+        let fit = lanes
+            .into_iter()
+            .filter(may)
+            .filter(|lane| self.lanes[lane.index()].dozes)
+            .min_by_key(|lane| self.lanes[lane.index()].finish(now, primitive, size, data));
+        self.bin.push_retry(unit);
+        if let Some(lane) = fit {
+            self.wake(lane, out);
+        }
+        None
+    }
+
+    pub(super) fn wake(&mut self, id: ResourceId, out: &mut Out<T>) {
+        if std::mem::take(&mut self.lanes[id.index()].dozes) {
+            self.dozing -= 1;
+            out.wake.push(id);
+        }
+    }
+
+    /// Whatever a resource that is gone may have been woken for, others must look.
+    fn wake_all_if_waiting(&mut self, out: &mut Out<T>) {
+        if self.bin.len() > 0 {
+            for id in 0..self.lanes.len() as u32 {
+                self.wake(ResourceId(id), out);
+            }
+        }
+    }
+}

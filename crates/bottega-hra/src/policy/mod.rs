@@ -1,0 +1,29 @@
+//! Everything that decides, and nothing that acts: order, placement, window and packet sizes, residency, pauses, costs.
+//!
+//! Plain state machines: an event and the time go in, decisions come out. No clock, no lock, no thread and no code of
+//! the user in here. The threads of `crate::threads` and the virtual time of `crate::simulate` drive the same
+//! [`Core`](core::Core).
+
+pub(crate) mod account;
+pub(crate) mod backoff;
+pub(crate) mod bin;
+pub(crate) mod book;
+pub(crate) mod core;
+pub(crate) mod cost;
+pub(crate) mod demand;
+pub(crate) mod faults;
+pub(crate) mod flow;
+pub(crate) mod incident;
+pub(crate) mod lane;
+pub(crate) mod ledger;
+pub(crate) mod length;
+pub(crate) mod placement;
+pub(crate) mod plan;
+pub(crate) mod residency;
+pub(crate) mod roster;
+pub(crate) mod time;
+pub(crate) mod timeline;
+pub(crate) mod unit;
+
+#[cfg(test)]
+mod tests;

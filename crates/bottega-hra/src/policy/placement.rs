@@ -1,0 +1,328 @@
+//! Which unit a resource gets, and whether it gets any.
+//!
+//! In turn: a unit that failed elsewhere; the one that is late for longest; the highest priority. Among the primitives
+//! of one priority the fluid [`plan`] says who does which, by comparative advantage. A resource
+//! that would end a unit later than all others will have ended everything does not get it (*expected finish time*, as
+//! in Topcuoglu's HEFT and StarPU's `dmda`), unless work has come for so long that it will not matter.
+
+use std::time::Duration;
+
+use super::bin::Head;
+use super::core::{Core, Out};
+use super::lane::{Health, Lane};
+use super::plan::{self, ByPrimitive, Kind, Plan};
+use super::time::Time;
+use super::unit::{Data, Unit};
+use crate::{Primitive, ResourceId};
+
+/// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come
+/// for, since the first ones know little; and at least for [`PLAN_VALID_MIN`].
+const PLAN_VALID: f64 = 0.03;
+const PLAN_VALID_OF_PAST: f64 = 0.05;
+const PLAN_VALID_MIN: Duration = Duration::from_millis(5);
+/// Shares of time below this are noise of the search.
+const SHARE_MIN: f64 = 0.01;
+/// Part of what is left to do that one packet may hold of a resource's own share.
+const PACKET_SHARE: f64 = 0.2;
+/// Shortest and longest time after which a resource that got nothing asks again.
+const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
+const ASK_AGAIN_MAX: Duration = Duration::from_secs(1);
+
+/// What a resource gets.
+pub(super) enum Choice<T> {
+    /// A unit that failed elsewhere.
+    Retry(Unit<T>),
+    /// So many units from there.
+    Draw { head: Head, units: usize },
+    /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
+    Decline { until: Time, sooner: Vec<ResourceId> },
+    /// There is nothing that it can do.
+    Nothing,
+}
+
+impl<T> Choice<T> {
+    /// Nothing just now: what it should do is on its way into the bin.
+    fn shortly(now: Time) -> Self {
+        Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }
+    }
+}
+
+/// A plan, and how far it was followed.
+pub(super) struct Planned {
+    plan: Plan,
+    valid_until: Time,
+    live: ByPrimitive<bool>,
+    /// By resource: its row in the plan.
+    rows: Vec<usize>,
+    /// By resource and primitive: planned time less time spent, in nanoseconds.
+    owed: Vec<ByPrimitive<f64>>,
+}
+
+/// How fast what is left gets less.
+struct Pace {
+    /// What is left, in the plan's prices.
+    worth: f64,
+    /// The rate of each resource, in the plan's prices.
+    rates: Vec<f64>,
+    rate: f64,
+}
+
+impl<T> Core<T> {
+    /// What `id`, which has room, gets.
+    pub(super) fn choose(&mut self, now: Time, id: ResourceId) -> Choice<T> {
+        if self.bin.len() == 0 {
+            return Choice::Nothing;
+        }
+        if let Some(unit) = self.bin.take_retry(|meta| self.roster.may_try(id, meta)) {
+            return Choice::Retry(unit);
+        }
+        let able = self.roster.primitives(id);
+        let holds = |data: Option<Data>| self.roster.holds(id, data);
+        if let Some(head) = self.bin.latest(able, now.after(self.lead()), holds) {
+            let units = self.lanes[id.index()].packet_units(head.primitive, head.size);
+            return Choice::Draw { head, units };
+        }
+        let lane = &self.lanes[id.index()];
+        let resident = |data| lane.residency.is_resident(data);
+        let mut heads: Vec<Head> =
+            able.iter().filter_map(|primitive| self.bin.head(primitive, holds, resident)).collect();
+        let Some(priority) = heads.iter().map(Head::priority).max() else {
+            return if self.starves(id) { Choice::shortly(now) } else { Choice::Nothing };
+        };
+        let lane = &self.lanes[id.index()];
+        heads.retain(|head| head.priority() == priority && !lane.is_trying(head.primitive));
+        self.replan(now);
+        let suits = |head: &Head| !self.lanes[id.index()].knows(head.primitive) || self.has_share(id, head.primitive);
+        if !heads.iter().any(suits) && self.starves(id) {
+            return Choice::shortly(now);
+        }
+        self.sort(id, &mut heads);
+        let pace = self.pace();
+        let (mut ask_again, mut sooner) = (None, Vec::new());
+        for head in heads {
+            match self.declines(now, id, &head, pace.as_ref()) {
+                Some((until, who)) => {
+                    ask_again = ask_again.into_iter().chain([until]).min();
+                    sooner.push(who);
+                }
+                None => {
+                    let units = self.packet_units(id, &head, pace.as_ref());
+                    self.owe(id, &head, units);
+                    return Choice::Draw { head, units };
+                }
+            }
+        }
+        ask_again.map_or(Choice::Nothing, |until| Choice::Decline { until, sooner })
+    }
+
+    /// By how much a unit counts as late before it is: as long as it takes to do what may be before it.
+    fn lead(&self) -> Duration {
+        self.length.wait_behind(self.bin.len()).min(self.config.bin_delay)
+    }
+
+    /// Whether `id` is to spend time on a primitive, as far as there is a plan.
+    fn has_share(&self, id: ResourceId, primitive: Primitive) -> bool {
+        let planned = self.planned.as_ref();
+        planned.is_none_or(|plan| plan.plan.shares[plan.rows[id.index()]][primitive.index()] >= SHARE_MIN)
+    }
+
+    /// Whether what `id` should do is outside of the bin, and will come in. A bin that is full, or was a moment ago,
+    /// grows for that, if it can.
+    fn starves(&mut self, id: ResourceId) -> bool {
+        let outside = |primitive: Primitive| {
+            let is_outside = self.bin.items_of(primitive) == 0 && self.demand.announced(primitive) > 0;
+            is_outside && self.has_share(id, primitive)
+        };
+        let is_full = 4 * self.bin.len() >= 3 * self.length.capacity();
+        self.roster.primitives(id).iter().any(outside) && (!is_full || self.length.starved())
+    }
+
+    fn backlog(&self) -> ByPrimitive<f64> {
+        Primitive::ALL
+            .map(|primitive| self.bin.items_of(primitive).saturating_add(self.demand.announced(primitive)) as f64)
+    }
+
+    /// Makes a new plan when the old one is too old, or none when there is nothing to choose.
+    fn replan(&mut self, now: Time) {
+        let backlog = self.backlog();
+        let live = backlog.map(|items| items > 0.0);
+        if live.iter().filter(|&&live| live).count() < 2 {
+            self.planned = None;
+            return;
+        }
+        if self.planned.as_ref().is_some_and(|planned| now < planned.valid_until && planned.live == live) {
+            return;
+        }
+        let Some((kinds, rows)) = self.kinds(&live) else {
+            self.planned = None;
+            return;
+        };
+        let plan = plan::plan(&kinds, &backlog);
+        let valid = Duration::try_from_secs_f64(plan.time_ns * 1e-9 * PLAN_VALID).unwrap_or(Duration::MAX);
+        let valid = valid.min(now.since(self.demand.first()).mul_f64(PLAN_VALID_OF_PAST));
+        let owed = self.planned.take().map_or_else(|| vec![[0.0; Primitive::COUNT]; self.lanes.len()], |old| old.owed);
+        self.planned = Some(Planned { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
+    }
+
+    /// The kinds of resources, and of which each is: those that can do the same about equally fast. What is not known of one is taken from the others. `None`: of some primitive nothing is known at all.
+    fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<Kind>, Vec<usize>)> {
+        let mut typical = [None; Primitive::COUNT];
+        for primitive in Primitive::ALL.into_iter().filter(|primitive| live[primitive.index()]) {
+            let known: Vec<f64> = self.lanes.iter().filter_map(|lane| lane.ns_per_item(primitive)).collect();
+            typical[primitive.index()] = Some(known.iter().sum::<f64>() / known.len() as f64);
+            if known.is_empty() {
+                return None;
+            }
+        }
+        let (mut kinds, mut rows): (Vec<Kind>, Vec<usize>) = (Vec::new(), Vec::new());
+        for (lane, id) in self.lanes.iter().zip(0..) {
+            let mut times = [f64::INFINITY; Primitive::COUNT];
+            let able = self.roster.primitives(ResourceId(id));
+            for primitive in able.iter().filter(|_| lane.health == Health::Up) {
+                if let Some(typical) = typical[primitive.index()] {
+                    times[primitive.index()] = lane.ns_per_item(primitive).unwrap_or(typical);
+                }
+            }
+            let row = kinds.iter().position(|kind| kind.is_like(&times)).unwrap_or(kinds.len());
+            if row == kinds.len() {
+                kinds.push(Kind { times, count: 0.0 });
+            }
+            kinds[row].add(&times);
+            rows.push(row);
+        }
+        Some((kinds, rows))
+    }
+
+    /// Best first. Without a plan: what the fewest can do, so that one who can do everything does not take away the
+    /// only work of one who cannot; then first come.
+    fn sort(&self, id: ResourceId, heads: &mut [Head]) {
+        let Some(planned) = &self.planned else {
+            heads.sort_by_key(|head| (self.roster.count_of(head.primitive), head.sequence()));
+            return;
+        };
+        let lane = &self.lanes[id.index()];
+        let rank = |head: &Head| {
+            let p = head.primitive.index();
+            if !lane.knows(head.primitive) {
+                return (true, f64::INFINITY); // Tried first, so that it becomes known.
+            }
+            let has_share = self.has_share(id, head.primitive);
+            let pay = planned.plan.prices[p] / lane.ns_per_item(head.primitive).unwrap_or(1.0);
+            (has_share, if has_share { planned.owed[id.index()][p] } else { pay })
+        };
+        heads.sort_by(|a, b| {
+            let ((a_has, a), (b_has, b)) = (rank(a), rank(b));
+            b_has.cmp(&a_has).then(b.total_cmp(&a))
+        });
+    }
+
+    /// Books that `id` spends time on a primitive.
+    fn owe(&mut self, id: ResourceId, head: &Head, units: usize) {
+        let Some(planned) = &mut self.planned else { return };
+        let time = self.lanes[id.index()].predict_ns(head.primitive, head.size).unwrap_or(0.0) * units as f64;
+        let owed = &mut planned.owed[id.index()];
+        for (owed, share) in owed.iter_mut().zip(&planned.plan.shares[planned.rows[id.index()]]) {
+            *owed += share * time;
+        }
+        owed[head.primitive.index()] -= time;
+    }
+
+    /// How fast what is left gets less; `None` while that is not known.
+    fn pace(&self) -> Option<Pace> {
+        let backlog = self.backlog();
+        let live = || Primitive::ALL.into_iter().filter(|primitive| backlog[primitive.index()] > 0.0);
+        let prices = match &self.planned {
+            Some(planned) => planned.plan.prices,
+            None if live().count() == 1 => [1.0; Primitive::COUNT],
+            None => return None,
+        };
+        let rate = |(lane, index): (&Lane, u32)| {
+            let able = self.roster.primitives(ResourceId(index));
+            let pay = |primitive| Some(prices[Primitive::index(primitive)] / lane.ns_per_item(primitive)?);
+            let pays =
+                live().filter(|&primitive| lane.health == Health::Up && able.contains(primitive)).filter_map(pay);
+            pays.fold(0.0, f64::max)
+        };
+        let rates: Vec<f64> = self.lanes.iter().zip(0..).map(rate).collect();
+        let worth = live().map(|primitive| prices[primitive.index()] * backlog[primitive.index()]).sum();
+        Some(Pace { worth, rate: rates.iter().sum(), rates })
+    }
+
+    /// Units that `id` gets at once: what suits it, but not more than its part of what is left.
+    fn packet_units(&self, id: ResourceId, head: &Head, pace: Option<&Pace>) -> usize {
+        let lane = &self.lanes[id.index()];
+        let wanted = lane.packet_units(head.primitive, head.size);
+        let unit_ns = lane.predict_ns(head.primitive, head.size).unwrap_or(0.0);
+        match pace {
+            Some(pace) if wanted > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
+                let fair = PACKET_SHARE * pace.worth / pace.rate / unit_ns;
+                wanted.min((fair as usize).max(1))
+            }
+            _ => wanted,
+        }
+    }
+
+    /// Whether others would be done with everything before `id` with this unit; then, when to ask again, and who would
+    /// be done with it first. Of all that ask about a unit, that one does not decline it.
+    fn declines(&self, now: Time, id: ResourceId, head: &Head, pace: Option<&Pace>) -> Option<(Time, ResourceId)> {
+        let pace = pace?;
+        let lane = &self.lanes[id.index()];
+        if !lane.knows(head.primitive) {
+            return None; // How else would it become known?
+        }
+        let mine = lane.finish(now, head.primitive, head.size, head.data)?;
+        let at_least = Duration::try_from_secs_f64(pace.worth / pace.rate * 1e-9).unwrap_or(Duration::MAX);
+        if mine <= now.after(at_least.max(self.demand.overshoot())) {
+            return None;
+        }
+        let others = || {
+            let able = |id: ResourceId| self.roster.can(id, head.primitive, head.data);
+            let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
+            lanes.filter(move |&(lane, other)| other != id && lane.health == Health::Up && able(other))
+        };
+        let finish =
+            |(lane, other): (&Lane, ResourceId)| Some((lane.finish(now, head.primitive, head.size, head.data)?, other));
+        let (soonest, who) = others().filter_map(finish).min()?;
+        if mine <= soonest || mine <= self.all_done(now, pace) {
+            return None;
+        }
+        let pause = (soonest.since(now) / 2).clamp(ASK_AGAIN_MIN, ASK_AGAIN_MAX);
+        Some((now.after(pause), who))
+    }
+
+    /// When everything will be done, if all go on as they do.
+    fn all_done(&self, now: Time, pace: &Pace) -> Time {
+        let mut workers: Vec<(f64, f64)> = self
+            .lanes
+            .iter()
+            .zip(&pace.rates)
+            .filter(|(_, rate)| **rate > 0.0)
+            .map(|(lane, &rate)| {
+                let start = lane.free_at(now).max(now.plus_ns(lane.latency_ns()));
+                (start.since(now).as_nanos() as f64, rate)
+            })
+            .collect();
+        workers.sort_by(|a, b| a.0.total_cmp(&b.0));
+        now.plus_ns(plan::water_level(&workers, pace.worth))
+    }
+
+    /// Wakes the resource that would end such a unit first, of those that wait. False: there is none.
+    pub(super) fn wake_best(
+        &mut self,
+        now: Time,
+        primitive: Primitive,
+        size: u64,
+        data: Option<Data>,
+        out: &mut Out<T>,
+    ) -> bool {
+        let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
+        let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, primitive, data));
+        // Who can do the least besides goes first among equals.
+        let best = fit.min_by_key(|(lane, id)| {
+            (lane.finish(now, primitive, size, data), self.roster.primitives(*id).iter().count())
+        });
+        let Some(id) = best.map(|(_, id)| id) else { return false };
+        self.wake(id, out);
+        true
+    }
+}

@@ -1,0 +1,322 @@
+//! Who does which primitive, so that all end together: the fluid plan, and what is found from it.
+//!
+//! Work is taken for a fluid: a resource of kind r needs t(r, p) for an item of primitive p, n(r) of the kind are there,
+//! and b(p) items wait. Sought are times x(r, p) with Σₚ x(r, p) ≤ n(r), such that λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p))
+//! is as large as can be; the work ends after 1/λ. That is a small linear program, solved by the simplex method
+//! (Dantzig; Bland's rule where it stalls). Its dual gives a price for each primitive, at which everyone does what pays
+//! best by the hour. That is Ricardo's comparative advantage: not what one does faster than others, but what one does
+//! least badly. It is also what keeps those busy who can do little: who can do more is paid better elsewhere.
+
+use crate::Primitive;
+
+const COUNT: usize = Primitive::COUNT;
+
+/// A table with an entry a primitive.
+pub(crate) type ByPrimitive<T> = [T; COUNT];
+
+/// Numbers smaller than this are taken for rounding; all rates are scaled to at most 1.
+const TINY: f64 = 1e-12;
+/// Pivots after which the search ends wherever it is; it needs some two for each row.
+const PIVOTS_MAX: usize = 2_000;
+
+/// Resources of one kind.
+#[derive(Clone, Debug)]
+pub(crate) struct Kind {
+    /// Nanoseconds an item; infinite for what they cannot do.
+    pub(crate) times: ByPrimitive<f64>,
+    /// How many there are.
+    pub(crate) count: f64,
+}
+
+impl Kind {
+    /// Whether somebody who needs these times is of the kind: can do the same, within a fifth as fast.
+    pub(crate) fn is_like(&self, times: &ByPrimitive<f64>) -> bool {
+        self.times.iter().zip(times).all(|(own, time)| {
+            own == time || (own.is_finite() && time.is_finite() && (0.8..=1.25).contains(&(own / time)))
+        })
+    }
+
+    /// Counts one more, and its times into the mean.
+    pub(crate) fn add(&mut self, times: &ByPrimitive<f64>) {
+        self.count += 1.0;
+        for (own, time) in self.times.iter_mut().zip(times).filter(|(own, _)| own.is_finite()) {
+            *own += (time - *own) / self.count;
+        }
+    }
+}
+
+/// Shares of time, and prices.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Plan {
+    /// By kind: share of a resource's time for each primitive.
+    pub(crate) shares: Vec<ByPrimitive<f64>>,
+    /// What an item is worth, in nanoseconds: all together gain the worth of all the work in the time of the plan.
+    pub(crate) prices: ByPrimitive<f64>,
+    /// Nanoseconds until all is done.
+    pub(crate) time_ns: f64,
+}
+
+/// Plans a backlog in items. Primitives that nobody can do, and those of which nothing waits, are left out.
+pub(crate) fn plan(kinds: &[Kind], backlog: &ByPrimitive<f64>) -> Plan {
+    let rate = |r: usize, p: usize| {
+        let time = kinds[r].times[p] * backlog[p];
+        if time.is_finite() && time > 0.0 { 1.0 / time } else { 0.0 }
+    };
+    let alive: Vec<usize> = (0..COUNT).filter(|&p| (0..kinds.len()).any(|r| rate(r, p) > 0.0)).collect();
+    let mut plan = Plan { shares: vec![[0.0; COUNT]; kinds.len()], prices: [0.0; COUNT], time_ns: 0.0 };
+    if alive.is_empty() {
+        return plan;
+    }
+    let pairs: Vec<(usize, usize)> = (0..kinds.len())
+        .flat_map(|r| (0..alive.len()).map(move |row| (r, row)))
+        .filter(|&(r, row)| rate(r, alive[row]) > 0.0)
+        .collect();
+    let fastest = pairs.iter().map(|&(r, row)| rate(r, alive[row])).fold(0.0, f64::max);
+    let mut tableau = Tableau::new(alive.len() + kinds.len(), 1 + pairs.len());
+    for row in 0..alive.len() {
+        *tableau.at(row, 0) = 1.0; // λ less what is done is at most 0.
+    }
+    for (column, &(r, row)) in (1..).zip(&pairs) {
+        *tableau.at(row, column) = -rate(r, alive[row]) / fastest;
+        *tableau.at(alive.len() + r, column) = 1.0;
+    }
+    for (r, kind) in kinds.iter().enumerate() {
+        *tableau.limit(alive.len() + r) = kind.count;
+    }
+    tableau.maximize_first();
+    let values = tableau.values();
+    plan.time_ns = 1.0 / (values[0] * fastest);
+    for (&value, &(r, row)) in values[1..].iter().zip(&pairs) {
+        plan.shares[r][alive[row]] = (value / kinds[r].count).clamp(0.0, 1.0);
+    }
+    for (row, &p) in alive.iter().enumerate() {
+        plan.prices[p] =
+            tableau.price(row) / backlog[p] * plan.time_ns * kinds.iter().map(|kind| kind.count).sum::<f64>();
+    }
+    plan
+}
+
+/// A linear program in the form: maximize the first variable, rows ≤ limits, all variables at least 0.
+struct Tableau {
+    rows: usize,
+    columns: usize,
+    /// Rows of `columns` + `rows` + 1 numbers: variables, slacks, limit; the objective is the last row.
+    cells: Vec<f64>,
+    basis: Vec<usize>,
+}
+
+impl Tableau {
+    fn new(rows: usize, columns: usize) -> Self {
+        let width = columns + rows + 1;
+        let mut tableau = Self { rows, columns, cells: vec![0.0; width * (rows + 1)], basis: Vec::new() };
+        for row in 0..rows {
+            *tableau.at(row, columns + row) = 1.0;
+            tableau.basis.push(columns + row);
+        }
+        *tableau.at(rows, 0) = -1.0;
+        tableau
+    }
+
+    fn width(&self) -> usize {
+        self.columns + self.rows + 1
+    }
+
+    fn at(&mut self, row: usize, column: usize) -> &mut f64 {
+        let width = self.width();
+        &mut self.cells[row * width + column]
+    }
+
+    fn limit(&mut self, row: usize) -> &mut f64 {
+        self.at(row, self.width() - 1)
+    }
+
+    fn get(&self, row: usize, column: usize) -> f64 {
+        self.cells[row * self.width() + column]
+    }
+
+    fn maximize_first(&mut self) {
+        for pivots in 0..PIVOTS_MAX {
+            let objective = |column: usize| self.get(self.rows, column);
+            let mut gaining = (0..self.width() - 1).filter(|&column| objective(column) < -TINY);
+            // The steepest first; after a while the first (Bland), which never goes in circles.
+            let entering = if pivots < PIVOTS_MAX / 2 {
+                gaining.min_by(|&a, &b| objective(a).total_cmp(&objective(b)))
+            } else {
+                gaining.next()
+            };
+            let Some(column) = entering else { return };
+            let bound = |row: &usize| self.get(*row, self.width() - 1) / self.get(*row, column);
+            let leaving = (0..self.rows)
+                .filter(|&row| self.get(row, column) > TINY)
+                .min_by(|a, b| bound(a).total_cmp(&bound(b)).then(self.basis[*a].cmp(&self.basis[*b])));
+            let Some(row) = leaving else { return };
+            self.pivot(row, column);
+        }
+    }
+
+    fn pivot(&mut self, row: usize, column: usize) {
+        let width = self.width();
+        let pivot = self.get(row, column);
+        let pivot_row: Vec<f64> = self.cells[row * width..][..width].iter().map(|cell| cell / pivot).collect();
+        for (other, cells) in self.cells.chunks_exact_mut(width).enumerate() {
+            let factor = cells[column];
+            if other == row {
+                cells.copy_from_slice(&pivot_row);
+            } else if factor != 0.0 {
+                cells.iter_mut().zip(&pivot_row).for_each(|(cell, pivot)| *cell -= factor * pivot);
+            }
+        }
+        self.basis[row] = column;
+    }
+
+    fn values(&self) -> Vec<f64> {
+        let mut values = vec![0.0; self.columns];
+        for (row, &variable) in self.basis.iter().enumerate().filter(|&(_, &variable)| variable < self.columns) {
+            values[variable] = self.get(row, self.width() - 1);
+        }
+        values
+    }
+
+    /// The dual value of a row.
+    fn price(&self, row: usize) -> f64 {
+        self.get(self.rows, self.columns + row).max(0.0)
+    }
+}
+
+/// Splits `total` items over resources with costs `(fixed, per item)` in nanoseconds, so that all who get any finish
+/// at the same time, but for the rounding to whole items. `None` stands for a resource that gets nothing.
+///
+/// Who could not even begin before the others are done gets nothing. Nobody there: all zero.
+pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
+    let usable = |cost: &(f64, f64)| cost.0 >= 0.0 && cost.0.is_finite() && cost.1 > 0.0 && cost.1.is_finite();
+    let mut order: Vec<(usize, f64, f64)> = (0..costs.len())
+        .filter_map(|index| costs[index].filter(usable).map(|(fixed, per_item)| (index, fixed, per_item)))
+        .collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let starts: Vec<(f64, f64)> = order.iter().map(|&(_, fixed, per_item)| (fixed, 1.0 / per_item)).collect();
+    let end = water_level(&starts, total as f64);
+    let mut shares = vec![0; costs.len()];
+    let mut left = total;
+    let mut parts: Vec<(usize, f64)> = Vec::new();
+    for (index, fixed, per_item) in order {
+        let exact = ((end - fixed) / per_item).clamp(0.0, left as f64);
+        shares[index] = (exact as u64).min(left);
+        left -= shares[index];
+        parts.push((index, exact.fract() / per_item));
+    }
+    // What rounding left goes to who was cut most, counted in time.
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for &(index, _) in parts.iter().cycle().take(if parts.is_empty() { 0 } else { left.min(1 << 16) as usize }) {
+        shares[index] += 1;
+        left -= 1;
+    }
+    if let Some(&(index, _)) = parts.first() {
+        shares[index] += left;
+    }
+    shares
+}
+
+/// The time at which `amount` is done by workers that start at `(start, speed)`, in the order of their starts.
+pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
+    let (mut speed, mut level, mut done) = (0.0, 0.0, 0.0);
+    for &(start, own) in workers {
+        if speed > 0.0 && done + (start - level) * speed >= amount {
+            break;
+        }
+        if speed > 0.0 {
+            done += (start - level) * speed;
+        }
+        level = start;
+        speed += own;
+    }
+    if speed > 0.0 { level + (amount - done).max(0.0) / speed } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn kinds(rows: &[&[f64]]) -> Vec<Kind> {
+        let times = |row: &[f64]| std::array::from_fn(|p| row.get(p).copied().unwrap_or(f64::INFINITY));
+        rows.iter().map(|row| Kind { times: times(row), count: 1.0 }).collect()
+    }
+
+    fn backlog(items: &[f64]) -> ByPrimitive<f64> {
+        std::array::from_fn(|p| items.get(p).copied().unwrap_or(0.0))
+    }
+
+    #[test]
+    fn each_does_what_it_does_least_badly() {
+        // The first is faster at both, but much faster at the first primitive.
+        let plan = plan(&kinds(&[&[1.0, 4.0], &[10.0, 5.0]]), &backlog(&[100.0, 100.0]));
+        assert!(plan.shares[1][1] > 0.999, "{plan:?}");
+        // 100 of the first take 100 ns; then both do the second at 1/4 + 1/5: T = 100 + (100 − 100/5) · 4 / (1 + 4/5).
+        let best = 100.0 + 80.0 / (0.25 + 0.2);
+        assert!((plan.time_ns / best - 1.0).abs() < 1e-9, "{plan:?}, {best}");
+    }
+
+    #[test]
+    fn who_can_do_one_thing_alone_is_left_it() {
+        let inf = f64::INFINITY;
+        let plan = plan(&kinds(&[&[1.0, 1.0], &[1.0, inf]]), &backlog(&[50.0, 50.0]));
+        assert_eq!((plan.shares[0][0], plan.shares[1][0]), (0.0, 1.0), "{plan:?}");
+    }
+
+    #[test]
+    fn a_split_ends_together() {
+        let costs = [Some((0.0, 10.0)), Some((2_000.0, 1.0)), None, Some((1e9, 1.0))];
+        let shares = split(10_000, &costs);
+        assert_eq!(shares.iter().sum::<u64>(), 10_000);
+        assert_eq!((shares[2], shares[3]), (0, 0));
+        let (first, second) = (10.0 * shares[0] as f64, 2_000.0 + shares[1] as f64);
+        assert!((first / second - 1.0).abs() < 0.02, "{shares:?}");
+        assert_eq!(split(7, &[None]), [0]);
+    }
+
+    proptest! {
+        /// By weak duality no plan ends before Σₚ w(p) b(p) / Σᵣ n(r) maxₚ w(p) / t(r, p), whatever the prices w.
+        #[test]
+        fn no_plan_could_end_sooner(
+            rows in prop::collection::vec(
+                (prop::collection::vec(prop_oneof![3 => 1.0_f64..100.0, 1 => Just(f64::INFINITY)], 4), 1_u32..20), 1..9),
+            items in prop::collection::vec(1.0_f64..1e6, 4),
+        ) {
+            let kinds: Vec<Kind> = rows.iter().map(|(row, count)| {
+                Kind { count: f64::from(*count), ..kinds(&[row])[0].clone() }
+            }).collect();
+            let backlog = backlog(&items);
+            let plan = plan(&kinds, &backlog);
+            let possible: Vec<usize> = (0..4).filter(|&p| kinds.iter().any(|kind| kind.times[p].is_finite())).collect();
+            for shares in &plan.shares {
+                prop_assert!(shares.iter().sum::<f64>() <= 1.0 + 1e-9);
+            }
+            for &p in &possible {
+                let speed: f64 = kinds.iter().zip(&plan.shares).map(|(kind, shares)| {
+                    if shares[p] > 0.0 { kind.count * shares[p] / kind.times[p] } else { 0.0 }
+                }).sum();
+                prop_assert!(speed * plan.time_ns >= backlog[p] * (1.0 - 1e-6), "{:?}", plan);
+            }
+            if !possible.is_empty() {
+                let worth: f64 = possible.iter().map(|&p| plan.prices[p] * backlog[p]).sum();
+                let income: f64 = kinds.iter().map(|kind| {
+                    kind.count * possible.iter().map(|&p| plan.prices[p] / kind.times[p]).fold(0.0, f64::max)
+                }).sum();
+                prop_assert!(plan.time_ns <= worth / income * (1.0 + 1e-6), "{:?} {}", plan, worth / income);
+            }
+        }
+
+        #[test]
+        fn splits_give_everything_away_and_end_together(
+            total in 20_000_u64..1 << 40,
+            costs in prop::collection::vec((0.0_f64..1e5, 1.0_f64..100.0), 1..9),
+        ) {
+            let shares = split(total, &costs.iter().copied().map(Some).collect::<Vec<_>>());
+            prop_assert_eq!(shares.iter().sum::<u64>(), total);
+            let ends = shares.iter().zip(&costs).filter(|(share, _)| **share > 0)
+                .map(|(&share, cost)| cost.0 + cost.1 * share as f64);
+            let (first, last) = ends.fold((f64::INFINITY, 0.0_f64), |(a, b), end| (a.min(end), b.max(end)));
+            prop_assert!(last - first <= 0.02 * last, "{:?}", shares);
+        }
+    }
+}

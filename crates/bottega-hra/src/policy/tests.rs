@@ -1,0 +1,188 @@
+//! The policy as a whole, event by event.
+
+use std::time::Duration;
+
+use super::core::{Core, Landing, Next, Out};
+use super::faults::GiveUp;
+use super::incident::Fault;
+use super::time::Time;
+use super::unit::{Chunk, Data, Meta, Unit};
+use crate::simulate::{Load, Model, simulate};
+use crate::{CostBook, DataId, HraConfig, Link, Primitive, PrimitiveSet, ResourceDescriptor, ResourceId, Window};
+
+use Primitive::{Intersect, Occluded, PixelBlock};
+
+const A: ResourceId = ResourceId(0);
+const B: ResourceId = ResourceId(1);
+
+fn ms(ms: u64) -> Time {
+    Time::at(Duration::from_millis(ms))
+}
+
+fn near(name: &str, primitives: PrimitiveSet, memory_bytes: Option<u64>) -> (ResourceDescriptor, Option<Window>) {
+    (ResourceDescriptor { name: name.to_owned(), primitives, memory_bytes, link: Link::LOCAL }, None)
+}
+
+fn core(resources: &[PrimitiveSet]) -> Core<u64> {
+    let named = resources.iter().zip(["a", "b"]).map(|(&set, name)| near(name, set, None)).collect();
+    Core::new(HraConfig::default(), named, &CostBook::new(""))
+}
+
+fn meta(primitive: Primitive, priority: i32, delay_ms: u64) -> Meta {
+    Meta {
+        primitive,
+        size: 1,
+        data: None,
+        priority,
+        submitted: Time::ZERO,
+        late: ms(delay_ms),
+        expires: Time::NEVER,
+        attempts: 0,
+        failed_on: Vec::new(),
+    }
+}
+
+fn submit(core: &mut Core<u64>, load: u64, meta: Meta) {
+    core.submit(Time::ZERO, Chunk::new(Unit { meta, load }, false), &mut Out::default());
+}
+
+/// Has `id` do one packet in no time; returns its units.
+fn serve(core: &mut Core<u64>, id: ResourceId, now: Time) -> Vec<u64> {
+    let mut out = Out::default();
+    let Next::Packet(packet) = core.next(now, id, &mut out) else { return Vec::new() };
+    let loads: Vec<u64> = packet.units.iter().map(|unit| unit.load).collect();
+    let busy = Some(Duration::from_millis(1));
+    let landing = Landing { done: loads.len(), done_items: loads.len() as u64, busy, ..Landing::default() };
+    core.landed(now, id, packet.sequence, landing, &mut out).expect("it was under way");
+    loads
+}
+
+/// All that `id` does, in its order.
+fn order(core: &mut Core<u64>, id: ResourceId, now: Time) -> Vec<u64> {
+    let mut all = Vec::new();
+    loop {
+        let some = serve(core, id, now);
+        if some.is_empty() {
+            return all;
+        }
+        all.extend(some);
+    }
+}
+
+#[test]
+fn priority_goes_first_until_a_unit_is_late() {
+    let filled = || {
+        let mut core = core(&[PrimitiveSet::ALL]);
+        for (load, priority, delay_ms) in [(0, 0, 50), (1, 0, 40), (2, 7, 5_000), (3, 7, 5_000)] {
+            submit(&mut core, load, meta(Intersect, priority, delay_ms));
+        }
+        core
+    };
+    assert_eq!(order(&mut filled(), A, Time::ZERO), [2, 3, 0, 1]);
+    // Once both have waited too long they go first, the one that is late for longest before the other.
+    assert_eq!(order(&mut filled(), A, ms(60)), [1, 0, 2, 3]);
+}
+
+#[test]
+fn who_can_do_everything_leaves_the_work_of_who_can_do_little() {
+    let mut core = core(&[PrimitiveSet::ALL, PrimitiveSet::from([Intersect])]);
+    for (load, primitive, priority) in [(0, Intersect, 0), (1, PixelBlock, 0), (2, Intersect, 1)] {
+        submit(&mut core, load, meta(primitive, priority, 1_000));
+    }
+    assert_eq!(serve(&mut core, A, Time::ZERO), [2]);
+    assert_eq!(serve(&mut core, A, Time::ZERO), [1]);
+}
+
+#[test]
+fn a_partial_resource_takes_only_what_it_can_do() {
+    let mut core = core(&[PrimitiveSet::from([Occluded]), PrimitiveSet::ALL]);
+    submit(&mut core, 0, meta(PixelBlock, 9, 0));
+    submit(&mut core, 1, meta(Occluded, 0, 1_000));
+    assert_eq!(order(&mut core, A, ms(5_000)), [1]);
+    assert_eq!(core.waiting(), 1);
+}
+
+#[test]
+fn a_failed_unit_returns_to_the_resource_that_failed_only_when_all_others_failed_too() {
+    let mut core = core(&[PrimitiveSet::ALL, PrimitiveSet::ALL]);
+    let mut out = Out::default();
+    let unit = Unit { meta: meta(Intersect, 0, 1_000), load: 0 };
+    assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
+    assert!(serve(&mut core, A, Time::ZERO).is_empty());
+    let Next::Packet(packet) = core.next(Time::ZERO, B, &mut out) else { panic!("the other resource may try") };
+    let landing = Landing { failed: 1, fault: Some((Fault::Refused, "no".to_owned())), ..Landing::default() };
+    core.landed(Time::ZERO, B, packet.sequence, landing, &mut out);
+    let unit = packet.units.into_iter().next().expect("a unit");
+    assert!(core.give_back(Time::ZERO, B, unit.clone(), true, &mut out).is_none());
+    assert_eq!(serve(&mut core, A, Time::ZERO), [0]);
+    // Three attempts are the most.
+    let twice = Unit { meta: Meta { attempts: 2, ..unit.meta }, load: 0 };
+    assert!(matches!(core.give_back(Time::ZERO, A, twice, true, &mut out), Some((_, GiveUp::Failed))));
+}
+
+#[test]
+fn what_is_resident_goes_first_among_equals() {
+    let mut core = Core::new(HraConfig::default(), vec![near("a", PrimitiveSet::ALL, Some(10))], &CostBook::new(""));
+    for (load, data) in [(0, 1), (1, 2), (2, 1), (3, 2), (4, 1)] {
+        let data = Some(Data { id: DataId(data), bytes: 6 });
+        submit(&mut core, load, Meta { data, ..meta(Intersect, 0, 1_000) });
+    }
+    assert_eq!(order(&mut core, A, Time::ZERO), [0, 2, 4, 1, 3], "each set of data travels once");
+}
+
+#[test]
+fn cancelling_leaves_the_rest_in_order() {
+    let mut core = core(&[PrimitiveSet::ALL]);
+    for load in 0..6 {
+        submit(&mut core, load, meta(if load % 2 == 0 { Occluded } else { Intersect }, 0, 1_000));
+    }
+    let out = core.cancel(|unit| unit.meta.primitive == Occluded);
+    assert_eq!(out.iter().map(|unit| unit.load).collect::<Vec<_>>(), [0, 2, 4]);
+    // Nothing of what was cancelled may linger among what is late.
+    assert_eq!(order(&mut core, A, ms(9_000)), [1, 3, 5]);
+}
+
+#[test]
+fn who_declines_a_unit_wakes_who_is_sooner() {
+    let mut book = CostBook::new("");
+    for (name, ns) in [("a", 1e6), ("b", 1e8)] {
+        book.set(name, Intersect, crate::CostModel::known(100, 100, 0.0, ns, 0.0));
+    }
+    let resources = vec![near("a", PrimitiveSet::ALL, None), near("b", PrimitiveSet::ALL, None)];
+    let mut core = Core::new(HraConfig::default(), resources, &book);
+    let mut out = Out::default();
+    assert!(matches!(core.next(Time::ZERO, A, &mut out), Next::Wait(None)));
+    assert!(matches!(core.next(Time::ZERO, B, &mut out), Next::Wait(None)));
+    submit(&mut core, 0, meta(Intersect, 0, 60_000)); // Wakes the fast one, which has not asked yet.
+    assert!(matches!(core.next(Time::ZERO, B, &mut out), Next::Wait(Some(_))), "the fast one would be sooner");
+    assert_eq!(serve(&mut core, A, Time::ZERO), [0]);
+}
+
+/// Most packets under way at once, and round trips, of a board with this way and speed.
+fn window(latency_ms: u64, ns_per_item: f64) -> (f64, f64) {
+    let link = Link { latency: Duration::from_millis(latency_ms), bandwidth: f64::INFINITY };
+    let model = Model::far("far", ns_per_item, link);
+    let load = Load::batch(8_000, 10, &[Intersect]);
+    let outcome = simulate(HraConfig::default(), &[model], &load, &CostBook::new(""), 3);
+    let ideal = 8_000.0 * 10.0 * ns_per_item * 1e-9;
+    // Little's law the other way round: what is under way is the rate times the time that a unit is under way.
+    let answers = outcome.answers.iter().flatten();
+    let away = |answer: &crate::simulate::Answered| {
+        answer.at.since(answer.submitted.after(answer.waited.unwrap_or_default())).as_secs_f64()
+    };
+    let under_way = answers.map(away).sum::<f64>() / outcome.end.since(Time::ZERO).as_secs_f64();
+    (outcome.end.since(Time::ZERO).as_secs_f64() / ideal, under_way * 10.0 * ns_per_item * 1e-9)
+}
+
+#[test]
+fn the_window_is_little_more_than_a_round_trip_and_keeps_the_resource_busy() {
+    for (latency_ms, ns_per_item) in [(1, 1e5), (10, 1e5), (50, 1e5), (5, 1e6), (50, 5e5)] {
+        let (time, work_under_way) = window(latency_ms, ns_per_item);
+        let round_trip = 2e-3 * latency_ms as f64 + 10.0 * ns_per_item * 1e-9;
+        assert!(time < 1.06, "latency {latency_ms} ms: {time} of the time at full speed");
+        assert!(
+            work_under_way < 1.7 * round_trip + 20.0 * ns_per_item * 1e-9,
+            "latency {latency_ms} ms: {work_under_way} s of work under way for a round trip of {round_trip} s"
+        );
+    }
+}

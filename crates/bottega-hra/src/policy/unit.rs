@@ -1,0 +1,115 @@
+//! A unit as the policy sees it: what it asks for, until when, and who failed with it.
+
+use std::collections::VecDeque;
+
+use super::time::Time;
+use crate::{DataId, Primitive, ResourceId};
+
+/// Read-only data that a unit needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Data {
+    pub(crate) id: DataId,
+    pub(crate) bytes: u64,
+}
+
+/// All that decides where and when a unit is done.
+#[derive(Clone, Debug)]
+pub(crate) struct Meta {
+    pub(crate) primitive: Primitive,
+    /// Items.
+    pub(crate) size: u64,
+    pub(crate) data: Option<Data>,
+    /// Higher goes first.
+    pub(crate) priority: i32,
+    pub(crate) submitted: Time,
+    /// From when on it goes before all that are not late.
+    pub(crate) late: Time,
+    /// From when on nobody wants its output.
+    pub(crate) expires: Time,
+    pub(crate) attempts: u32,
+    /// Who tried and failed.
+    pub(crate) failed_on: Vec<ResourceId>,
+}
+
+/// What the policy carries about: facts for itself, and a load that only the driver understands.
+#[derive(Clone, Debug)]
+pub(crate) struct Unit<T> {
+    pub(crate) meta: Meta,
+    pub(crate) load: T,
+}
+
+impl<T> Unit<T> {
+    pub(crate) fn map<U>(self, f: impl FnOnce(T) -> U) -> Unit<U> {
+        Unit { meta: self.meta, load: f(self.load) }
+    }
+}
+
+/// Units in a row that wait as one: equal in primitive, data and priority, and none due before the one in front of it.
+/// The bin puts them in order once a chunk, not once a unit.
+#[derive(Clone, Debug)]
+pub(crate) struct Chunk<T> {
+    units: VecDeque<Unit<T>>,
+    items: u64,
+    /// Its units were announced before, as the rest of a group that the bin had no room for.
+    pub(crate) announced: bool,
+}
+
+impl<T> Chunk<T> {
+    /// Most units in a chunk: enough that what a chunk costs is nothing beside what its units cost.
+    pub(crate) const UNITS_MAX: usize = 64;
+
+    pub(crate) fn new(unit: Unit<T>, announced: bool) -> Self {
+        let items = unit.meta.size;
+        Self { units: VecDeque::from([unit]), items, announced }
+    }
+
+    /// Whether `meta` may follow here.
+    pub(crate) fn accepts(&self, meta: &Meta, announced: bool) -> bool {
+        let Some(last) = self.units.back().map(|unit| &unit.meta) else { return false };
+        self.units.len() < Self::UNITS_MAX
+            && self.announced == announced
+            && (last.primitive, last.priority, last.data) == (meta.primitive, meta.priority, meta.data)
+            && last.late <= meta.late
+            && last.expires <= meta.expires
+    }
+
+    /// Appends a unit that the chunk accepts.
+    pub(crate) fn push(&mut self, unit: Unit<T>) {
+        self.items = self.items.saturating_add(unit.meta.size);
+        self.units.push_back(unit);
+    }
+
+    pub(crate) fn pop(&mut self) -> Option<Unit<T>> {
+        let unit = self.units.pop_front()?;
+        self.items = self.items.saturating_sub(unit.meta.size);
+        Some(unit)
+    }
+
+    /// The facts of the unit in front.
+    pub(crate) fn front(&self) -> Option<&Meta> {
+        self.units.front().map(|unit| &unit.meta)
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    pub(crate) fn items(&self) -> u64 {
+        self.items
+    }
+
+    /// Takes out the units for which `wanted` holds; both parts stay in order.
+    pub(crate) fn extract(&mut self, wanted: impl Fn(&Unit<T>) -> bool, out: &mut Vec<Unit<T>>) {
+        if !self.units.iter().any(&wanted) {
+            return;
+        }
+        for unit in std::mem::take(&mut self.units) {
+            if wanted(&unit) {
+                self.items = self.items.saturating_sub(unit.meta.size);
+                out.push(unit);
+            } else {
+                self.units.push_back(unit);
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The far end: when a packet is answered, and how.
+
+use std::collections::BTreeMap;
+
+use super::model::Model;
+use super::random::Random;
+use crate::policy::incident::Fault;
+use crate::policy::time::Time;
+use crate::{DataId, Primitive};
+
+/// A packet as the device sees it.
+pub(super) struct Parcel {
+    pub(super) primitive: Primitive,
+    pub(super) units: usize,
+    pub(super) items: u64,
+    pub(super) payload_bytes: u64,
+    pub(super) data: Option<(DataId, u64)>,
+}
+
+/// What will come of a packet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fate {
+    /// When the answer is there; a device that hangs and is called directly returns then. `None`: never.
+    pub(super) at: Option<Time>,
+    /// What it will be, if not results.
+    pub(super) fault: Option<Fault>,
+}
+
+pub(super) struct Device {
+    model: Model,
+    random: Random,
+    link_free: Time,
+    free: Time,
+    /// Down until then.
+    down_until: Option<Time>,
+    /// Counts up when all that is in hand is lost.
+    pub(super) generation: u64,
+    held: BTreeMap<DataId, u64>,
+    /// Whether it was ever made to hold more than it can.
+    pub(super) overfull: bool,
+}
+
+impl Device {
+    pub(super) fn new(model: Model, seed: u64) -> Self {
+        let (held, random) = (BTreeMap::new(), Random::new(seed));
+        let (link_free, free) = (Time::ZERO, Time::ZERO);
+        Self { model, random, link_free, free, down_until: None, generation: 0, held, overfull: false }
+    }
+
+    pub(super) fn is_far(&self) -> bool {
+        self.model.window.is_some()
+    }
+
+    pub(super) fn evict(&mut self, data: DataId) {
+        self.held.remove(&data);
+    }
+
+    /// Whether it is up again.
+    pub(super) fn recover(&mut self, now: Time) -> Result<(), String> {
+        if self.down_until.is_some_and(|until| now < until) {
+            return Err("still down".to_owned());
+        }
+        self.down_until = None;
+        Ok(())
+    }
+
+    /// Takes a packet.
+    pub(super) fn send(&mut self, now: Time, parcel: &Parcel) -> Fate {
+        let faults = self.model.faults;
+        if self.down_until.is_some() {
+            return Fate { at: self.down_until.filter(|_| !self.is_far()), fault: Some(Fault::Hung) };
+        }
+        let moved = self.hold(parcel.data);
+        let fault = self.draw_fault(parcel.units);
+        let answered = self.serve(now, parcel, moved);
+        match fault {
+            Some(Fault::Hung) => {
+                let until = now.after(faults.lasts);
+                self.fall(until);
+                Fate { at: (!self.is_far()).then_some(until), fault }
+            }
+            Some(Fault::Died) => {
+                self.fall(now.after(faults.lasts));
+                Fate { at: Some(now), fault }
+            }
+            fault => Fate { at: Some(answered), fault },
+        }
+    }
+
+    fn fall(&mut self, until: Time) {
+        self.down_until = Some(until);
+        self.generation += 1;
+        self.held.clear();
+    }
+
+    fn draw_fault(&mut self, units: usize) -> Option<Fault> {
+        let faults = self.model.faults;
+        if faults.units_max.is_some_and(|max| units > max) {
+            return Some(Fault::OutOfMemory);
+        }
+        let kinds = [(Fault::Hung, faults.hang), (Fault::Died, faults.death), (Fault::Garbage, faults.garbage)];
+        kinds.into_iter().find(|&(_, chance)| chance > 0.0 && self.random.chance(chance)).map(|(fault, _)| fault)
+    }
+
+    /// When a packet is answered that goes out now: it occupies the link for its bytes, arrives after the latency,
+    /// waits for the packets before it, is served, and its answer takes the latency again.
+    fn serve(&mut self, now: Time, parcel: &Parcel, moved_bytes: u64) -> Time {
+        let per_item = self.model.time_per_item[parcel.primitive.index()].unwrap_or(0.0);
+        let noise = 1.0 + self.model.noise * self.random.between(-1.0, 1.0);
+        let service = (self.model.time_per_packet.as_nanos() as f64 + per_item * parcel.items as f64) * noise;
+        if !self.is_far() {
+            return now.plus_ns(service);
+        }
+        let link = self.model.link;
+        let bytes = parcel.payload_bytes.saturating_add(moved_bytes);
+        self.link_free = self.link_free.max(now).after(link.transfer(bytes).saturating_sub(link.latency));
+        self.free = self.free.max(self.link_free.after(link.latency)).plus_ns(service);
+        self.free.after(link.latency)
+    }
+
+    /// Makes data resident. Returns the bytes that must travel.
+    fn hold(&mut self, data: Option<(DataId, u64)>) -> u64 {
+        let Some((id, bytes)) = data else { return 0 };
+        if self.held.insert(id, bytes).is_some() {
+            return 0;
+        }
+        self.overfull |= self.held.values().sum::<u64>() > self.model.memory_bytes.unwrap_or(u64::MAX);
+        bytes
+    }
+}

@@ -1,0 +1,401 @@
+//! The driver in virtual time: events in the order of their times, and a check of what must hold.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::time::Duration;
+
+use super::device::{Device, Fate, Parcel};
+use super::load::{Arrival, Load};
+use super::model::Model;
+use crate::policy::core::{Core, Landing, Next, Out, Packet};
+use crate::policy::faults::GiveUp;
+use crate::policy::incident::Fault;
+use crate::policy::ledger::Ledger;
+use crate::policy::time::Time;
+use crate::policy::unit::{Chunk, Data, Meta, Unit};
+use crate::{CostBook, HraConfig, HraReport, ResourceId, UnitError};
+
+/// What became of a unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answered {
+    /// Done, or why not. `None`: cancelled.
+    pub outcome: Option<Result<(), UnitError>>,
+    /// When that was known.
+    pub at: Time,
+    /// When it went into the bin.
+    pub submitted: Time,
+    /// How long it waited there before it was first handed to a resource, if it was.
+    pub waited: Option<Duration>,
+    /// Who did it.
+    pub resource: Option<ResourceId>,
+}
+
+/// What came of a run.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// One a unit, in the order of the load. `None`: it was lost, which must not be.
+    pub answers: Vec<Option<Answered>>,
+    /// Units that were answered more than once, which must not be.
+    pub doubled: usize,
+    /// Whether a resource was ever made to hold more than its memory, which must not be.
+    pub overfull: bool,
+    /// When the last unit was answered.
+    pub end: Time,
+    /// Greatest number of units that waited in the bin.
+    pub waiting_max: usize,
+    /// The resources at the end.
+    pub report: HraReport,
+}
+
+impl Outcome {
+    /// Units that were done.
+    pub fn done(&self) -> usize {
+        self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
+    }
+
+    /// Units that were never answered.
+    pub fn lost(&self) -> usize {
+        self.answers.iter().filter(|answer| answer.is_none()).count()
+    }
+}
+
+/// Runs a load until all of it is answered. Equal arguments give equal outcomes.
+///
+/// Every unit can be tried again, as one with a [`Work::backup`](crate::Work::backup).
+pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> Outcome {
+    let mut world = World::new(config, models, load, costs, seed);
+    world.run();
+    world.outcome()
+}
+
+/// What happens at some time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Event {
+    /// All of the load from this place on that has the same time is submitted.
+    Arrive(usize),
+    CancelAll,
+    /// An answer, if the device still was of that generation.
+    Reply {
+        lane: u32,
+        sequence: u64,
+        generation: u64,
+    },
+    Ask(u32),
+    Tick,
+}
+
+struct World<'a> {
+    core: Core<usize>,
+    devices: Vec<Device>,
+    ledgers: Vec<Ledger<usize>>,
+    load: &'a [Arrival],
+    /// Units that wait for room in the bin.
+    outside: VecDeque<(usize, bool)>,
+    answers: Vec<Option<Answered>>,
+    first_waits: Vec<Option<Duration>>,
+    submitted: Vec<Time>,
+    doubled: usize,
+    waiting_max: usize,
+    /// By lane and packet: how it will end.
+    fates: Vec<BTreeMap<u64, Option<Fault>>>,
+    events: BinaryHeap<Reverse<(Time, u64, Event)>>,
+    event_count: u64,
+    next_tick: Time,
+    to_ask: VecDeque<ResourceId>,
+    now: Time,
+    max_delay_bound: Duration,
+    end: Time,
+}
+
+impl<'a> World<'a> {
+    fn new(config: HraConfig, models: &[Model], load: &'a Load, costs: &CostBook, seed: u64) -> Self {
+        let described = models.iter().map(|model| (model.descriptor(), model.window)).collect();
+        let count = load.arrivals.len();
+        let seeds = (0..models.len() as u64).map(|lane| seed.wrapping_mul(1_000_003).wrapping_add(lane));
+        let mut world = Self {
+            core: Core::new(config, described, costs),
+            devices: models.iter().cloned().zip(seeds).map(|(model, seed)| Device::new(model, seed)).collect(),
+            ledgers: models.iter().map(|_| Ledger::new()).collect(),
+            load: &load.arrivals,
+            outside: VecDeque::new(),
+            answers: vec![None; count],
+            first_waits: vec![None; count],
+            submitted: vec![Time::ZERO; count],
+            doubled: 0,
+            waiting_max: 0,
+            fates: models.iter().map(|_| BTreeMap::new()).collect(),
+            events: BinaryHeap::new(),
+            event_count: 0,
+            next_tick: Time::NEVER,
+            to_ask: (0..models.len() as u32).map(ResourceId).collect(),
+            now: Time::ZERO,
+            max_delay_bound: config.max_delay_bound,
+            end: Time::ZERO,
+        };
+        if let Some(first) = load.arrivals.first() {
+            world.schedule(first.at, Event::Arrive(0));
+        }
+        for &at in &load.cancelled {
+            world.schedule(at, Event::CancelAll);
+        }
+        world
+    }
+
+    fn schedule(&mut self, at: Time, event: Event) {
+        self.event_count += 1;
+        self.events.push(Reverse((at.max(self.now), self.event_count, event)));
+    }
+
+    fn run(&mut self) {
+        self.settle_down();
+        while let Some(Reverse((at, _, event))) = self.events.pop() {
+            self.now = at;
+            self.happen(event);
+            self.settle_down();
+            self.waiting_max = self.waiting_max.max(self.core.waiting());
+        }
+    }
+
+    fn outcome(self) -> Outcome {
+        let report = HraReport::of(&self.core, self.end, self.core.waiting());
+        Outcome {
+            answers: self.answers,
+            doubled: self.doubled,
+            overfull: self.devices.iter().any(|device| device.overfull),
+            end: self.end,
+            waiting_max: self.waiting_max,
+            report,
+        }
+    }
+
+    fn happen(&mut self, event: Event) {
+        match event {
+            Event::Arrive(from) => self.arrive(from),
+            Event::CancelAll => {
+                for unit in self.core.cancel(|_| true) {
+                    self.answer(unit.load, None, None);
+                }
+                for (index, announced) in std::mem::take(&mut self.outside) {
+                    if announced {
+                        self.core.retract(self.load[index].primitive, self.load[index].size);
+                    }
+                    self.answer(index, None, None);
+                }
+            }
+            Event::Reply { lane, sequence, generation } => {
+                if self.devices[lane as usize].generation == generation {
+                    self.reply(ResourceId(lane), sequence);
+                }
+            }
+            Event::Ask(lane) => self.to_ask.push_back(ResourceId(lane)),
+            Event::Tick => {
+                self.next_tick = Time::NEVER;
+                self.with_core(Core::tick);
+            }
+        }
+    }
+
+    fn with_core<R>(&mut self, decide: impl FnOnce(&mut Core<usize>, Time, &mut Out<usize>) -> R) -> R {
+        let mut out = Out::default();
+        let decided = decide(&mut self.core, self.now, &mut out);
+        self.follow(out);
+        decided
+    }
+
+    fn follow(&mut self, out: Out<usize>) {
+        self.to_ask.extend(out.wake);
+        for unit in out.expired {
+            self.answer(unit.load, Some(Err(UnitError::Expired)), None);
+        }
+        for unit in out.orphans {
+            self.answer(unit.load, Some(Err(UnitError::NoResource(unit.meta.primitive))), None);
+        }
+        for (id, sequence) in out.overdue {
+            let units = self.ledgers[id.index()].settle(sequence).into_iter().flatten().collect();
+            self.with_core(|core, now, out| core.hung(now, id, sequence, out));
+            self.give_back(id, units, true);
+            self.to_ask.push_back(id);
+        }
+    }
+
+    /// Does all that is to be done at this moment.
+    fn settle_down(&mut self) {
+        loop {
+            self.let_in();
+            let Some(id) = self.to_ask.pop_front() else { break };
+            self.ask(id);
+        }
+        if let Some(next) = self.core.next_event()
+            && next < self.next_tick
+        {
+            self.next_tick = next;
+            self.schedule(next, Event::Tick);
+        }
+    }
+
+    // ---- The submitter.
+
+    fn arrive(&mut self, from: usize) {
+        let at = self.load[from].at;
+        let group = self.load[from..].iter().take_while(|arrival| arrival.at == at).count();
+        let room = self.core.capacity().saturating_sub(self.core.waiting() + self.outside.len());
+        for index in from..from + group {
+            let announced = index - from >= room;
+            if announced {
+                self.core.announce(self.load[index].primitive, self.load[index].size);
+            }
+            self.outside.push_back((index, announced));
+        }
+        if let Some(next) = self.load.get(from + group) {
+            self.schedule(next.at, Event::Arrive(from + group));
+        }
+    }
+
+    /// Units go into the bin as long as it has room.
+    fn let_in(&mut self) {
+        while self.core.waiting() < self.core.capacity() {
+            let Some(&(first, announced)) = self.outside.front() else { return };
+            let mut chunk = Chunk::new(self.unit(first), announced);
+            self.outside.pop_front();
+            while self.core.waiting() + chunk.len() < self.core.capacity()
+                && let Some(&(next, announced)) = self.outside.front()
+            {
+                let unit = self.unit(next);
+                if !chunk.accepts(&unit.meta, announced) {
+                    break;
+                }
+                chunk.push(unit);
+                self.outside.pop_front();
+            }
+            self.with_core(|core, now, out| core.submit(now, chunk, out));
+        }
+    }
+
+    fn unit(&mut self, index: usize) -> Unit<usize> {
+        let Arrival { primitive, size, data, priority, max_delay, validity, .. } = self.load[index];
+        self.submitted[index] = self.now;
+        let meta = Meta {
+            primitive,
+            size,
+            data: data.map(|(id, bytes)| Data { id, bytes }),
+            priority,
+            submitted: self.now,
+            late: self.now.after(max_delay.min(self.max_delay_bound)),
+            expires: self.now.after(validity),
+            attempts: 0,
+            failed_on: Vec::new(),
+        };
+        Unit { meta, load: index }
+    }
+
+    // ---- The resources.
+
+    fn ask(&mut self, id: ResourceId) {
+        loop {
+            match self.with_core(|core, now, out| core.next(now, id, out)) {
+                Next::Packet(packet) => self.send(id, packet),
+                Next::Recover(evicted) => {
+                    evicted.into_iter().for_each(|data| self.devices[id.index()].evict(data));
+                    let outcome = self.devices[id.index()].recover(self.now);
+                    self.with_core(|core, now, out| core.recovered(now, id, outcome, out));
+                }
+                Next::Wait(until) => {
+                    if let Some(until) = until {
+                        self.schedule(until, Event::Ask(id.0));
+                    }
+                    return;
+                }
+                Next::End => return,
+            }
+            if !self.devices[id.index()].is_far() && self.ledgers[id.index()].is_busy() {
+                return; // It is called directly, and its thread is gone until it returns.
+            }
+        }
+    }
+
+    fn send(&mut self, id: ResourceId, packet: Packet<usize>) {
+        let Packet { sequence, units, evicted, .. } = packet;
+        let device = &mut self.devices[id.index()];
+        evicted.into_iter().for_each(|data| device.evict(data));
+        let Some(first) = units.first().map(|unit| &unit.meta) else { return };
+        let parcel = Parcel {
+            primitive: first.primitive,
+            units: units.len(),
+            items: units.iter().map(|unit| unit.meta.size).sum(),
+            payload_bytes: units.iter().map(|unit| self.load[unit.load].payload_bytes).sum(),
+            data: first.data.map(|data| (data.id, data.bytes)),
+        };
+        for unit in &units {
+            self.first_waits[unit.load].get_or_insert(self.now.since(unit.meta.submitted));
+        }
+        let before = device.generation;
+        let Fate { at, fault } = device.send(self.now, &parcel);
+        let (after, is_far) = (device.generation, device.is_far());
+        self.ledgers[id.index()].enter(sequence, units);
+        self.fates[id.index()].insert(sequence, fault);
+        if let Some(at) = at {
+            self.schedule(at, Event::Reply { lane: id.0, sequence, generation: after });
+        }
+        // Who dies takes along what else it had in hand.
+        if is_far && after != before && fault == Some(Fault::Died) {
+            for other in self.ledgers[id.index()].sequences() {
+                self.fates[id.index()].insert(other, Some(Fault::Died));
+                self.schedule(self.now, Event::Reply { lane: id.0, sequence: other, generation: after });
+            }
+        }
+    }
+
+    fn reply(&mut self, id: ResourceId, sequence: u64) {
+        let fault = self.fates[id.index()].remove(&sequence).flatten();
+        self.to_ask.push_back(id);
+        let Some(units) = self.ledgers[id.index()].settle(sequence) else {
+            self.with_core(|core, now, out| core.landed(now, id, sequence, Landing::default(), out));
+            return;
+        };
+        let mut landing = Landing::default();
+        match fault {
+            None => {
+                landing.done = units.len();
+                landing.done_items = units.iter().map(|unit| unit.meta.size).sum();
+            }
+            Some(fault) => {
+                landing.failed = units.len();
+                landing.fault = Some((fault, fault.name().to_owned()));
+            }
+        }
+        let landed = self.with_core(|core, now, out| core.landed(now, id, sequence, landing, out));
+        let blamed = landed.as_ref().is_none_or(|landed| landed.blamed);
+        let device = &mut self.devices[id.index()];
+        landed.into_iter().flat_map(|landed| landed.evicted).for_each(|data| device.evict(data));
+        if fault.is_some() {
+            self.give_back(id, units, blamed);
+        } else {
+            for unit in units {
+                let expired = unit.meta.expires <= self.now;
+                self.answer(unit.load, Some(if expired { Err(UnitError::Expired) } else { Ok(()) }), Some(id));
+            }
+        }
+    }
+
+    fn give_back(&mut self, id: ResourceId, units: Vec<Unit<usize>>, blamed: bool) {
+        for unit in units {
+            let given_up = self.with_core(|core, now, out| core.give_back(now, id, unit, blamed, out));
+            if let Some((unit, why)) = given_up {
+                let error = match why {
+                    GiveUp::Failed => UnitError::Failed { attempts: unit.meta.attempts, reason: String::new() },
+                    GiveUp::NoResource => UnitError::NoResource(unit.meta.primitive),
+                    GiveUp::Closed => UnitError::Closed,
+                    GiveUp::Expired => UnitError::Expired,
+                };
+                self.answer(unit.load, Some(Err(error)), Some(id));
+            }
+        }
+    }
+
+    fn answer(&mut self, index: usize, outcome: Option<Result<(), UnitError>>, resource: Option<ResourceId>) {
+        let (at, submitted, waited) = (self.now, self.submitted[index], self.first_waits[index]);
+        self.end = at;
+        self.doubled += usize::from(self.answers[index].is_some());
+        self.answers[index] = Some(Answered { outcome, at, submitted, waited, resource });
+    }
+}

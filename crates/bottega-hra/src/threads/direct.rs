@@ -1,0 +1,145 @@
+//! The thread of a resource that is called directly: take a packet, do its units, answer.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::settle::Attempt;
+use super::shared::{Flying, Job, Shared};
+use super::sync::lock;
+use crate::policy::core::{Next, Packet};
+use crate::policy::incident::Fault;
+use crate::policy::unit::Unit;
+use crate::{Failed, Resource, ResourceId, Work};
+
+/// A packet that takes longer than this goes back with what is left of it: it was cut for much less.
+const PACKET_TIME_MAX: Duration = Duration::from_micros(500);
+/// Packets after which a resource is asked for its memory again.
+const ASK_MEMORY_EVERY: u64 = 64;
+
+/// Serves `resource` until the allocator is shut down or the resource given up.
+pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, mut resource: Box<dyn Resource<W>>) {
+    let lane = &shared.lanes[id.index()];
+    lane.post.man();
+    let mut next = shared.with_core(|core, now, out| core.next(now, id, out));
+    loop {
+        next = match next {
+            Next::Packet(packet) => serve(shared, id, &mut *resource, packet),
+            Next::Recover(evicted) => {
+                evicted.into_iter().for_each(|data| quietly(|| resource.evict(data)));
+                let outcome = recover(|| resource.recover());
+                shared.with_core(|core, now, out| {
+                    core.recovered(now, id, outcome, out);
+                    core.next(now, id, out)
+                })
+            }
+            Next::Wait(until) => {
+                lane.post.wait(until.map(|until| until.since(shared.now())));
+                shared.with_core(|core, now, out| core.next(now, id, out))
+            }
+            Next::End => return,
+        };
+    }
+}
+
+/// Does a packet. Returns what to do next.
+fn serve<W: Work>(
+    shared: &Shared<W>,
+    id: ResourceId,
+    resource: &mut dyn Resource<W>,
+    packet: Packet<Job<W>>,
+) -> Next<Job<W>> {
+    let Packet { sequence, units, evicted, deadline } = packet;
+    let lane = &shared.lanes[id.index()];
+    for data in evicted {
+        quietly(|| resource.evict(data));
+    }
+    let (works, flying) = part(units);
+    lock(&lane.ledger).enter(sequence, flying);
+    shared.alarm.set(deadline);
+    let sent = shared.now();
+    let (attempts, busy) = perform(resource, works);
+    // Whoever finds it gone has no right to answer: it took so long that its units were given to others.
+    let Some(units) = lock(&lane.ledger).settle(sequence) else {
+        drop(attempts);
+        shared.set_over(id, false);
+        return shared.with_core(|core, now, out| {
+            core.landed(now, id, sequence, crate::policy::core::Landing::default(), out);
+            core.next(now, id, out)
+        });
+    };
+    let mut settled = shared.sort(id, units, attempts, sent);
+    settled.landing.busy = Some(busy);
+    let ran_out = matches!(settled.landing.fault, Some((Fault::OutOfMemory, _)));
+    let memory_free = if ran_out || sequence % ASK_MEMORY_EVERY == 0 {
+        catch_unwind(AssertUnwindSafe(|| resource.memory_free())).unwrap_or(None)
+    } else {
+        None
+    };
+    let (landed, next) = shared.land(id, sequence, settled, |core, now, out| {
+        if let Some(bytes) = memory_free {
+            core.set_memory_free(id, bytes);
+        }
+        core.next(now, id, out)
+    });
+    for data in landed.into_iter().flat_map(|landed| landed.evicted) {
+        quietly(|| resource.evict(data));
+    }
+    next
+}
+
+/// Does one work after the other, up to the first that fails. Returns each attempt and its time, and the time of all.
+fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Attempt<W>, Duration)>, Duration) {
+    let mut attempts = Vec::with_capacity(works.len());
+    let started = Instant::now();
+    let (mut before, mut stop) = (started, false);
+    for work in works {
+        if stop {
+            attempts.push((Attempt::Untouched(work), Duration::ZERO));
+            continue;
+        }
+        let outcome = catch_unwind(AssertUnwindSafe(|| resource.perform(work)));
+        let now = Instant::now();
+        stop = !matches!(outcome, Ok(Ok(_))) || now - started > PACKET_TIME_MAX;
+        let attempt = match outcome {
+            Ok(Ok(output)) => Attempt::Done(output),
+            Ok(Err(Failed { work, reason })) => {
+                let asked = catch_unwind(AssertUnwindSafe(|| resource.is_out_of_memory()));
+                let fault = if matches!(asked, Ok(true)) { Fault::OutOfMemory } else { Fault::Refused };
+                Attempt::Failed { fault, reason, work: Some(work) }
+            }
+            Err(panic) => Attempt::Failed { fault: Fault::Died, reason: panic_message(&*panic), work: None },
+        };
+        attempts.push((attempt, now - before));
+        before = now;
+    }
+    (attempts, before - started)
+}
+
+/// Parts the works, which move to the resource, from what stays behind, backups among it.
+pub(crate) fn part<W: Work>(units: Vec<Unit<Job<W>>>) -> (Vec<W>, Vec<Unit<Flying<W>>>) {
+    let (mut works, mut flying) = (Vec::with_capacity(units.len()), Vec::with_capacity(units.len()));
+    for Unit { meta, load: Job { work, tag } } in units {
+        let backup = catch_unwind(AssertUnwindSafe(|| work.backup())).unwrap_or(None);
+        flying.push(Unit { meta, load: Flying { tag, backup } });
+        works.push(work);
+    }
+    (works, flying)
+}
+
+/// Asks a resource to recover; a panic is taken for a no.
+pub(crate) fn recover(recover: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+    catch_unwind(AssertUnwindSafe(recover)).unwrap_or_else(|panic| Err(panic_message(&*panic)))
+}
+
+/// Calls what must not end the thread.
+pub(crate) fn quietly(call: impl FnOnce()) {
+    let _ = catch_unwind(AssertUnwindSafe(call));
+}
+
+fn panic_message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    format!("panicked: {}", text.unwrap_or("(no message)"))
+}

@@ -1,0 +1,215 @@
+//! The thread of a resource that is far away: a sliding window of numbered packets, sent without waiting for answers.
+//!
+//! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, sections 3.2.1 and
+//! 3.3.6. Unlike there, packets may be answered in any order, lost ones are noticed, and how many are under way and
+//! how large they are follows from what is measured ([`crate::policy::flow`]).
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::direct::{part, quietly, recover};
+use super::settle::{Attempt, lost};
+use super::shared::Shared;
+use super::sync::lock;
+use crate::policy::core::Next;
+use crate::policy::incident::Fault;
+use crate::policy::time::Time;
+use crate::{DataId, Failed, ResourceDescriptor, ResourceId, Work};
+
+/// A resource that takes packets without answering at once. Called from a thread of its own.
+pub trait WindowedResource<W: Work>: Send {
+    /// What it is. Asked once, before the first packet.
+    fn descriptor(&self) -> ResourceDescriptor;
+
+    /// Sends a packet on its way; must not wait for its results. Its [`Reply`] may be used later, from any thread.
+    fn send(&mut self, packet: Packet<W>);
+
+    /// Makes the resource ready again after a failure, or says why that cannot be done yet.
+    fn recover(&mut self) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Throws data out of the resource's memory: it is the least recently used, and room is needed. No packet under
+    /// way needs it; data that was never seen here may be named.
+    fn evict(&mut self, data: DataId) {
+        let _ = data;
+    }
+
+    /// Bytes of memory that are free for data, if the resource can tell; asked after it ran out of memory.
+    fn memory_free(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// Bounds of what is under way to a far resource. Within them the allocator finds the least that keeps it busy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Packets that may be under way at once; at least 1.
+    pub packets: usize,
+    /// Most units in a packet; at least 1.
+    pub units_per_packet: usize,
+    /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
+    /// it is known how long it should take. Also the longest time that shutting down waits for it.
+    pub patience: Duration,
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10) }
+    }
+}
+
+/// Units that travel together.
+pub struct Packet<W: Work> {
+    /// Number of the packet; counts up by one for each that is sent to this resource.
+    pub sequence: u64,
+    /// What is to be done; all of one primitive, on the same data.
+    pub works: Vec<W>,
+    /// Where the results go.
+    pub reply: Reply<W>,
+}
+
+/// Takes the results of one packet. Dropped without use, it says that the packet is lost.
+pub struct Reply<W: Work> {
+    shared: Arc<Shared<W>>,
+    lane: ResourceId,
+    sequence: u64,
+    answered: bool,
+}
+
+impl<W: Work> Reply<W> {
+    /// Answers the packet: an outcome for each work, in the packet's order. Units beyond the end of `outcomes` count
+    /// as lost; outcomes beyond the last unit are dropped.
+    pub fn send(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>) {
+        self.answer(outcomes, None, Fault::Refused);
+    }
+
+    /// Answers as [`Reply::send`] does, and says how long the resource was at work on the packet, which is then not
+    /// concluded from the time between answers.
+    pub fn send_timed(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Duration) {
+        self.answer(outcomes, Some(busy), Fault::Refused);
+    }
+
+    /// Says that the resource has not the memory for this packet, and gives all of it back. It will be sent less at
+    /// once, and what cannot be done here even alone is done elsewhere.
+    pub fn out_of_memory(mut self, works: Vec<W>) {
+        let failed = |work| Err(Failed { work, reason: "out of memory".to_owned() });
+        self.answer(works.into_iter().map(failed).collect(), None, Fault::OutOfMemory);
+    }
+
+    fn answer(&mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Option<Duration>, fault: Fault) {
+        self.answered = true;
+        let answer = Answer { sequence: self.sequence, outcomes, busy, fault };
+        let lane = &self.shared.lanes[self.lane.index()];
+        lock(&lane.inbox).push(answer);
+        lane.post.wake();
+    }
+}
+
+impl<W: Work> Drop for Reply<W> {
+    fn drop(&mut self) {
+        if !self.answered {
+            self.answer(Vec::new(), None, Fault::Died);
+        }
+    }
+}
+
+/// What came back of a packet.
+pub(crate) struct Answer<W: Work> {
+    sequence: u64,
+    outcomes: Vec<Result<W::Output, Failed<W>>>,
+    busy: Option<Duration>,
+    /// What it means if a unit came back undone.
+    fault: Fault,
+}
+
+/// Serves `resource` until the allocator is shut down or the resource given up.
+pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: Box<dyn WindowedResource<W>>) {
+    shared.lanes[id.index()].post.man();
+    Driver { shared, id, resource, sent: BTreeMap::new() }.run();
+}
+
+struct Driver<'a, W: Work> {
+    shared: &'a Arc<Shared<W>>,
+    id: ResourceId,
+    resource: Box<dyn WindowedResource<W>>,
+    /// When the packets under way were sent.
+    sent: BTreeMap<u64, Time>,
+}
+
+impl<W: Work> Driver<'_, W> {
+    fn run(mut self) {
+        let lane = &self.shared.lanes[self.id.index()];
+        loop {
+            let answers = std::mem::take(&mut *lock(&lane.inbox));
+            for answer in answers {
+                self.read(answer);
+            }
+            let (id, shared) = (self.id, self.shared);
+            match shared.with_core(|core, now, out| core.next(now, id, out)) {
+                Next::Packet(packet) => self.send(packet),
+                Next::Recover(evicted) => {
+                    evicted.into_iter().for_each(|data| quietly(|| self.resource.evict(data)));
+                    let outcome = recover(|| self.resource.recover());
+                    shared.with_core(|core, now, out| core.recovered(now, id, outcome, out));
+                }
+                Next::Wait(until) => {
+                    if lock(&lane.inbox).is_empty() {
+                        lane.post.wait(until.map(|until| until.since(shared.now())));
+                    }
+                }
+                Next::End => return,
+            }
+        }
+    }
+
+    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::Job<W>>) {
+        let lane = &self.shared.lanes[self.id.index()];
+        for data in packet.evicted {
+            quietly(|| self.resource.evict(data));
+        }
+        let sequence = packet.sequence;
+        let (works, flying) = part(packet.units);
+        lock(&lane.ledger).enter(sequence, flying);
+        self.shared.alarm.set(packet.deadline);
+        self.sent.insert(sequence, self.shared.now());
+        let reply = Reply { shared: Arc::clone(self.shared), lane: self.id, sequence, answered: false };
+        let packet = Packet { sequence, works, reply };
+        // A panic drops the reply, which says that the packet is lost.
+        let _ = catch_unwind(AssertUnwindSafe(|| self.resource.send(packet)));
+    }
+
+    /// Settles the units of a packet.
+    fn read(&mut self, answer: Answer<W>) {
+        let Answer { sequence, outcomes, busy, fault } = answer;
+        let sent = self.sent.remove(&sequence).unwrap_or_default();
+        let Some(units) = lock(&self.shared.lanes[self.id.index()].ledger).settle(sequence) else {
+            return; // Given up before; its units are done elsewhere.
+        };
+        let total = units.iter().map(|unit| unit.meta.size as f64).sum::<f64>().max(1.0);
+        let taken = busy.unwrap_or_else(|| self.shared.now().since(sent));
+        let shares: Vec<Duration> =
+            units.iter().map(|unit| taken.mul_f64((unit.meta.size as f64 / total).min(1.0))).collect();
+        let attempt = |outcome: Option<Result<W::Output, Failed<W>>>| match outcome {
+            Some(Ok(output)) => Attempt::Done(output),
+            Some(Err(Failed { work, reason })) => Attempt::Failed { fault, reason, work: Some(work) },
+            None => lost("the packet was lost"),
+        };
+        let mut outcomes = outcomes.into_iter();
+        let attempts: Vec<_> = shares.into_iter().map(|share| (attempt(outcomes.next()), share)).collect();
+        let mut settled = self.shared.sort(self.id, units, attempts, sent);
+        settled.landing.busy = busy;
+        let (landed, ()) = self.shared.land(self.id, sequence, settled, |_, _, _| ());
+        if fault == Fault::OutOfMemory {
+            for data in landed.into_iter().flat_map(|landed| landed.evicted) {
+                quietly(|| self.resource.evict(data));
+            }
+            let free = catch_unwind(AssertUnwindSafe(|| self.resource.memory_free())).unwrap_or(None);
+            if let Some(bytes) = free {
+                self.shared.with_core(|core, _, _| core.set_memory_free(self.id, bytes));
+            }
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! What becomes of units: an answer, or another try.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::results_bin::ResultsBin;
+use super::shared::{Flying, Job, Shared, Tag};
+use super::sync::lock;
+use crate::policy::core::{Core, Landed, Landing, Out};
+use crate::policy::faults::GiveUp;
+use crate::policy::incident::Fault;
+use crate::policy::time::Time;
+use crate::policy::unit::{Meta, Unit};
+use crate::{Completed, ResourceId, UnitError, Work};
+
+/// How an attempt at one unit ended.
+pub(crate) enum Attempt<W: Work> {
+    Done(W::Output),
+    /// It was not begun.
+    Untouched(W),
+    Failed {
+        fault: Fault,
+        reason: String,
+        work: Option<W>,
+    },
+}
+
+/// A packet that is back, and how.
+pub(crate) struct Settled<W: Work> {
+    pub(crate) landing: Landing,
+    undone: Vec<Undone<W>>,
+    mail: Mail<W>,
+}
+
+/// A unit that was not done.
+struct Undone<W: Work> {
+    unit: Unit<Tag<W>>,
+    /// If it can be done again.
+    work: Option<W>,
+    /// Why, if it was tried.
+    failed: Option<String>,
+}
+
+/// Answers, gathered so that each client's bin is locked once for several.
+struct Mail<W: Work>(Vec<Letter<W>>);
+
+/// Answers to one client.
+type Letter<W> = (Arc<ResultsBin<<W as Work>::Output>>, Vec<Completed<<W as Work>::Output>>);
+
+impl<W: Work> Mail<W> {
+    fn add(&mut self, client: &Arc<ResultsBin<W::Output>>, answer: Completed<W::Output>) {
+        match self.0.last_mut() {
+            Some((last, answers)) if Arc::ptr_eq(last, client) => answers.push(answer),
+            _ => self.0.push((Arc::clone(client), vec![answer])),
+        }
+    }
+
+    fn send(self) {
+        for (client, answers) in self.0 {
+            client.deliver(answers);
+        }
+    }
+}
+
+impl<W: Work> Shared<W> {
+    /// Prepares the answers to what was done, and sorts the rest. `sent` is when the packet went out, `busy` the time of each unit.
+    pub(crate) fn sort(
+        &self,
+        id: ResourceId,
+        units: Vec<Unit<Flying<W>>>,
+        attempts: impl IntoIterator<Item = (Attempt<W>, Duration)>,
+        sent: Time,
+    ) -> Settled<W> {
+        let now = self.now();
+        let mut settled = Settled { landing: Landing::default(), undone: Vec::new(), mail: Mail(Vec::new()) };
+        let mut attempts = attempts.into_iter();
+        for unit in units {
+            let (attempt, busy) = attempts.next().unwrap_or_else(|| (lost("the packet was lost"), Duration::ZERO));
+            let Unit { meta, load: Flying { tag, backup } } = unit;
+            let attempt = match attempt {
+                Attempt::Done(output) => match W::check(&output, meta.size) {
+                    Ok(()) => Attempt::Done(output),
+                    Err(reason) => Attempt::Failed { fault: Fault::Garbage, reason, work: None },
+                },
+                attempt => attempt,
+            };
+            match attempt {
+                Attempt::Done(output) => {
+                    settled.landing.done += 1;
+                    settled.landing.done_items = settled.landing.done_items.saturating_add(meta.size);
+                    let output = if meta.expires <= now { Err(UnitError::Expired) } else { Ok(output) };
+                    settled.mail.add(&tag.client, completed(&meta, &tag, output, Some(id), sent, busy));
+                }
+                Attempt::Untouched(work) => {
+                    settled.undone.push(Undone { unit: Unit { meta, load: tag }, work: Some(work), failed: None });
+                }
+                Attempt::Failed { fault, reason, work } => {
+                    settled.landing.failed += 1;
+                    settled.landing.fault.get_or_insert_with(|| (fault, reason.clone()));
+                    let unit = Unit { meta, load: tag };
+                    settled.undone.push(Undone { unit, work: work.or(backup), failed: Some(reason) });
+                }
+            }
+        }
+        settled
+    }
+
+    /// Tells the policy how a packet ended, gives back what was not done, and answers the rest. Returns what became of it, and what
+    /// `then` says.
+    pub(crate) fn land<R>(
+        &self,
+        id: ResourceId,
+        sequence: u64,
+        settled: Settled<W>,
+        then: impl FnOnce(&mut Core<Job<W>>, Time, &mut Out<Job<W>>) -> R,
+    ) -> (Option<Landed>, R) {
+        let Settled { landing, undone, mail } = settled;
+        let mut answers = Vec::new();
+        let (landed, then) = self.with_core(|core, now, out| {
+            let landed = core.landed(now, id, sequence, landing, out);
+            let blamed = landed.as_ref().is_none_or(|landed| landed.blamed);
+            answers = self.try_again(core, now, id, undone, blamed, out);
+            (landed, then(core, now, out))
+        });
+        // After the books are kept, so that who has an answer finds it in the report.
+        mail.send();
+        self.answer_failed(id, answers);
+        (landed, then)
+    }
+
+    /// Puts back what can be tried again. Returns the rest, and why.
+    fn try_again(
+        &self,
+        core: &mut Core<Job<W>>,
+        now: Time,
+        id: ResourceId,
+        undone: Vec<Undone<W>>,
+        blamed: bool,
+        out: &mut Out<Job<W>>,
+    ) -> Vec<Answer<W>> {
+        let mut answers = Vec::new();
+        for Undone { unit, work, failed } in undone {
+            let blamed = blamed && failed.is_some();
+            let reason = failed.unwrap_or_default();
+            let Some(work) = work else {
+                answers.push(Answer { unit, error: UnitError::Lost { reason }, rest: None });
+                continue;
+            };
+            // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
+            let abandoned = unit.load.client.is_abandoned();
+            let unit = unit.map(|tag| Job { work, tag });
+            let given_up =
+                if abandoned { Some((unit, GiveUp::Closed)) } else { core.give_back(now, id, unit, blamed, out) };
+            if let Some((Unit { meta, load: Job { work, tag } }, why)) = given_up {
+                let error = match why {
+                    GiveUp::Failed => UnitError::Failed { attempts: meta.attempts, reason },
+                    GiveUp::NoResource => UnitError::NoResource(meta.primitive),
+                    GiveUp::Closed => UnitError::Closed,
+                    GiveUp::Expired => UnitError::Expired,
+                };
+                answers.push(Answer { unit: Unit { meta, load: tag }, error, rest: Some(work) });
+            }
+        }
+        answers
+    }
+
+    fn answer_failed(&self, id: ResourceId, answers: Vec<Answer<W>>) {
+        let now = self.now();
+        for Answer { unit: Unit { meta, load: tag }, error, rest } in answers {
+            drop(rest);
+            tag.client.deliver([completed(&meta, &tag, Err(error), Some(id), now, Duration::ZERO)]);
+        }
+    }
+
+    /// Answers units that no resource has now; by default because nobody is left to do them.
+    pub(crate) fn answer_unstarted(&self, units: Vec<Unit<Job<W>>>, error: Option<&UnitError>) {
+        let now = self.now();
+        let mut mail = Mail::<W>(Vec::new());
+        for Unit { meta, load: Job { work, tag } } in units {
+            drop(work);
+            let nobody = || {
+                if self.room.is_closed() { UnitError::Closed } else { UnitError::NoResource(meta.primitive) }
+            };
+            let error = error.cloned().unwrap_or_else(nobody);
+            let last = meta.failed_on.last().copied();
+            mail.add(&tag.client, completed(&meta, &tag, Err(error), last, now, Duration::ZERO));
+        }
+        mail.send();
+    }
+
+    /// A packet has no answer long after there should have been one: its units are done elsewhere. A near resource
+    /// whose units cannot be done again is waited for, unless everything ends.
+    pub(crate) fn give_up(&self, id: ResourceId, sequence: u64) {
+        let lane = &self.lanes[id.index()];
+        let units = {
+            let mut ledger = lock(&lane.ledger);
+            let lacks_backup = |units: &[Unit<Flying<W>>]| units.iter().any(|unit| unit.load.backup.is_none());
+            if !lane.is_far && !self.room.is_closed() && ledger.look(sequence).is_some_and(lacks_backup) {
+                drop(ledger);
+                return self.with_core(|core, now, _| core.spare(now, id, sequence));
+            }
+            ledger.settle(sequence)
+        };
+        let undone: Vec<_> = units
+            .into_iter()
+            .flatten()
+            .map(|Unit { meta, load: Flying { tag, backup } }| Undone {
+                unit: Unit { meta, load: tag },
+                work: backup,
+                failed: Some("no answer in time".to_owned()),
+            })
+            .collect();
+        let mut answers = Vec::new();
+        self.with_core(|core, now, out| {
+            core.hung(now, id, sequence, out);
+            answers = self.try_again(core, now, id, undone, true, out);
+        });
+        self.answer_failed(id, answers);
+        if !lane.is_far {
+            self.set_over(id, true);
+        }
+        lane.post.wake();
+    }
+}
+
+/// A unit that is not tried again.
+struct Answer<W: Work> {
+    unit: Unit<Tag<W>>,
+    error: UnitError,
+    /// The work, to be dropped outside of all locks.
+    rest: Option<W>,
+}
+
+/// An attempt whose resource took the work with it.
+pub(crate) fn lost<W: Work>(reason: &str) -> Attempt<W> {
+    Attempt::Failed { fault: Fault::Died, reason: reason.to_owned(), work: None }
+}
+
+fn completed<W: Work>(
+    meta: &Meta,
+    tag: &Tag<W>,
+    output: Result<W::Output, UnitError>,
+    resource: Option<ResourceId>,
+    started: Time,
+    busy: Duration,
+) -> Completed<W::Output> {
+    Completed { ticket: tag.ticket, output, busy, waited: started.since(meta.submitted), resource }
+}

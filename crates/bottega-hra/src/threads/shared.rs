@@ -1,0 +1,186 @@
+//! What submitters, lanes and the watch share, and the one way to the policy.
+
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+use super::far::Answer;
+use super::inlets::Inlets;
+use super::results_bin::ResultsBin;
+use super::room::Room;
+use super::sync::{Post, lock, wait};
+use super::watch::Alarm;
+use crate::policy::core::{Core, Out};
+use crate::policy::ledger::Ledger;
+use crate::policy::time::Time;
+use crate::policy::unit::Unit;
+use crate::{Primitive, ResourceDescriptor, ResourceId, Work};
+
+/// What a unit that waits carries.
+pub(crate) struct Job<W: Work> {
+    pub(crate) work: W,
+    pub(crate) tag: Tag<W>,
+}
+
+/// Whose it is, and what its client said of it.
+pub(crate) struct Tag<W: Work> {
+    pub(crate) client: Arc<ResultsBin<W::Output>>,
+    pub(crate) ticket: u64,
+    pub(crate) max_delay: Duration,
+    pub(crate) validity: Duration,
+}
+
+/// What stays behind while the work is with a resource.
+pub(crate) struct Flying<W: Work> {
+    pub(crate) tag: Tag<W>,
+    pub(crate) backup: Option<W>,
+}
+
+/// What all threads may know of a lane.
+pub(crate) struct LanePost<W: Work> {
+    pub(crate) descriptor: ResourceDescriptor,
+    pub(crate) is_far: bool,
+    pub(crate) post: Post,
+    pub(crate) ledger: Mutex<Ledger<Flying<W>>>,
+    pub(crate) inbox: Mutex<Vec<Answer<W>>>,
+}
+
+pub(crate) struct Shared<W: Work> {
+    core: Mutex<Core<Job<W>>>,
+    pub(crate) inlets: Inlets<Job<W>>,
+    pub(crate) room: Room,
+    pub(crate) lanes: Vec<LanePost<W>>,
+    pub(crate) alarm: Alarm,
+    /// Lanes that must be woken when something comes in.
+    dozing: AtomicUsize,
+    /// By primitive: 1 + the most data that anybody can do it with; 0 when nobody can.
+    able: [AtomicU64; Primitive::COUNT],
+    /// By lane: its thread has ended, or will not for as long as its resource hangs.
+    over: Mutex<Vec<bool>>,
+    over_changed: Condvar,
+    started: Instant,
+    pub(crate) max_delay_bound: Duration,
+}
+
+impl<W: Work> Shared<W> {
+    pub(crate) fn new(core: Core<Job<W>>, lanes: Vec<LanePost<W>>, max_delay_bound: Duration) -> Self {
+        let shared = Self {
+            inlets: Inlets::new(),
+            room: Room::new(core.capacity()),
+            alarm: Alarm::default(),
+            dozing: AtomicUsize::new(0),
+            able: std::array::from_fn(|_| AtomicU64::new(0)),
+            over: Mutex::new(vec![false; lanes.len()]),
+            over_changed: Condvar::new(),
+            started: Instant::now(),
+            core: Mutex::new(core),
+            lanes,
+            max_delay_bound,
+        };
+        shared.with_core(|core, _, _| shared.publish(core));
+        shared
+    }
+
+    pub(crate) fn now(&self) -> Time {
+        Time::at(self.started.elapsed())
+    }
+
+    /// Has the policy take in what was submitted and decide something; then does what follows from it.
+    pub(crate) fn with_core<R>(&self, decide: impl FnOnce(&mut Core<Job<W>>, Time, &mut Out<Job<W>>) -> R) -> R {
+        let mut out = Out::default();
+        let mut core = lock(&self.core);
+        let now = self.now();
+        let mut counted = core.waiting() + self.take_in(&mut core, now, &mut out);
+        let decided = decide(&mut core, now, &mut out);
+        // Who submits looks at `dozing` after filling an inlet, and this looks at the inlets after setting it: one of
+        // both sees the other.
+        self.dozing.store(core.dozing(), Ordering::SeqCst);
+        if core.dozing() > 0 && self.inlets.is_filled() {
+            counted += self.take_in(&mut core, now, &mut out);
+            self.dozing.store(core.dozing(), Ordering::SeqCst);
+        }
+        self.room.set(counted, core.waiting(), core.capacity());
+        if !out.orphans.is_empty() {
+            self.publish(&core);
+        }
+        drop(core);
+        self.room.let_some_in();
+        self.follow(out);
+        decided
+    }
+
+    /// Empties the inlets. Returns how many units came.
+    fn take_in(&self, core: &mut Core<Job<W>>, now: Time, out: &mut Out<Job<W>>) -> usize {
+        let mut units = 0;
+        self.inlets.drain(|chunk| {
+            units += chunk.len();
+            core.submit(now, chunk, out);
+        });
+        units
+    }
+
+    /// Lets submitters see what can be done.
+    pub(crate) fn publish(&self, core: &Core<Job<W>>) {
+        for primitive in Primitive::ALL {
+            let most = core.most_data(primitive).map_or(0, |bytes| bytes.saturating_add(1));
+            self.able[primitive.index()].store(most, Ordering::SeqCst);
+        }
+    }
+
+    /// Whether anybody can do `primitive`, and with so much data.
+    pub(crate) fn can(&self, primitive: Primitive, data_bytes: u64) -> (bool, bool) {
+        let able = self.able[primitive.index()].load(Ordering::SeqCst);
+        (able > 0, data_bytes < able || able == u64::MAX)
+    }
+
+    /// Tells those who wait for work that there may be some.
+    pub(crate) fn announce_arrival(&self) {
+        if self.dozing.load(Ordering::SeqCst) > 0 || self.room.is_closed() {
+            self.with_core(|_, _, _| ());
+        }
+    }
+
+    fn follow(&self, out: Out<Job<W>>) {
+        for id in out.wake {
+            self.lanes[id.index()].post.wake();
+        }
+        self.answer_unstarted(out.expired, Some(&crate::UnitError::Expired));
+        self.answer_unstarted(out.orphans, None);
+        for (id, sequence) in out.overdue {
+            self.give_up(id, sequence);
+        }
+    }
+
+    // ---- The end.
+
+    /// Shuts down: units that wait are answered, those under way are finished, nothing more is taken.
+    pub(crate) fn close(&self) {
+        self.room.close();
+        let unstarted = self.with_core(|core, _, _| core.close());
+        for lane in &self.lanes {
+            lane.post.wake();
+        }
+        self.answer_unstarted(unstarted, Some(&crate::UnitError::Closed));
+    }
+
+    /// Whether nothing is to be expected of this lane's thread any more.
+    pub(crate) fn set_over(&self, id: ResourceId, over: bool) {
+        lock(&self.over)[id.index()] = over;
+        self.over_changed.notify_all();
+    }
+
+    /// Waits until that is so for all lanes.
+    pub(crate) fn wait_until_over(&self) {
+        let mut over = lock(&self.over);
+        while !over.iter().all(|&over| over) {
+            over = wait(&self.over_changed, over, None);
+        }
+    }
+
+    /// Takes out the units of a client that still wait.
+    pub(crate) fn cancel(&self, client: &Arc<ResultsBin<W::Output>>) -> Vec<Unit<Job<W>>> {
+        let cancelled = self.with_core(|core, _, _| core.cancel(|unit| Arc::ptr_eq(&unit.load.tag.client, client)));
+        client.forget(cancelled.len());
+        cancelled
+    }
+}

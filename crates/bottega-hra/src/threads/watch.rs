@@ -1,0 +1,59 @@
+//! The thread that sees to what time alone brings: units that expire, packets that are overdue.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use super::shared::Shared;
+use super::sync::Post;
+use crate::Work;
+use crate::policy::time::Time;
+
+/// When the watch wakes next.
+pub(crate) struct Alarm {
+    at: AtomicU64,
+    ended: AtomicBool,
+    post: Post,
+}
+
+impl Default for Alarm {
+    fn default() -> Self {
+        Self { at: AtomicU64::new(u64::MAX), ended: AtomicBool::new(false), post: Post::default() }
+    }
+}
+
+impl Alarm {
+    /// The watch must not wake later than that.
+    pub(crate) fn set(&self, at: Time) {
+        if self.at.load(Ordering::SeqCst) > at.nanos() && self.at.fetch_min(at.nanos(), Ordering::SeqCst) > at.nanos() {
+            self.post.wake();
+        }
+    }
+
+    /// Ends the watch.
+    pub(crate) fn end(&self) {
+        self.ended.store(true, Ordering::SeqCst);
+        self.post.wake();
+    }
+}
+
+/// Watches until it is ended.
+pub(crate) fn watch<W: Work>(shared: &Arc<Shared<W>>) {
+    let alarm = &shared.alarm;
+    alarm.post.man();
+    while !alarm.ended.load(Ordering::SeqCst) {
+        // First nothing is set, so that what comes while the policy is asked sets it again.
+        alarm.at.store(u64::MAX, Ordering::SeqCst);
+        let next = shared.with_core(|core, now, out| {
+            core.tick(now, out);
+            core.next_event()
+        });
+        if let Some(next) = next {
+            alarm.at.fetch_min(next.nanos(), Ordering::SeqCst);
+        }
+        let at = Time::from_nanos(alarm.at.load(Ordering::SeqCst));
+        let now = shared.now();
+        if at > now && !alarm.ended.load(Ordering::SeqCst) {
+            alarm.post.wait((at < Time::NEVER).then(|| at.since(now)));
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! What goes wrong with resources costs time, and never an answer.
+
+mod support;
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use bottega_hra::{
+    Activity, DataId, Failed, Fault, Hra, HraConfig, HraReport, Lane, Link, Packet, Primitive, PrimitiveSet, Resource,
+    ResourceDescriptor, SubmitError, UnitError, VirtualCpu, Window, WindowedResource, Work, WorkUnit,
+};
+use support::{Gate, custom, double, quick, unit, within_reason};
+
+use Primitive::{Intersect, PixelBlock};
+
+fn fault_count(report: &HraReport, fault: Fault) -> u64 {
+    report.incidents.iter().filter(|incident| incident.fault == fault).map(|incident| incident.count).sum()
+}
+
+#[test]
+fn what_hangs_is_done_elsewhere_and_its_late_answer_is_dropped() {
+    within_reason(|| {
+        let (gate, hung) = (Gate::default(), Arc::new(AtomicBool::new(false)));
+        let (lane_gate, lane_hung) = (gate.clone(), Arc::clone(&hung));
+        let stuck = custom("stuck", PrimitiveSet::ALL, move |job| {
+            if !lane_hung.swap(true, Ordering::SeqCst) {
+                lane_gate.pass();
+            }
+            Ok(double(job))
+        });
+        let config = HraConfig { hang_min: Duration::from_millis(5), hang_max: Duration::from_millis(20), ..quick() };
+        let hra = Hra::new(config, vec![stuck]);
+        let client = hra.client();
+        client.submit(unit(1, PixelBlock)).unwrap();
+        while hra.report().resources[0].activity != Activity::Suspended {
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(fault_count(&hra.report(), Fault::Hung), 1);
+        assert!(client.take_timeout(Duration::from_millis(5)).is_none(), "nobody else could do it");
+        gate.open(); // It returns, is asked to recover, and does the unit a second time: that answer counts.
+        assert_eq!(client.take().unwrap().output, Ok(2));
+        assert!(client.take().is_none());
+        assert_eq!(hra.report().resources[0].units, 1);
+    });
+}
+
+#[test]
+fn an_allocator_with_a_resource_that_hangs_can_be_dropped() {
+    within_reason(|| {
+        let gate = Gate::default();
+        let lane_gate = gate.clone();
+        let stuck = custom("stuck", PrimitiveSet::ALL, move |job| {
+            lane_gate.pass();
+            Ok(double(job))
+        });
+        let config = HraConfig { hang_min: Duration::from_millis(5), hang_max: Duration::from_millis(20), ..quick() };
+        let hra = Hra::new(config, vec![stuck]);
+        let client = hra.client();
+        client.submit(unit(1, PixelBlock)).unwrap();
+        drop(hra);
+        assert_eq!(client.take().unwrap().output, Err(UnitError::Closed));
+        gate.open();
+    });
+}
+
+/// Work that can be looked at for garbage, and needs data.
+#[derive(Clone)]
+struct Checked {
+    number: u64,
+    data: u64,
+}
+
+impl Work for Checked {
+    type Output = Vec<u64>;
+    fn primitive(&self) -> Primitive {
+        Intersect
+    }
+    fn size(&self) -> u64 {
+        3
+    }
+    fn data(&self) -> Option<DataId> {
+        Some(DataId(self.data))
+    }
+    fn data_bytes(&self) -> u64 {
+        self.data
+    }
+    fn backup(&self) -> Option<Self> {
+        Some(self.clone())
+    }
+    fn check(output: &Vec<u64>, size: u64) -> Result<(), String> {
+        if output.len() as u64 == size { Ok(()) } else { Err(format!("{} of {size} numbers", output.len())) }
+    }
+}
+
+#[test]
+fn garbage_is_noticed_and_done_again() {
+    within_reason(|| {
+        let calls = Arc::new(AtomicU64::new(0));
+        let lane = move |work: Checked| {
+            let length = if calls.fetch_add(1, Ordering::SeqCst).is_multiple_of(3) { 2 } else { 3 };
+            vec![work.number; length]
+        };
+        let hra = Hra::new(HraConfig { max_attempts: 10, ..quick() }, VirtualCpu::lanes(2, lane));
+        let client = hra.client();
+        let units = (0..60).map(|number| WorkUnit::new(Checked { number, data: 1 }, number));
+        client.submit_group(units.collect()).unwrap();
+        let answers: Vec<_> = std::iter::from_fn(|| client.take()).collect();
+        assert_eq!(answers.len(), 60);
+        assert!(answers.iter().all(|answer| answer.output == Ok(vec![answer.ticket; 3])));
+        let report = hra.report();
+        assert!(fault_count(&report, Fault::Garbage) > 0);
+        assert!(report.incidents.iter().any(|incident| incident.reason == "2 of 3 numbers"), "{:?}", report.incidents);
+    });
+}
+
+/// A board with little memory, that writes down what it was told to throw out.
+struct Board {
+    memory_bytes: u64,
+    held: Vec<u64>,
+    log: Arc<Mutex<Vec<u64>>>,
+}
+
+impl Resource<Checked> for Board {
+    fn descriptor(&self) -> ResourceDescriptor {
+        let primitives = PrimitiveSet::from([Intersect]);
+        let memory_bytes = Some(self.memory_bytes);
+        ResourceDescriptor { name: "board".into(), primitives, memory_bytes, link: Link::LOCAL }
+    }
+    fn perform(&mut self, work: Checked) -> Result<Vec<u64>, Failed<Checked>> {
+        if !self.held.contains(&work.data) {
+            self.held.push(work.data);
+        }
+        assert!(self.held.iter().sum::<u64>() <= self.memory_bytes, "more than fits");
+        Ok(vec![work.number; 3])
+    }
+    fn evict(&mut self, data: DataId) {
+        self.held.retain(|&held| held != data.0);
+        self.log.lock().unwrap().push(data.0);
+    }
+}
+
+#[test]
+fn data_goes_when_its_place_is_needed_and_what_never_fits_is_done_elsewhere() {
+    within_reason(|| {
+        let log = Arc::default();
+        let board = Board { memory_bytes: 10, held: Vec::new(), log: Arc::clone(&log) };
+        let hra = Hra::new(quick(), vec![Box::new(board) as Box<dyn Resource<Checked>>]);
+        let client = hra.client();
+        let too_large = client.submit(WorkUnit::new(Checked { number: 0, data: 11 }, 0));
+        assert_eq!(too_large, Err(SubmitError::TooLarge { primitive: Intersect, bytes: 11 }));
+        for (number, data) in [4, 5, 4, 6].into_iter().enumerate() {
+            client.submit(WorkUnit::new(Checked { number: number as u64, data }, number as u64)).unwrap();
+            assert!(client.take().unwrap().output.is_ok());
+        }
+        assert_eq!(*log.lock().unwrap(), [5], "the least recently used");
+        assert_eq!(hra.report().resources[0].resident_bytes, 10);
+
+        let board = Board { memory_bytes: 10, held: Vec::new(), log: Arc::default() };
+        let roomy = VirtualCpu::lanes(1, |work: Checked| vec![work.number; 3]).remove(0);
+        let hra = Hra::new(quick(), vec![Box::new(board) as Box<dyn Resource<Checked>>, roomy]);
+        let client = hra.client();
+        client.submit_group((0..20).map(|n| WorkUnit::new(Checked { number: n, data: 11 }, n)).collect()).unwrap();
+        let answers: Vec<_> = std::iter::from_fn(|| client.take()).collect();
+        assert!(answers.iter().all(|answer| answer.output.is_ok() && answer.resource.is_some_and(|id| id.0 == 1)));
+        assert_eq!(answers.len(), 20);
+    });
+}
+
+/// Has memory for so many units at once.
+struct Cramped {
+    units_max: usize,
+    largest: Arc<AtomicU64>,
+}
+
+impl WindowedResource<support::Job> for Cramped {
+    fn descriptor(&self) -> ResourceDescriptor {
+        let link = Link { latency: Duration::from_millis(1), bandwidth: 1e9 };
+        ResourceDescriptor { name: "cramped".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
+    }
+    fn send(&mut self, packet: Packet<support::Job>) {
+        if packet.works.len() > self.units_max {
+            return packet.reply.out_of_memory(packet.works);
+        }
+        self.largest.fetch_max(packet.works.len() as u64, Ordering::SeqCst);
+        thread::sleep(Duration::from_micros(300)); // What a packet costs, so that large ones are asked for.
+        packet.reply.send(packet.works.into_iter().map(|job| Ok(double(job))).collect());
+    }
+}
+
+#[test]
+fn a_resource_without_memory_for_so_much_gets_less_at_once() {
+    within_reason(|| {
+        let largest = Arc::default();
+        let cramped = Cramped { units_max: 3, largest: Arc::clone(&largest) };
+        let lane = Lane::Windowed(Box::new(cramped), Window::default());
+        let hra = Hra::with_lanes(quick(), vec![lane]);
+        let client = hra.client();
+        client.submit_group((0..400).map(|n| unit(n, PixelBlock)).collect()).unwrap();
+        let answers: Vec<_> = std::iter::from_fn(|| client.take()).collect();
+        assert_eq!(answers.iter().filter(|answer| answer.output == Ok(2 * answer.ticket)).count(), 400);
+        assert!(fault_count(&hra.report(), Fault::OutOfMemory) > 0);
+        assert!((2..=3).contains(&largest.load(Ordering::SeqCst)));
+    });
+}
+
+#[test]
+fn a_unit_that_waits_too_long_is_answered_as_expired_at_its_time() {
+    within_reason(|| {
+        let gate = Gate::default();
+        let lane_gate = gate.clone();
+        let lane = custom("gated", PrimitiveSet::ALL, move |job| {
+            lane_gate.pass();
+            Ok(double(job))
+        });
+        let hra = Hra::new(quick(), vec![lane]);
+        let client = hra.client();
+        client.submit(unit(0, PixelBlock)).unwrap();
+        while hra.report().resources[0].activity != Activity::Working {
+            thread::sleep(Duration::from_micros(100));
+        }
+        client.submit(WorkUnit { validity: Duration::from_millis(5), ..unit(1, PixelBlock) }).unwrap();
+        client.submit(unit(2, PixelBlock)).unwrap();
+        // The only resource is busy, so it is the watch who sees it.
+        let answer = client.take().unwrap();
+        assert_eq!((answer.ticket, answer.output), (1, Err(UnitError::Expired)));
+        assert!(answer.waited >= Duration::from_millis(5));
+        gate.open();
+        assert_eq!(client.take().unwrap().output, Ok(0));
+        assert_eq!(client.take().unwrap().output, Ok(4));
+        // Begun in time and done too late.
+        let slow = custom("slow", PrimitiveSet::ALL, |job| {
+            thread::sleep(Duration::from_millis(10));
+            Ok(double(job))
+        });
+        let hra = Hra::new(quick(), vec![slow]);
+        let client = hra.client();
+        client.submit(WorkUnit { validity: Duration::from_millis(5), ..unit(1, PixelBlock) }).unwrap();
+        assert_eq!(client.take().unwrap().output, Err(UnitError::Expired));
+    });
+}

@@ -1,0 +1,231 @@
+//! Whether two tiles may be the same picture, painted by engines of which no two give the same bits.
+
+use crate::{Layout, Tile};
+
+/// Deviations of a mean that chance is not believed to make: of independent samples less than one in 10⁸ times.
+const SIGMAS: f64 = 6.0;
+/// What engines may differ in the mean of a tile, as a share of light: rounding, filters, approximations of functions.
+const LEVEL_SLACK: f64 = 0.01;
+/// The same of a block.
+const BLOCK_SLACK: f64 = 0.03;
+/// The same of a pixel's noise.
+const NOISE_SLACK: f64 = 0.01;
+/// Side of the blocks whose light is compared.
+const BLOCK: usize = 8;
+/// By how much the squared difference of two tiles may exceed what the noise of both explains: bright samples side by side
+/// look less like noise than they are.
+const EXCESS: f64 = 4.0;
+
+impl Tile {
+    /// Whether `other` may be another painting of the same pixels: with noise of its own, and small errors.
+    ///
+    /// Compared are, in every channel and on a logarithmic scale (a bright sample must not hide everything): the mean of
+    /// the tile and of every block of 8 × 8 pixels, by the deviation that the differences of single pixels show; the
+    /// difference of both, which must not exceed what the noise of both explains; and the noise itself, so that nothing
+    /// hides in too much of it. The limits are six standard deviations; of 20,000 honest pairs, with light that comes
+    /// seldom among them, none was called different. The fewer samples, the more may pass.
+    pub fn looks_like(&self, other: &Self) -> bool {
+        if self.rect() != other.rect() || self.layout() != other.layout() || self.rect().is_empty() {
+            return false;
+        }
+        let stride = self.layout().stride();
+        let count_of = |tile: &Self| tile.sums().iter().skip(Layout::SAMPLE_COUNT).step_by(stride).copied().collect();
+        let (counts, others): (Vec<f32>, Vec<f32>) = (count_of(self), count_of(other));
+        let is_finite = |tile: &Self| tile.sums().iter().all(|sum| sum.is_finite());
+        if counts != others || counts.iter().any(|&count| count < 1.0) || !is_finite(self) || !is_finite(other) {
+            return false;
+        }
+        let scale = (self.mean_light() + other.mean_light()).max(1e-12) / 2.0;
+        let colors = (Layout::COLOR..Layout::COLOR + 3).all(|channel| {
+            let level = |tile: &Self| tile.plane(channel, |mean| (mean / scale).max(0.0).ln_1p());
+            same(&level(self), &level(other))
+        });
+        colors && same(&self.plane(Layout::ALPHA, |mean| mean), &other.plane(Layout::ALPHA, |mean| mean))
+    }
+
+    fn mean_light(&self) -> f64 {
+        let stride = self.layout().stride();
+        let pixels = self.sums().chunks_exact(stride);
+        let light = pixels.map(|pixel| {
+            let sum: f32 = pixel[Layout::COLOR..Layout::COLOR + 3].iter().sum();
+            f64::from(sum.max(0.0)) / f64::from(pixel[Layout::SAMPLE_COUNT])
+        });
+        light.sum::<f64>() / (3.0 * self.rect().area() as f64)
+    }
+
+    /// A function of the means of one channel.
+    fn plane(&self, channel: usize, of: impl Fn(f64) -> f64) -> Plane {
+        let pixels = self.sums().chunks_exact(self.layout().stride());
+        let values = pixels.map(|pixel| of(f64::from(pixel[channel]) / f64::from(pixel[Layout::SAMPLE_COUNT])));
+        Plane { width: self.rect().width() as usize, values: values.collect() }
+    }
+}
+
+/// One number a pixel, row-major.
+struct Plane {
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Plane {
+    fn height(&self) -> usize {
+        self.values.len() / self.width
+    }
+
+    /// Mean square of what a pixel differs from the middle between its neighbours to the left and right, as that of one
+    /// pixel's own deviation, and the deviation of this mean. Edges and textures count as noise.
+    fn noise(&self) -> Moments {
+        // Of a column the neighbours are those above and below.
+        let length = if self.width > 1 { self.width } else { self.values.len() };
+        let of_row = |row: &[f64]| -> Vec<f64> {
+            let inner = row.windows(3).map(|three| (three[1] - (three[0] + three[2]) / 2.0).powi(2) / 1.5);
+            // The ends have one neighbour each.
+            let ends = [row.get(..2), row.len().checked_sub(2).map(|start| &row[start..])];
+            let ends = ends.into_iter().flatten().map(|two| (two[0] - two[1]).powi(2) / 2.0);
+            inner.chain(ends).collect()
+        };
+        let squares: Vec<f64> = self.values.chunks_exact(length).flat_map(of_row).collect();
+        // One pixel alone tells nothing of its noise.
+        if squares.is_empty() { Moments { mean: 1.0, deviation: f64::INFINITY } } else { Moments::of(&squares) }
+    }
+}
+
+/// A mean, and its standard deviation as the values show it.
+#[derive(Clone, Copy, Debug)]
+struct Moments {
+    mean: f64,
+    deviation: f64,
+}
+
+impl Moments {
+    fn of(values: &[f64]) -> Self {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        Self { mean, deviation: (variance / count).sqrt() }
+    }
+
+    fn is_nothing(self, slack: f64) -> bool {
+        self.mean.abs() <= SIGMAS * self.deviation + slack
+    }
+}
+
+fn same(a: &Plane, b: &Plane) -> bool {
+    let differences: Vec<f64> = a.values.iter().zip(&b.values).map(|(a, b)| a - b).collect();
+    if !Moments::of(&differences).is_nothing(LEVEL_SLACK) {
+        return false;
+    }
+    let (noise_a, noise_b) = (a.noise(), b.noise());
+    let excess = differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64;
+    if excess > EXCESS * (noise_a.mean + noise_b.mean) + NOISE_SLACK {
+        return false;
+    }
+    let noise = Moments { mean: noise_a.mean - noise_b.mean, deviation: noise_a.deviation.hypot(noise_b.deviation) };
+    noise.is_nothing(NOISE_SLACK) && blocks(a.width, a.height(), &differences).all(|it| it.is_nothing(BLOCK_SLACK))
+}
+
+/// The mean difference of each whole block.
+fn blocks(width: usize, height: usize, differences: &[f64]) -> impl Iterator<Item = Moments> {
+    let corners = (0..height / BLOCK).flat_map(move |y| (0..width / BLOCK).map(move |x| (x * BLOCK, y * BLOCK)));
+    corners.map(move |(x, y)| {
+        let rows = (y..y + BLOCK).map(|y| &differences[y * width + x..][..BLOCK]);
+        Moments::of(&rows.flatten().copied().collect::<Vec<_>>())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AovSet, Rect, SampleValues};
+
+    /// Numbers in [0, 1) that look like chance.
+    struct Chance(u64);
+
+    impl Chance {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut x = self.0;
+            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((x ^ (x >> 31)) >> 40) as f32 / (1 << 24) as f32
+        }
+    }
+
+    /// A picture with an edge and a gradient, of light that comes seldom (`rare`: how seldom) and then is bright.
+    fn paint(side: u32, samples: u32, rare: f32, seed: u64, light: impl Fn(u32, u32) -> f32) -> Tile {
+        let mut tile = Tile::new(Rect { x0: 3, y0: 5, x1: 3 + side, y1: 5 + side }, Layout::new(AovSet::NONE));
+        let mut chance = Chance(seed.wrapping_mul(0x1234_5677));
+        for (x, y) in tile.rect().pixels() {
+            for _ in 0..samples {
+                let value = if chance.next() < rare { light(x, y) / rare } else { 0.0 };
+                tile.add(
+                    x,
+                    y,
+                    &SampleValues {
+                        radiance: [value, value / 2.0, value / 4.0],
+                        alpha: 1.0,
+                        ..SampleValues::default()
+                    },
+                );
+            }
+        }
+        tile
+    }
+
+    fn scene(x: u32, y: u32) -> f32 {
+        if x > 14 { 2.0 } else { 0.1 + 0.02 * y as f32 }
+    }
+
+    #[test]
+    fn honest_tiles_are_alike_however_few_samples_and_however_seldom_light_comes() {
+        for seed in 0..4_000 {
+            let rare = [0.9, 0.5, 0.05, 0.005][seed as usize % 4];
+            let (side, samples) = [(8, 1), (16, 1), (24, 8), (5, 64)][seed as usize / 4 % 4];
+            let one = paint(side, samples, rare, 2 * seed, scene);
+            let other = paint(side, samples, rare, 2 * seed + 1, scene);
+            assert!(one.looks_like(&other), "seed {seed}: {side} pixels, {samples} samples, light in {rare}");
+        }
+    }
+
+    #[test]
+    fn small_errors_of_rounding_make_no_difference() {
+        let one = paint(16, 4, 0.5, 1, scene);
+        let mut other = one.clone();
+        other.sums_mut().iter_mut().for_each(|sum| *sum *= if *sum == 4.0 { 1.0 } else { 1.00001 });
+        assert!(one.looks_like(&other));
+    }
+
+    #[test]
+    fn another_picture_is_not_alike() {
+        let honest = |seed| paint(32, 64, 0.5, seed, scene);
+        let wrong: [(&str, &dyn Fn(u64) -> Tile); 5] = [
+            ("brighter by a tenth", &|seed| paint(32, 64, 0.5, seed, |x, y| 1.1 * scene(x, y))),
+            ("black", &|seed| paint(32, 64, 0.5, seed, |_, _| 0.0)),
+            ("a block is black", &|seed| {
+                paint(32, 64, 0.5, seed, |x, y| if x < 11 && (13..21).contains(&y) { 0.0 } else { scene(x, y) })
+            }),
+            ("mirrored", &|seed| paint(32, 64, 0.5, seed, |x, y| scene(37 - x, y))),
+            ("fewer samples than it says", &|seed| {
+                let mut tile = paint(32, 2, 0.5, seed, scene);
+                tile.sums_mut().iter_mut().for_each(|sum| *sum *= 32.0);
+                tile
+            }),
+        ];
+        for (what, paint) in wrong {
+            for seed in 0..20 {
+                assert!(!honest(2 * seed).looks_like(&paint(2 * seed + 1)), "{what}, seed {seed}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_painting_of_the_same_is_not_alike() {
+        let one = paint(8, 2, 0.5, 1, scene);
+        assert!(!one.looks_like(&paint(9, 2, 0.5, 1, scene)), "another rectangle");
+        assert!(!one.looks_like(&paint(8, 3, 0.5, 1, scene)), "other samples");
+        let mut broken = one.clone();
+        broken.sums_mut()[0] = f32::NAN;
+        assert!(!one.looks_like(&broken));
+        assert!(!Tile::new(one.rect(), one.layout()).looks_like(&Tile::new(one.rect(), one.layout())), "of no samples");
+    }
+}

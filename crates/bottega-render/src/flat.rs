@@ -1,0 +1,113 @@
+//! A prepared scene and a picture of it as arrays of 32-bit words, for devices that know nothing of Rust.
+//!
+//! One portable layout: every number is an `f32` or a `u32` in the byte order of the machine, every record begins at a multiple
+//! of one word, and what refers to something else in the array does so by its place, counted in words from the beginning;
+//! [`NONE`] stands for nothing. [`FlatScene`] begins with the [`header`] places; the records are told where they are written.
+//! Materials and pictures are not in it: who reads it has them in the form that it likes best, and writes the numbers by which it
+//! knows pictures to the places that [`FlatScene::pictures`] tells.
+
+mod geometry;
+mod picture;
+mod words;
+
+use bottega_scene::TextureMap;
+
+use crate::PreparedScene;
+
+pub use picture::{FlatPicture, sobol_table};
+pub(crate) use words::Words;
+
+/// Stands for a place where nothing is.
+pub const NONE: u32 = u32::MAX;
+
+/// Places of a [`FlatScene`] that say where everything else is.
+pub mod header {
+    /// Records of instances, [`INSTANCE_WORDS`](super::INSTANCE_WORDS) each.
+    pub const INSTANCES: usize = 0;
+    /// Records of spheres, [`SPHERE_WORDS`](super::SPHERE_WORDS) each.
+    pub const SPHERES: usize = 1;
+    /// Records of the lights of the tree, [`LIGHT_WORDS`](super::LIGHT_WORDS) each, by their numbers in it.
+    pub const LIGHTS: usize = 2;
+    /// How many these are.
+    pub const LIGHT_COUNT: usize = 3;
+    /// Nodes of the tree, [`NODE_WORDS`](super::NODE_WORDS) each.
+    pub const TREE: usize = 4;
+    /// Intensity of all lights of the tree together (f32).
+    pub const TREE_INTENSITY: usize = 5;
+    /// Records of triangles that shine, four words each: where the numbers of their parts begin, corner + 4 · opposite + 16 of a
+    /// rectangle or 0 of a triangle, whether it is the second of a rectangle, parts a side.
+    pub const SHINING: usize = 6;
+    /// Parallel lights, seven words each: direction towards it, irradiance, illuminance.
+    pub const PARALLEL: usize = 7;
+    /// How many these are.
+    pub const PARALLEL_COUNT: usize = 8;
+    /// The record of the environment; [`NONE`](super::NONE): there is none.
+    pub const ENVIRONMENT: usize = 9;
+    /// Whether light sampling finds light from infinitely far away.
+    pub const HAS_FAR: usize = 10;
+    /// Words of the header.
+    pub const COUNT: usize = 16;
+}
+
+/// Words of an instance's record.
+pub const INSTANCE_WORDS: u32 = 24;
+/// Words of a mesh's record.
+pub const MESH_WORDS: u32 = 8;
+/// Words of a sphere's record.
+pub const SPHERE_WORDS: u32 = 12;
+/// Words of a light's record.
+pub const LIGHT_WORDS: u32 = 24;
+/// Words of a node of the tree of lights: seventeen times four.
+pub const NODE_WORDS: u32 = 68;
+
+/// A prepared scene as words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatScene {
+    /// See the [module](self).
+    pub words: Vec<u32>,
+    /// Pictures that lights refer to, and the places of the words that are to be their numbers.
+    pub pictures: Vec<(u32, TextureMap)>,
+    /// Whether some surface may let rays pass.
+    pub has_opacity: bool,
+}
+
+/// What is in a scene that its flat form cannot say.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotFlat {
+    /// A medium that scatters, emits, or does not begin and end where light is refracted.
+    #[error("media that scatter or have no refracting boundary")]
+    Media,
+    /// Windows that let an environment in.
+    #[error("an environment behind portals")]
+    Portals,
+    /// More words than places have numbers.
+    #[error("more than 2³² words of geometry")]
+    TooMuch,
+}
+
+impl FlatScene {
+    /// Writes down a scene.
+    ///
+    /// # Errors
+    /// Everything that stands in the way.
+    pub fn new(prepared: &PreparedScene) -> Result<Self, Vec<NotFlat>> {
+        let mut missing = Vec::new();
+        if prepared.needs_volume() {
+            missing.push(NotFlat::Media);
+        }
+        if prepared.scene().environment.as_ref().is_some_and(|environment| !environment.portals.is_empty()) {
+            missing.push(NotFlat::Portals);
+        }
+        if geometry::count(prepared) >= u64::from(NONE) {
+            missing.push(NotFlat::TooMuch);
+        }
+        if !missing.is_empty() {
+            return Err(missing);
+        }
+        let mut words = Words::with_header(header::COUNT);
+        geometry::write(prepared, &mut words);
+        prepared.lights().write(prepared.scene(), &mut words);
+        let (words, pictures) = words.into_inner();
+        Ok(Self { words, pictures, has_opacity: prepared.has_opacity() })
+    }
+}

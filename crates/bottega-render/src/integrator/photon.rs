@@ -1,0 +1,128 @@
+//! Photon mapping: what a camera sees by the light of photons.
+//!
+//! A path from the camera goes over mirrors and through glass to the first surface that spreads light. Light that comes
+//! there straight is found as path tracing finds it. Light that was brought together by mirrors and glass is the density of
+//! its photons. All other light is gathered by rays that are drawn by how the surface scatters; the map says what leaves the
+//! place where one ends (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Where rays are not
+//! gathered, and in progressive pictures, the density of photons at the surface itself stands for all light but the direct.
+
+mod eye;
+mod place;
+
+use std::{
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
+
+use bottega_kernels::compiled::{self, Task};
+use bottega_scene::MediumId;
+
+use super::path::{PathIntegrator, PathRecord};
+use crate::{
+    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    camera::CameraRay,
+    photon::{Nearest, Passes, PhotonMaps, cache::IrradianceCache},
+    sampler::PixelSampler,
+};
+use eye::Eye;
+
+/// What the maps of all passes of a progressive picture may take. Samples beyond those that have passes of their own take
+/// the passes again from the first.
+const PASSES_BYTES: u64 = 1 << 30;
+/// What a photon takes on its way over some surfaces.
+const PHOTON_BYTES: u64 = 48;
+
+/// Paints samples of one picture. Cheap to make once the maps are there: one for each block of work.
+pub struct PhotonIntegrator<'a> {
+    base: PathIntegrator<'a>,
+    photons: PhotonSettings,
+    passes: Arc<Passes>,
+    /// Where irradiance is kept, if it is.
+    cache: Option<Arc<OnceLock<IrradianceCache>>>,
+    view: View,
+}
+
+impl<'a> PhotonIntegrator<'a> {
+    /// An integrator for the picture `view`; the settings say that it is one of photons.
+    ///
+    /// # Errors
+    /// There is no such picture, or the scene has media that photons know nothing of.
+    pub fn new(
+        prepared: &'a PreparedScene,
+        view: View,
+        settings: &'a PathSettings,
+        photons: PhotonSettings,
+    ) -> Result<Self, RenderError> {
+        let base = PathIntegrator::unguided(prepared, view, settings)?;
+        if prepared.needs_volume() {
+            return Err(RenderError::PhotonsInMedia);
+        }
+        let affordable = PASSES_BYTES / (u64::from(photons.count.max(1)) * PHOTON_BYTES);
+        let pass_count =
+            if photons.progressive { u64::from(settings.planned_samples).min(affordable).max(1) as u32 } else { 1 };
+        let passes = prepared.photons().passes(photons, settings.seed, pass_count);
+        let is_cached = photons.irradiance_cache > 0.0 && photons.final_rays > 0 && !photons.progressive;
+        let cache = is_cached.then(|| passes.cache(view));
+        Ok(Self { base, photons, passes, cache, view })
+    }
+
+    /// Makes the maps that a range of samples needs, if they are not there: on all processors that the scene was prepared
+    /// with.
+    pub fn cast(&self, samples: Range<u32>) {
+        for sample in samples {
+            self.passes.of_sample(self.base.prepared(), sample);
+            if !self.photons.progressive {
+                break;
+            }
+        }
+        self.cache();
+    }
+
+    /// The irradiance at some places; the first who asks has it made.
+    fn cache(&self) -> Option<&IrradianceCache> {
+        let prepared = self.base.prepared();
+        let make = || prepared.on_threads(|| place::records(self, self.passes.of_sample(prepared, 0)));
+        self.cache.as_ref().map(|cache| cache.get_or_init(make))
+    }
+
+    pub(crate) fn with_wanted(self, wanted: super::Wanted) -> Self {
+        Self { base: self.base.with_wanted(wanted), ..self }
+    }
+
+    /// Paints samples of pixels, one after the other.
+    pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
+        records.clear();
+        let mut found = Nearest::new(self.photons.gather as usize);
+        let cache = self.cache();
+        for &(x, y, index) in samples {
+            let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
+            let (ray, factor) = self.base.camera_ray(&sampler, x, y);
+            let maps = self.passes.of_sample(self.base.prepared(), index);
+            let sample = Sample { integrator: self, maps, cache, sampler, ray, found: &mut found };
+            records.push(compiled::run(sample).scaled(factor));
+        }
+    }
+
+    fn camera_medium(&self) -> Option<MediumId> {
+        self.base.camera_medium()
+    }
+}
+
+/// One sample of a pixel.
+struct Sample<'a> {
+    integrator: &'a PhotonIntegrator<'a>,
+    maps: &'a PhotonMaps,
+    cache: Option<&'a IrradianceCache>,
+    sampler: PixelSampler,
+    ray: CameraRay,
+    found: &'a mut Nearest,
+}
+
+impl Task for Sample<'_> {
+    type Output = PathRecord;
+
+    #[inline(always)]
+    fn run(self) -> PathRecord {
+        Eye::new(self.integrator, self.maps, self.cache, self.sampler, self.found).look(&self.ray)
+    }
+}

@@ -1,0 +1,441 @@
+//! One path from the camera, and those that it sends out to gather light.
+
+mod light;
+
+use bottega_kernels::{Hit, Ray};
+use bottega_scene::{Spectrum, Surface};
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+use super::{
+    super::path::{BLEND, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, bsdf_at, exp},
+    PhotonIntegrator,
+};
+use crate::{
+    PreparedScene,
+    bsdf::{Bsdf, BsdfAt, BsdfSample},
+    camera::{CameraRay, RayCone},
+    interaction::{Interaction, is_there},
+    lights::Receiver,
+    photon::{
+        Nearest, PhotonMaps,
+        cache::{self, IrradianceCache},
+    },
+    sampler::{DimensionSet, PixelSampler},
+};
+
+/// Bounces of a path that have numbers of their own before those of a gathering ray begin.
+const VERTICES: u32 = 64;
+/// A gathering ray that ends nearer than this, as a share of the reach of the map, goes on: the map is too coarse for what is
+/// so near.
+const NEAR: f32 = 0.35;
+
+/// Cost of a surface that a path comes to, and of a shadow ray, in traversal steps.
+const VERTEX_STEPS: f32 = 16.0;
+const SHADOW_STEPS: f32 = 8.0;
+
+/// What is known of the light that a path may run into.
+#[derive(Clone, Copy)]
+enum Comes {
+    /// From the camera, over mirrors and glass at most: all that shines is seen.
+    Camera,
+    /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
+    Spread(Receiver, f32),
+    /// From such a point over mirrors and glass: photons stand for what shines.
+    Mirrored,
+}
+
+/// A path under way.
+#[derive(Clone, Copy)]
+struct Walk {
+    origin: Vec3,
+    direction: Vec3,
+    cone: RayCone,
+    throughput: Spectrum,
+    /// Of the solid that it is in.
+    absorption: Spectrum,
+    /// By how much radiance was squeezed into denser solids.
+    squeezed: f32,
+    /// Surfaces that it has left.
+    depth: u32,
+    /// Which numbers it takes: beyond all those of the path that it split from.
+    vertex: u32,
+    comes: Comes,
+    /// Whether only what shines is looked for, at the next surface.
+    is_short: bool,
+}
+
+/// Where irradiance may be kept: a matte surface that is seen.
+pub(super) struct Spot {
+    point: Interaction,
+    /// Width of a pixel there.
+    width: f32,
+}
+
+impl Spot {
+    pub(super) fn p(&self) -> Vec3 {
+        self.point.p
+    }
+
+    pub(super) fn n(&self) -> Vec3 {
+        self.point.frame[2]
+    }
+
+    pub(super) fn width(&self) -> f32 {
+        self.width
+    }
+}
+
+impl Walk {
+    fn of_camera(ray: &CameraRay) -> Self {
+        Self {
+            origin: ray.origin,
+            direction: ray.direction,
+            cone: ray.cone,
+            throughput: Spectrum::ONE,
+            absorption: Spectrum::ZERO,
+            squeezed: 1.0,
+            depth: 0,
+            vertex: 0,
+            comes: Comes::Camera,
+            is_short: false,
+        }
+    }
+}
+
+/// What goes on at a surface.
+struct Place<'b> {
+    point: &'b Interaction,
+    bsdf: &'b BsdfAt<'b>,
+    receiver: Receiver,
+    wo: Vec3,
+}
+
+/// Who looks: one sample of a pixel.
+pub(super) struct Eye<'a> {
+    integrator: &'a PhotonIntegrator<'a>,
+    prepared: &'a PreparedScene,
+    maps: &'a PhotonMaps,
+    cache: Option<&'a IrradianceCache>,
+    sampler: PixelSampler,
+    found: &'a mut Nearest,
+    radiance: Spectrum,
+    wants_albedo: bool,
+    record: PathRecord,
+}
+
+impl<'a> Eye<'a> {
+    #[inline(always)]
+    pub(super) fn new(
+        integrator: &'a PhotonIntegrator<'a>,
+        maps: &'a PhotonMaps,
+        cache: Option<&'a IrradianceCache>,
+        sampler: PixelSampler,
+        found: &'a mut Nearest,
+    ) -> Self {
+        Self {
+            integrator,
+            prepared: integrator.base.prepared(),
+            maps,
+            cache,
+            sampler,
+            found,
+            radiance: Spectrum::ZERO,
+            wants_albedo: integrator.base.wanted().albedo,
+            record: PathRecord::default(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn look(mut self, ray: &CameraRay) -> PathRecord {
+        debug_assert!(self.integrator.camera_medium().is_none());
+        let mut walk = Walk::of_camera(ray);
+        while self.step(&mut walk) {}
+        self.record.keep(self.radiance);
+        let (vertices, shadow_rays) = (self.record.vertex_count as f32, self.record.counts.shadow_rays as f32);
+        self.record.values.cost = vertices * VERTEX_STEPS + shadow_rays * SHADOW_STEPS;
+        self.record
+    }
+
+    /// Goes to the next surface. False when the path is at its end.
+    fn step(&mut self, walk: &mut Walk) -> bool {
+        let ray = Ray::new(walk.origin, walk.direction);
+        let hit = self.intersect(&ray, walk.vertex);
+        if hit.is_none() {
+            self.add_environment(walk);
+            return false;
+        }
+        self.record.vertex_count += 1;
+        if walk.absorption != Spectrum::ZERO {
+            walk.throughput *= exp(-walk.absorption * hit.t);
+        }
+        walk.cone = walk.cone.at(hit.t);
+        let prepared = self.prepared;
+        let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
+        if walk.vertex == 0 {
+            let values = &mut self.record.values;
+            (values.alpha, values.depth, values.normal) = (1.0, hit.t, point.frame[2].to_array());
+        }
+        let (material, known) = prepared.material(point.material);
+        if let Surface::Unlit(color) = &material.surface {
+            let color = color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate();
+            self.radiance += walk.throughput * color;
+            self.record_albedo(color);
+            return false;
+        }
+        if known.shines && material.emission_sides.has(point.front) {
+            self.add_emission(walk, &point);
+        }
+        let is_last = walk.depth >= self.integrator.base.settings().max_depth || walk.is_short;
+        if is_last && !self.wants_albedo {
+            return false;
+        }
+        let mut place = None;
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(walk.vertex) << 56 ^ u64::from(point.material));
+        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        self.record.counts.meet(bsdf, known);
+        let wo = point.to_local(point.wo);
+        if self.wants_albedo && (is_last || !bsdf.is_delta_only()) {
+            self.record_albedo(bsdf.albedo(wo));
+        }
+        if is_last {
+            return false;
+        }
+        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
+        let receiver = Receiver { p: point.p_outside, n };
+        let place = Place { point: &point, bsdf: &bsdf.at_carrying(wo, walk.throughput), receiver, wo };
+        let goes_on = if bsdf.has_non_delta() { self.meet(walk, &place, bsdf, hit.t) } else { true };
+        if !goes_on {
+            return false;
+        }
+        let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
+        // What is left for a path that comes to a surface from the camera is to go on over its mirrors.
+        let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, Comes::Camera);
+        match place.bsdf.sample(u[0], [u[1], u[2]]) {
+            Some(sample) if !only_mirrors || sample.is_delta() => {
+                scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, u[3])
+            }
+            _ => false,
+        }
+    }
+
+    /// Adds the light that a surface spreads. Whether there is more to be had by going on.
+    fn meet(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, distance: f32) -> bool {
+        let photons = &self.integrator.photons;
+        let is_first = matches!(walk.comes, Comes::Camera);
+        let is_gathered = self.is_gathered();
+        if !is_first {
+            let is_near = distance < NEAR * self.maps.irradiance_reach;
+            if is_gathered && is_matte(bsdf) && !is_near {
+                self.add_known(walk, place, bsdf);
+                return false;
+            }
+        }
+        self.add_direct_light(walk, place);
+        if walk.depth + 2 <= self.integrator.base.settings().max_depth {
+            self.add_photons(walk, place, is_gathered);
+        }
+        if is_first {
+            let is_cached = self.add_cached(walk, place, bsdf);
+            let is_short = is_cached || !is_gathered;
+            self.gather(walk, place, if is_short { 1 } else { photons.final_rays }, is_short);
+        }
+        true
+    }
+
+    /// Adds what the photons at the place bring.
+    fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
+        let Place { point, bsdf, .. } = place;
+        let normal = if point.front { point.ng } else { -point.ng };
+        let scattered = |to_light: Vec3, is_before: bool| {
+            let wi = point.to_local(to_light);
+            // A photon that grazes the surface may seem to come from its other side.
+            let is_sound = (wi.z > 0.0) == is_before && is_before == point.is_reflection(to_light);
+            if is_sound { bsdf.eval_pdf(wi).0 } else { Spectrum::ZERO }
+        };
+        let maps = self.maps;
+        let light = if self.integrator.photons.progressive {
+            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach, scattered)
+        } else {
+            // What is brought together by glass is sharper than what is spread all over.
+            let reach = if is_gathered { maps.reach } else { maps.irradiance_reach };
+            maps.estimator.gather(&maps.seen, point.p, normal, reach, self.found, scattered)
+        };
+        self.radiance += walk.throughput * light;
+    }
+
+    /// Adds what a matte surface sends back of all the light that the map knows there.
+    fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) {
+        let point = place.point;
+        let normal = if point.front { point.ng } else { -point.ng };
+        if let Some(irradiance) = self.maps.irradiance_at(point.p, normal) {
+            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        }
+    }
+
+    /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
+    fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+        let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
+        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2]) else { return false };
+        if walk.depth + 2 <= self.integrator.base.settings().max_depth {
+            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        }
+        true
+    }
+
+    /// The first matte surface that is seen from the camera, over mirrors and through glass.
+    pub(super) fn spot(&mut self, ray: &CameraRay) -> Option<Spot> {
+        /// Mirrors on the way.
+        const MIRRORS_MAX: u32 = 8;
+        let prepared = self.prepared;
+        let mut walk = Walk::of_camera(ray);
+        for _ in 0..=MIRRORS_MAX {
+            let hit = self.intersect(&Ray::new(walk.origin, walk.direction), walk.vertex);
+            if hit.is_none() {
+                return None;
+            }
+            walk.cone = walk.cone.at(hit.t);
+            let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
+            let mut kept = None;
+            let chance = || self.sampler.hashed(BLEND ^ u64::from(walk.vertex) << 56 ^ u64::from(point.material));
+            let bsdf = bsdf_at(prepared, &point, chance, &mut kept);
+            if bsdf.has_non_delta() {
+                return is_matte(bsdf).then_some(Spot { width: walk.cone.width, point });
+            }
+            let wo = point.to_local(point.wo);
+            let receiver = Receiver { p: point.p_outside, n: Vec3::ZERO };
+            let place = Place { point: &point, bsdf: &bsdf.at(wo), receiver, wo };
+            let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
+            let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
+            if !scatter(prepared, &mut walk, &place, &sample, 1.0) {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Indirect light that comes to a place from a direction, what shines there itself left out.
+    pub(super) fn look_from(&mut self, spot: &Spot, direction: Vec3, index: u32) -> cache::Look {
+        let point = &spot.point;
+        let nothing = cache::Look { radiance: Spectrum::ZERO, distance: f32::INFINITY };
+        if !point.is_reflection(direction) {
+            return nothing;
+        }
+        let origin = point.ray_origin(direction);
+        let hit = self.intersect(&Ray::new(origin, direction), 0);
+        if hit.is_none() {
+            return nothing;
+        }
+        let cone = RayCone { width: spot.width, spread: SCATTERED_SPREAD };
+        let ray = CameraRay { origin, direction, cone };
+        let mut walk =
+            Walk { depth: 1, vertex: VERTICES * (2 + index), comes: Comes::Mirrored, ..Walk::of_camera(&ray) };
+        self.radiance = Spectrum::ZERO;
+        while self.step(&mut walk) {}
+        let radiance = if self.radiance.is_finite() { self.radiance } else { Spectrum::ZERO };
+        cache::Look { radiance, distance: hit.t }
+    }
+
+    /// Sends out rays that look for light, each of them to its end.
+    fn gather(&mut self, walk: &Walk, place: &Place<'_>, count: u32, is_short: bool) {
+        for part in 0..count {
+            let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + walk.vertex), part, count);
+            let Some(sample) = place.bsdf.sample(u[0], [u[1], u[2]]) else { continue };
+            if sample.is_delta() {
+                continue;
+            }
+            let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, ..*walk };
+            if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
+                while self.step(&mut ray) {}
+            }
+        }
+    }
+
+    fn intersect(&self, ray: &Ray, vertex: u32) -> Hit {
+        if self.prepared.has_opacity() {
+            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex))
+        } else {
+            self.prepared.accel().intersect(ray)
+        }
+    }
+
+    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32) -> bool {
+        is_there(self.prepared, ray, hit, || {
+            let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+            self.sampler.hashed(surface ^ u64::from(vertex) << 56 ^ u64::from(vertex) >> 8)
+        })
+    }
+
+    fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
+        self.record.counts.shadow_rays += 1;
+        if self.prepared.has_opacity() {
+            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex))
+        } else {
+            self.prepared.accel().occluded(ray)
+        }
+    }
+
+    /// Whether light is gathered by rays.
+    fn is_gathered(&self) -> bool {
+        let photons = &self.integrator.photons;
+        photons.final_rays > 0 && !photons.progressive
+    }
+
+    fn record_albedo(&mut self, albedo: Spectrum) {
+        if self.wants_albedo {
+            self.record.values.albedo = albedo.to_array();
+            self.wants_albedo = false;
+        }
+    }
+}
+
+/// Whether light leaves a surface the same in all directions, and on one side.
+fn is_matte(bsdf: &Bsdf) -> bool {
+    bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
+}
+
+/// Goes on in a direction that was drawn. False where that leads nowhere.
+fn scatter(prepared: &PreparedScene, walk: &mut Walk, place: &Place<'_>, sample: &BsdfSample, part: f32) -> bool {
+    let point = place.point;
+    let wi = point.to_world(sample.wi);
+    let is_reflection = point.is_reflection(wi);
+    if (sample.wi.z > 0.0) != is_reflection {
+        return false;
+    }
+    walk.throughput *= sample.weight() * part;
+    if !is_reflection {
+        let (material, known) = prepared.material(point.material);
+        if !material.surface.is_thin() {
+            walk.absorption = known.absorption[usize::from(point.front)];
+        }
+        walk.squeezed *= sample.eta * sample.eta;
+    }
+    if sample.is_delta() {
+        if !matches!(walk.comes, Comes::Camera) {
+            walk.comes = Comes::Mirrored;
+        }
+    } else {
+        walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+        walk.comes = Comes::Spread(place.receiver, sample.pdf);
+    }
+    (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
+    walk.depth += 1;
+    walk.vertex += 1;
+    true
+}
+
+/// Russian roulette, as paths have it.
+fn survives(walk: &mut Walk, u: f32) -> bool {
+    /// Bounces before it.
+    const SURE: u32 = 3;
+    let carried = walk.throughput.max_element() * walk.squeezed;
+    if carried <= 0.0 || carried.is_nan() {
+        return false;
+    }
+    if walk.depth <= SURE {
+        return true;
+    }
+    let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
+    walk.throughput /= survival;
+    u < survival
+}

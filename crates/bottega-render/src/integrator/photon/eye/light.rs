@@ -1,0 +1,100 @@
+//! The light that a path from the camera finds straight: by looking for lights, and by running into them.
+
+use bottega_scene::Spectrum;
+
+use super::{
+    super::super::path::light::{power_heuristic, shadow_ray},
+    Comes, Eye, Place, Walk,
+};
+use crate::{
+    interaction::{Interaction, emitted, sphere_uv},
+    lights::{NO_LIGHT, Receiver},
+    sampler::{DimensionSet, Quad},
+};
+
+impl Eye<'_> {
+    /// The weight of light that the path ran into.
+    fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
+        match &walk.comes {
+            Comes::Camera => 1.0,
+            Comes::Mirrored => 0.0,
+            Comes::Spread(receiver, pdf) => power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver)),
+        }
+    }
+
+    fn light_samples(&self) -> u32 {
+        self.integrator.base.settings().light_samples.max(1)
+    }
+
+    pub(super) fn add_environment(&mut self, walk: &Walk) {
+        let from = match &walk.comes {
+            Comes::Camera | Comes::Mirrored => walk.origin,
+            Comes::Spread(receiver, _) => receiver.p,
+        };
+        let lights = self.prepared.lights();
+        let radiance = lights.environment_radiance(self.prepared.scene(), from, walk.direction);
+        if radiance != Spectrum::ZERO {
+            let weight = self.found(walk, |from| lights.environment_pdf(from, walk.direction));
+            self.radiance += walk.throughput * radiance * weight;
+        }
+    }
+
+    pub(super) fn add_emission(&mut self, walk: &Walk, point: &Interaction) {
+        let prepared = self.prepared;
+        let scene = &**prepared.scene();
+        let hit = &point.hit;
+        let radiance = match hit.sphere() {
+            Some(sphere) => {
+                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
+                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
+            }
+            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
+        };
+        if radiance != Spectrum::ZERO {
+            let weight = self.found(walk, |from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
+            self.radiance += walk.throughput * radiance * weight;
+        }
+    }
+
+    /// Next-event estimation.
+    pub(super) fn add_direct_light(&mut self, walk: &Walk, place: &Place<'_>) {
+        let prepared = self.prepared;
+        if prepared.lights().is_empty() {
+            return;
+        }
+        let count = self.light_samples();
+        for part in 0..count {
+            let u: Quad = self.sampler.split_quad(DimensionSet::light(walk.vertex), part, count);
+            let Some(light) = prepared.lights().sample(prepared, &place.receiver, u) else { continue };
+            let wi = place.point.to_local(light.wi);
+            if (wi.z > 0.0) != place.point.is_reflection(light.wi) {
+                continue;
+            }
+            let (value, bsdf_pdf) = place.bsdf.eval_pdf(wi);
+            let expected = count as f32 * light.pdf;
+            let weight = if light.is_delta { 1.0 } else { power_heuristic(expected, bsdf_pdf) };
+            let contribution = value * light.radiance * (wi.z.abs() * weight / expected);
+            if contribution == Spectrum::ZERO {
+                continue;
+            }
+            let is_lit = match self.known_visibility(place.point, light.light) {
+                Some(is_lit) => is_lit,
+                None => !self.is_occluded(&shadow_ray(place.point, &light), walk.vertex),
+            };
+            if is_lit {
+                self.radiance += walk.throughput * contribution;
+            }
+        }
+    }
+
+    /// Whether a light is seen, where shadow photons leave no doubt.
+    fn known_visibility(&mut self, point: &Interaction, light: u32) -> Option<bool> {
+        // Half-transparent surfaces leave half a shadow, and lights far away are not told apart.
+        let is_told = light != NO_LIGHT && !self.prepared.has_opacity();
+        if !self.integrator.photons.shadow_photons || !is_told {
+            return None;
+        }
+        let normal = if point.front { point.ng } else { -point.ng };
+        self.maps.visibility_at(point.p, normal, light, self.found)
+    }
+}

@@ -1,0 +1,99 @@
+//! Where irradiance is kept: the first of two passes over the picture.
+//!
+//! The order in which places are looked at depends on the picture alone, coarse before fine, and each batch knows only what
+//! the batches before have kept: so the records are the same however many threads compute them.
+
+use bottega_kernels::compiled::{self, Task};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{
+    PhotonIntegrator,
+    eye::{Eye, Spot},
+};
+use crate::{
+    photon::{
+        Nearest, PhotonMaps,
+        cache::{IrradianceCache, RAYS, Record, direction},
+    },
+    sampler::{DimensionSet, PixelSampler, mix},
+};
+
+/// Pixels from one place that is looked at to the next: in the first round and in the last one.
+const STEP_FIRST: u32 = 32;
+const STEP_LAST: u32 = 2;
+/// Places that are looked at before any of them is kept.
+const BATCH: usize = 64;
+/// Radii of records in pixels and in radii of the scene: the least and the greatest.
+const PIXELS_MIN: f32 = 8.0;
+const SHARE_MAX: f32 = 0.5;
+/// Sets the numbers of records apart from those of pixels.
+const RECORD_SEED: u64 = 0x6972_7261_6469_616e;
+
+/// The irradiance of all that is seen, as far as it is matte.
+pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> IrradianceCache {
+    let bounds = integrator.base.prepared().accel().bounds();
+    let size = bounds.max - bounds.min;
+    let tolerance = integrator.photons.irradiance_cache.clamp(0.0, 1.0);
+    let mut cache = IrradianceCache::new(bounds.min, size.max_element() * 1.001, tolerance);
+    if !(bounds.min.is_finite() && size.is_finite()) {
+        return cache;
+    }
+    let radius_max = SHARE_MAX * 0.5 * size.length();
+    let mut step = STEP_FIRST;
+    while step >= STEP_LAST {
+        for batch in pixels(integrator, step).chunks(BATCH) {
+            let found: Vec<Record> = batch
+                .par_iter()
+                .filter_map(|&(x, y)| compiled::run(Search { integrator, maps, cache: &cache, x, y, radius_max }))
+                .collect();
+            found.into_iter().for_each(|record| cache.add(record));
+        }
+        step /= 2;
+    }
+    cache
+}
+
+/// The pixels of a round, neighbours far from one another.
+fn pixels(integrator: &PhotonIntegrator<'_>, step: u32) -> Vec<(u32, u32)> {
+    let (width, height) = (integrator.view.width, integrator.view.height);
+    let is_new = |x: u32, y: u32| step == STEP_FIRST || !x.is_multiple_of(2 * step) || !y.is_multiple_of(2 * step);
+    let rows = (0..height).step_by(step as usize);
+    let mut pixels: Vec<(u32, u32)> = rows
+        .flat_map(|y| (0..width).step_by(step as usize).filter(move |&x| is_new(x, y)).map(move |x| (x, y)))
+        .collect();
+    pixels.sort_by_key(|&(x, y)| mix(u64::from(x) << 32 | u64::from(y)));
+    pixels
+}
+
+/// Looks through a pixel for a place where too little is known.
+struct Search<'a> {
+    integrator: &'a PhotonIntegrator<'a>,
+    maps: &'a PhotonMaps,
+    cache: &'a IrradianceCache,
+    x: u32,
+    y: u32,
+    radius_max: f32,
+}
+
+impl Task for Search<'_> {
+    type Output = Option<Record>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Record> {
+        let Self { integrator, maps, cache, x, y, radius_max } = self;
+        let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
+        let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
+        let mut found = Nearest::new(integrator.photons.gather as usize);
+        let mut eye = Eye::new(integrator, maps, None, sampler, &mut found);
+        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n()).is_none())?;
+        let n: Vec3 = spot.n();
+        let looks: Vec<_> = (0..RAYS)
+            .map(|index| {
+                let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, RAYS);
+                eye.look_from(&spot, direction(n, index, [u, v]), index)
+            })
+            .collect();
+        Some(Record::new(spot.p(), n, &looks, [PIXELS_MIN * spot.width(), radius_max]))
+    }
+}

@@ -1,0 +1,253 @@
+//! Light that leaves the lights: where a photon starts, where it goes, and how much it carries.
+//!
+//! A source is chosen in proportion to its power, and on it a place and a direction so that what a photon carries varies
+//! little. What comes from infinitely far away starts on a disc that covers the sphere around the scene (Pharr, Jakob
+//! and Humphreys 2023, *Physically Based Rendering*, §12.4 and 12.5); through portals it starts on these.
+
+mod place;
+
+#[cfg(test)]
+mod tests;
+
+use std::f32::consts::PI;
+
+use bottega_kernels::{Ray, math};
+use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum};
+use glam::{Vec2, Vec3};
+
+use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
+use crate::{
+    luminance,
+    prepare::PreparedScene,
+    sampler::Quad,
+    sampling::{orthonormal_basis, uniform_disk, uniform_sphere},
+};
+
+/// Part of the mean that every cell of a light's picture has at least, so that nothing is missed that shines between the
+/// middles of its texels.
+const FLOOR: f32 = 0.05;
+/// Largest number of cells along a side of the table of a light's picture.
+const SIDE_MAX: u32 = 256;
+/// Steps over the angle of a spot.
+const SPOT_STEPS: usize = 64;
+
+/// A photon that leaves a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Emitted {
+    /// World space, just off the light.
+    pub(crate) origin: Vec3,
+    /// Unit length.
+    pub(crate) direction: Vec3,
+    /// What it stands for if it is the only photon, in watts: the mean over all is the power of all lights.
+    pub(crate) power: Spectrum,
+    /// Which light of the tree it left; [`NO_LIGHT`] for one infinitely far away.
+    pub(crate) light: u32,
+}
+
+/// What emits photons in a scene.
+pub(crate) struct Emission {
+    sources: Vec<Source>,
+    /// Sums of the sources' shares in the power, from 0 to 1.
+    sums: Vec<f64>,
+    /// All directions of the environment.
+    environment: Option<EnvironmentLight>,
+    /// The sphere around the scene.
+    center: Vec3,
+    radius: f32,
+}
+
+enum Source {
+    /// A light with extent or a point light: its number in the tree.
+    Near(u32),
+    /// A light without extent: its number in the tree, its index in the scene, and how what it sends is spread over a
+    /// square.
+    Pictured(u32, u32, Cells),
+    /// Direction and irradiance.
+    Parallel(Vec3, Spectrum),
+    Environment,
+    Portal(Portal),
+}
+
+impl Emission {
+    /// Everything that shines. Sources that are black, or whose power is no number, are left out.
+    pub(crate) fn new(prepared: &PreparedScene) -> Self {
+        let scene = &**prepared.scene();
+        let bounds = prepared.accel().bounds();
+        let (center, radius) = (bounds.center(), 0.5 * (bounds.max - bounds.min).length());
+        // Without a surface nothing far away has anything to shine on.
+        let has_scene = radius.is_finite() && center.is_finite() && radius > 0.0;
+        let mut emission =
+            Self { sources: Vec::new(), sums: vec![0.0], environment: None, center, radius: radius * 1.001 };
+        let mut powers = Vec::new();
+        let disc = PI * emission.radius * emission.radius;
+        let mut push = |emission: &mut Self, source: Source, power: f32| {
+            if power > 0.0 && power.is_finite() {
+                emission.sources.push(source);
+                powers.push(f64::from(power));
+            }
+        };
+        for (number, light) in prepared.lights().lights.iter().enumerate() {
+            let (source, power) = match light {
+                Light::Surface(surface) => (Source::Near(number as u32), surface.power(scene)),
+                Light::Sphere(index) => (Source::Near(number as u32), place::power_of_sphere(scene, *index)),
+                Light::Punctual(index) => near_source(prepared, number as u32, *index),
+            };
+            push(&mut emission, source, power);
+        }
+        if !has_scene {
+            emission.sum(&powers);
+            return emission;
+        }
+        for light in &scene.lights {
+            if let SceneLight { kind: LightKind::Directional { direction, irradiance }, .. } = *light {
+                push(&mut emission, Source::Parallel(direction, irradiance), disc * luminance(irradiance));
+            }
+        }
+        if let Some(environment) = &scene.environment {
+            let whole = Environment { portals: Vec::new(), ..environment.clone() };
+            let light = EnvironmentLight::new(scene, &whole, false);
+            // The mean over all orientations is a quarter of the integral.
+            let integral = 4.0 * light.illuminance(center);
+            if environment.portals.is_empty() {
+                push(&mut emission, Source::Environment, integral * disc);
+            }
+            for portal in &environment.portals {
+                let area = portal.edges[0].cross(portal.edges[1]).length();
+                push(&mut emission, Source::Portal(*portal), 0.25 * integral * area);
+            }
+            emission.environment = Some(light);
+        }
+        emission.sum(&powers);
+        emission
+    }
+
+    fn sum(&mut self, powers: &[f64]) {
+        let total: f64 = powers.iter().sum();
+        let mut sum = 0.0;
+        self.sums.extend(powers.iter().map(|power| {
+            sum += power;
+            sum / total
+        }));
+        if let Some(last) = self.sums.last_mut().filter(|_| !powers.is_empty()) {
+            *last = 1.0;
+        }
+    }
+
+    /// Whether nothing shines.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sources.is_empty()
+    }
+
+    /// A photon. `None`: these numbers emit none, and count as one that carries nothing.
+    ///
+    /// - `u`: choice of the source (1), choice on it (1), place on it (2).
+    /// - `v`: direction (2), spare (2).
+    pub(crate) fn emit(&self, prepared: &PreparedScene, u: Quad, v: Quad) -> Option<Emitted> {
+        if self.is_empty() {
+            return None;
+        }
+        let choice = f64::from(u[0]);
+        let index = self.sums.partition_point(|&sum| sum <= choice).clamp(1, self.sources.len()) - 1;
+        let pmf = (self.sums[index + 1] - self.sums[index]) as f32;
+        let (place, towards) = ([u[2], u[3]], [v[0], v[1]]);
+        let (origin, direction, power) = match &self.sources[index] {
+            Source::Near(number) => match &prepared.lights().lights[*number as usize] {
+                Light::Surface(surface) => surface.emit(prepared.scene(), u[1], place, towards)?,
+                Light::Sphere(index) => place::emit_from_sphere(prepared.scene(), *index, u[1], place, towards)?,
+                Light::Punctual(index) => {
+                    let light = &prepared.scene().lights[*index as usize];
+                    let LightKind::Point { position, intensity } = light.kind else { return None };
+                    (position, uniform_sphere(place), 4.0 * PI * intensity)
+                }
+            },
+            Source::Pictured(_, light, table) => {
+                let (place, density) = table.sample(place);
+                let (origin, direction, power) =
+                    punctual::emitted(prepared.scene(), *light, place.into()).filter(|_| density > 0.0)?;
+                (origin, direction, power / density)
+            }
+            Source::Parallel(direction, irradiance) => {
+                let disc = PI * self.radius * self.radius;
+                (self.on_disc(*direction, place), *direction, *irradiance * disc)
+            }
+            Source::Environment => {
+                let (wi, radiance, pdf) = self.far(prepared, towards)?;
+                let disc = PI * self.radius * self.radius;
+                (self.on_disc(-wi, place), -wi, radiance * (disc / pdf))
+            }
+            Source::Portal(portal) => self.through(prepared, portal, place, towards)?,
+        };
+        let power = power / pmf;
+        let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
+        let is_sound = is_sound && origin.is_finite() && direction.is_finite();
+        let light = match &self.sources[index] {
+            Source::Near(number) | Source::Pictured(number, ..) => *number,
+            Source::Parallel(..) | Source::Environment | Source::Portal(_) => NO_LIGHT,
+        };
+        is_sound.then_some(Emitted { origin, direction, power, light })
+    }
+
+    /// A direction towards the sky, its radiance and its density.
+    fn far(&self, prepared: &PreparedScene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+        self.environment.as_ref()?.sample_at(prepared.scene(), self.center, [0.0, u[0], u[1], 0.0])
+    }
+
+    /// A place before the scene from where light goes in `direction`.
+    fn on_disc(&self, direction: Vec3, u: [f32; 2]) -> Vec3 {
+        let (s, t) = orthonormal_basis(direction);
+        let Vec2 { x, y } = uniform_disk(u);
+        self.center + (s * x + t * y - direction) * self.radius
+    }
+
+    /// Through a portal, if nothing is behind it.
+    fn through(
+        &self,
+        prepared: &PreparedScene,
+        portal: &Portal,
+        [x, y]: [f32; 2],
+        towards: [f32; 2],
+    ) -> Option<(Vec3, Vec3, Spectrum)> {
+        let outwards = portal.edges[0].cross(portal.edges[1]);
+        let (wi, radiance, pdf) = self.far(prepared, towards)?;
+        let projected = outwards.dot(wi);
+        if projected <= 0.0 {
+            return None;
+        }
+        let origin = portal.corner + portal.edges[0] * x + portal.edges[1] * y;
+        let hidden = prepared.accel().occluded(&Ray::new(origin, wi));
+        (!hidden).then(|| (origin, -wi, radiance * (projected / pdf)))
+    }
+}
+
+/// A light without extent and its power.
+fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (Source, f32) {
+    let scene = &**prepared.scene();
+    let (columns, rows) = match scene.lights[index as usize].kind {
+        LightKind::Point { intensity, .. } => return (Source::Near(number), 4.0 * PI * luminance(intensity)),
+        LightKind::Spot { .. } => (SPOT_STEPS, 1),
+        LightKind::Goniometric { image, .. } | LightKind::Projector { image, .. } => {
+            let (width, height) = scene.images[image.0 as usize].size();
+            (width.clamp(1, SIDE_MAX) as usize, height.clamp(1, SIDE_MAX) as usize)
+        }
+        LightKind::Directional { .. } => return (Source::Near(number), 0.0),
+    };
+    let at = |column: usize, row: usize| {
+        let place = Vec2::new((column as f32 + 0.5) / columns as f32, (row as f32 + 0.5) / rows as f32);
+        punctual::emitted(scene, index, place).map_or(0.0, |(_, _, power)| luminance(power).max(0.0))
+    };
+    let mut cells: Vec<f32> = (0..columns * rows).map(|i| at(i % columns, i / columns)).collect();
+    let mean = cells.iter().sum::<f32>() / cells.len() as f32;
+    cells.iter_mut().for_each(|cell| *cell += FLOOR * mean);
+    match Cells::new(&cells, columns, rows) {
+        Some(table) => (Source::Pictured(number, index, table), mean),
+        None => (Source::Near(number), 0.0),
+    }
+}
+
+/// The direction at angle arccos(1 − `one_minus_cos`) to an axis, `turn` of the way around.
+pub(super) fn around(axis: Vec3, one_minus_cos: f32, turn: f32) -> Vec3 {
+    let (s, t) = orthonormal_basis(axis);
+    let (sin, cos) = math::sin_cos_of_turns(turn);
+    let sine = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
+    (s * (sine * cos) + t * (sine * sin) + axis * (1.0 - one_minus_cos)).normalize()
+}

@@ -1,0 +1,90 @@
+//! Photons from lights with extent.
+
+use std::f32::consts::PI;
+
+use bottega_scene::{Scene, Sides, Spectrum};
+use glam::Vec3;
+
+use super::super::{sphere, surface::SurfaceLight};
+use crate::{
+    bsdf::warp::cosine_hemisphere,
+    interaction::{CLEARANCE, sphere_uv},
+    luminance,
+    sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
+};
+
+/// Where a photon starts, where it goes, and the power that it stands for.
+type Start = (Vec3, Vec3, Spectrum);
+
+/// Whether a photon leaves by the front, and how many sides there are.
+fn side(sides: Sides, u: f32) -> (bool, f32) {
+    match sides {
+        Sides::Front => (true, 1.0),
+        Sides::Back => (false, 1.0),
+        Sides::Both => (u < 0.5, 2.0),
+    }
+}
+
+/// By the cosine to `n`.
+fn leaving(n: Vec3, u: [f32; 2]) -> Vec3 {
+    let local = cosine_hemisphere(u);
+    let (s, t) = orthonormal_basis(n);
+    s * local.x + t * local.y + n * local.z
+}
+
+impl SurfaceLight {
+    /// An estimate of its power, as luminance.
+    pub(in super::super) fn power(&self, scene: &Scene) -> f32 {
+        let sides = side(scene.materials[self.material() as usize].emission_sides, 0.0).1;
+        self.flux(scene) * PI * sides
+    }
+
+    /// A photon: by area and by the cosine. `choice`: the side.
+    pub(in super::super) fn emit(
+        &self,
+        scene: &Scene,
+        choice: f32,
+        place: [f32; 2],
+        towards: [f32; 2],
+    ) -> Option<Start> {
+        let (corner, x, y) = self.extent();
+        let place = if self.is_rectangle() { place } else { uniform_triangle(place).into() };
+        let (front, sides) = side(scene.materials[self.material() as usize].emission_sides, choice);
+        let cross = x.cross(y);
+        let double_area = cross.length();
+        let n = if front { cross } else { -cross } / double_area;
+        let p = corner + x * place[0] + y * place[1];
+        let clearance = CLEARANCE * (p.abs().max_element() + x.abs().max(y.abs()).max_element());
+        let power = self.radiance_at(scene, place) * (PI * self.area(double_area) * sides);
+        (double_area > 0.0).then(|| (p + n * clearance, leaving(n, towards), power))
+    }
+}
+
+/// An estimate of the power of a sphere, as luminance.
+pub(super) fn power_of_sphere(scene: &Scene, index: u32) -> f32 {
+    let sphere = &scene.spheres[index as usize];
+    let sides = side(scene.materials[sphere.material as usize].emission_sides, 0.0).1;
+    // The bounds know the disc times the radiance.
+    sphere::bounds(scene, sphere).intensity * 4.0 * PI * sides
+}
+
+/// A photon: by area and by the cosine.
+pub(super) fn emit_from_sphere(
+    scene: &Scene,
+    index: u32,
+    choice: f32,
+    place: [f32; 2],
+    towards: [f32; 2],
+) -> Option<Start> {
+    let sphere = &scene.spheres[index as usize];
+    let material = &scene.materials[sphere.material as usize];
+    let (front, sides) = side(material.emission_sides, choice);
+    let outwards = uniform_sphere(place);
+    let n = if front { outwards } else { -outwards };
+    let radiance = material.emission.eval(scene, [sphere_uv(sphere, outwards); 2], 0.0);
+    let area = 4.0 * PI * sphere.radius * sphere.radius;
+    let clearance = CLEARANCE * (sphere.center.abs().max_element() + sphere.radius);
+    let power = radiance * (PI * area * sides);
+    let is_lit = luminance(power) > 0.0;
+    is_lit.then(|| (sphere.center + outwards * sphere.radius + n * clearance, leaving(n, towards), power))
+}

@@ -1,0 +1,293 @@
+//! Indirect irradiance at a few places, and between them by how it changes.
+//!
+//! Ward, Rubinstein and Clear 1988, *A Ray Tracing Solution for Diffuse Interreflection*; Ward and Heckbert 1992, *Irradiance
+//! Gradients*; Křivánek et al. 2006, *Making Radiance and Irradiance Caching Practical* (neighbour clamping).
+
+use std::f32::consts::PI;
+
+use bottega_kernels::math;
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use crate::sampling::orthonormal_basis;
+
+/// Rings of directions, from the normal to the horizon, and directions in each.
+const RINGS: usize = 10;
+const SECTORS: usize = 32;
+/// Rays by which the irradiance at one place is found.
+pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
+/// Levels of the tree below its root.
+const LEVELS_MAX: u32 = 20;
+
+/// What is known at one place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record {
+    p: Vec3,
+    n: Vec3,
+    irradiance: Spectrum,
+    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
+    turning: [Vec3; 3],
+    moving: [Vec3; 3],
+    /// Distance to other surfaces, on the harmonic mean.
+    radius: f32,
+}
+
+/// What a ray found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Look {
+    pub(crate) radiance: Spectrum,
+    /// Infinite where it met nothing.
+    pub(crate) distance: f32,
+}
+
+/// Records, found by place.
+#[derive(Debug)]
+pub(crate) struct IrradianceCache {
+    records: Vec<Record>,
+    /// Each with eight children, which follow one another; 0: none.
+    nodes: Vec<Node>,
+    low: Vec3,
+    side: f32,
+    /// Greatest error, as a share (Ward's a).
+    tolerance: f32,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Node {
+    first_child: u32,
+    records: Vec<u32>,
+}
+
+/// The direction of ray `index` of [`RAYS`]: by the cosine, stratified. `u`: where in its cell.
+pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
+    let (ring, sector) = (index as usize / SECTORS, index as usize % SECTORS);
+    let sine_squared = (ring as f32 + u[0]) / RINGS as f32;
+    let (sin, cos) = math::sin_cos_of_turns((sector as f32 + u[1]) / SECTORS as f32);
+    let (s, t) = orthonormal_basis(n);
+    let sine = sine_squared.sqrt();
+    (s * (sine * cos) + t * (sine * sin) + n * (1.0 - sine_squared).max(0.0).sqrt()).normalize()
+}
+
+impl Record {
+    /// From what rays found in the directions of [`direction`].
+    ///
+    /// - `reach`: least and greatest radius within which it may count.
+    pub(crate) fn new(p: Vec3, n: Vec3, looks: &[Look], reach: [f32; 2]) -> Self {
+        let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
+        let cell = PI / looks.len() as f32;
+        let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
+        let inverse: f32 = looks.iter().map(|look| 1.0 / look.distance.max(1e-9)).sum::<f32>() / looks.len() as f32;
+        let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
+        let (s, t) = orthonormal_basis(n);
+        let around = |turns: f32| {
+            let (sin, cos) = math::sin_cos_of_turns(turns);
+            s * cos + t * sin
+        };
+        let (mut turning, mut moving) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
+        let add = |to: &mut [Vec3; 3], along: Vec3, by: Spectrum| {
+            for channel in 0..3 {
+                to[channel] += along * by[channel];
+            }
+        };
+        let sine = |edge: usize| (edge as f32 / RINGS as f32).sqrt();
+        for sector in 0..SECTORS {
+            let middle = (sector as f32 + 0.5) / SECTORS as f32;
+            let (towards, across) = (around(middle), around(middle + 0.25));
+            let edge_across = around(sector as f32 / SECTORS as f32 + 0.25);
+            for ring in 0..RINGS {
+                let here = look(ring, sector);
+                // Ward and Heckbert 1992, eq. 1; the sign is that of a turn from n to where the light is.
+                let middle_squared = (ring as f32 + 0.5) / RINGS as f32;
+                let tangent = (middle_squared / (1.0 - middle_squared)).sqrt();
+                add(&mut turning, across, here.radiance * (tangent * cell));
+                // Ibid., eq. 2: across the borders of cells between rings, and between sectors.
+                if ring > 0 {
+                    let below = look(ring - 1, sector);
+                    let sine = sine(ring);
+                    let cos_squared = 1.0 - sine * sine;
+                    let near = here.distance.min(below.distance).max(reach[0]);
+                    let by = 2.0 * PI / SECTORS as f32 * sine * cos_squared / near;
+                    add(&mut moving, towards, (here.radiance - below.radiance) * by);
+                }
+                let before = look(ring, sector + SECTORS - 1);
+                let near = here.distance.min(before.distance).max(reach[0]);
+                let by = (sine(ring + 1) - sine(ring)) / near;
+                add(&mut moving, edge_across, (here.radiance - before.radiance) * by);
+            }
+        }
+        Self { p, n, irradiance, turning, moving, radius: radius.clamp(reach[0], reach[1].max(reach[0])) }
+    }
+
+    /// How much it counts at another place; nothing where it is too far off, or before that place.
+    fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
+        let cosine = n.dot(self.n);
+        let error = (p - self.p).length() / self.radius + (1.0 - cosine).max(0.0).sqrt();
+        let is_before = (p - self.p).dot(n + self.n) < -0.1 * self.radius;
+        if error >= tolerance || is_before { 0.0 } else { 1.0 / error.max(1e-6) - 1.0 / tolerance }
+    }
+
+    /// What it says of another place.
+    fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
+        let (turned, moved) = (self.n.cross(n), p - self.p);
+        let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);
+        (self.irradiance + Vec3::new(change(0), change(1), change(2))).max(Vec3::ZERO)
+    }
+}
+
+impl IrradianceCache {
+    /// Without records.
+    ///
+    /// - `low`, `side`: a cube around the scene.
+    pub(crate) fn new(low: Vec3, side: f32, tolerance: f32) -> Self {
+        Self { records: Vec::new(), nodes: vec![Node::default()], low, side, tolerance }
+    }
+
+    #[cfg(test)]
+    fn len(&self) -> usize {
+        self.records.len()
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let lists = self.nodes.iter().map(|node| size_of_val(&*node.records)).sum::<usize>();
+        size_of_val(&*self.records) + size_of_val(&*self.nodes) + lists
+    }
+
+    /// The irradiance at a place; `None`: no record is near enough.
+    pub(crate) fn at(&self, p: Vec3, n: Vec3) -> Option<Spectrum> {
+        let (mut sum, mut weights) = (Spectrum::ZERO, 0.0);
+        self.visit(p, |record| {
+            let weight = record.weight(p, n, self.tolerance);
+            if weight > 0.0 {
+                sum += record.at(p, n) * weight;
+                weights += weight;
+            }
+        });
+        (weights > 0.0).then(|| sum / weights)
+    }
+
+    /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
+    /// far from it a little farther on.
+    pub(crate) fn add(&mut self, mut record: Record) {
+        let mut near = Vec::new();
+        self.visit_numbers(record.p, |number| near.push(number));
+        for &number in &near {
+            let other = &mut self.records[number as usize];
+            let distance = (other.p - record.p).length();
+            record.radius = record.radius.min(other.radius + distance);
+            other.radius = other.radius.min(record.radius + distance);
+        }
+        let number = self.records.len() as u32;
+        self.records.push(record);
+        let reach = self.tolerance * record.radius;
+        self.insert(0, self.low, self.side, 0, number, record.p, reach);
+    }
+
+    /// Puts a record into all nodes that it reaches, of about its own size.
+    fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, number: u32, p: Vec3, reach: f32) {
+        let high = low + side;
+        if (p + reach).cmplt(low).any() || (p - reach).cmpgt(high).any() {
+            return;
+        }
+        if level == LEVELS_MAX || side < 4.0 * reach {
+            self.nodes[node].records.push(number);
+            return;
+        }
+        if self.nodes[node].first_child == 0 {
+            self.nodes[node].first_child = self.nodes.len() as u32;
+            self.nodes.extend(std::iter::repeat_n(Node::default(), 8));
+        }
+        let first = self.nodes[node].first_child as usize;
+        let half = 0.5 * side;
+        for child in 0..8 {
+            let offset = Vec3::new((child & 1) as f32, (child >> 1 & 1) as f32, (child >> 2) as f32) * half;
+            self.insert(first + child, low + offset, half, level + 1, number, p, reach);
+        }
+    }
+
+    fn visit(&self, p: Vec3, mut look: impl FnMut(&Record)) {
+        self.visit_numbers(p, |number| look(&self.records[number as usize]));
+    }
+
+    /// Goes from the root to the smallest node that holds a place.
+    fn visit_numbers(&self, p: Vec3, mut look: impl FnMut(u32)) {
+        let (mut node, mut low, mut half) = (0, self.low, 0.5 * self.side);
+        loop {
+            self.nodes[node].records.iter().for_each(|&number| look(number));
+            let first = self.nodes[node].first_child as usize;
+            if first == 0 {
+                return;
+            }
+            let above = (p - low).cmpge(Vec3::splat(half));
+            low += Vec3::select(above, Vec3::splat(half), Vec3::ZERO);
+            node = first + above.bitmask() as usize;
+            half *= 0.5;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Irradiance at a place by as many rays as a record has, of a scene that is known in all directions.
+    fn record(p: Vec3, n: Vec3, scene: &impl Fn(Vec3, Vec3) -> Look) -> Record {
+        let looks: Vec<Look> = (0..RAYS).map(|i| scene(p, direction(n, i, [0.5, 0.5]))).collect();
+        Record::new(p, n, &looks, [1e-3, 10.0])
+    }
+
+    /// A wide plane above that grows brighter to one side.
+    fn ceiling(p: Vec3, w: Vec3) -> Look {
+        if w.y <= 1e-3 {
+            return Look { radiance: Vec3::ZERO, distance: f32::INFINITY };
+        }
+        let distance = (2.0 - p.y) / w.y;
+        let hit = p + w * distance;
+        Look { radiance: Vec3::new(1.0, (0.5 * hit.x).tanh() + 1.5, 2.0), distance }
+    }
+
+    #[test]
+    fn directions_are_drawn_by_the_cosine() {
+        let n = Vec3::new(0.6, 0.0, 0.8);
+        let mean: Vec3 = (0..RAYS).map(|i| direction(n, i, [0.5, 0.5])).sum::<Vec3>() / RAYS as f32;
+        assert!((mean - n * (2.0 / 3.0)).length() < 2e-3, "{mean}");
+    }
+
+    #[test]
+    fn gradients_tell_how_irradiance_changes() {
+        let n = Vec3::Y;
+        let here = record(Vec3::ZERO, n, &ceiling);
+        for step in [Vec3::X * 0.1, Vec3::X * -0.1, Vec3::Z * 0.1] {
+            let there = record(step, n, &ceiling).irradiance;
+            let error = (here.at(step, n) - there).abs().max_element();
+            let without = (here.irradiance - there).abs().max_element();
+            assert!(error < 0.02 + 0.35 * without, "moved by {step}: {error} {without}");
+        }
+        for turn in [0.1_f32, -0.1] {
+            let turned = Vec3::new(turn.sin(), turn.cos(), 0.0);
+            // Rays below the horizon find the same as those just above: nothing.
+            let there = record(Vec3::ZERO, turned, &ceiling).irradiance;
+            let error = (here.at(Vec3::ZERO, turned) - there).abs().y;
+            let without = (here.irradiance - there).abs().y;
+            assert!(error < 0.03 + 0.5 * without, "turned by {turn}: {error} {without}");
+        }
+    }
+
+    #[test]
+    fn a_cache_answers_near_its_records_alone() {
+        let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.2);
+        assert!(cache.at(Vec3::ZERO, Vec3::Y).is_none());
+        cache.add(record(Vec3::ZERO, Vec3::Y, &ceiling));
+        assert_eq!(cache.len(), 1);
+        assert!(cache.at(Vec3::ZERO, Vec3::Y).is_some() && cache.at(Vec3::X * 0.2, Vec3::Y).is_some());
+        assert!(cache.at(Vec3::X * 3.0, Vec3::Y).is_none() && cache.at(Vec3::ZERO, Vec3::X).is_none());
+    }
+
+    #[test]
+    fn neighbours_clamp_one_another() {
+        let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.5);
+        let near = |p: Vec3, radius: f32| Record { radius, ..record(p, Vec3::Y, &ceiling) };
+        cache.add(near(Vec3::ZERO, 2.0));
+        cache.add(near(Vec3::X * 0.1, 0.05));
+        assert!((cache.records[0].radius - 0.15).abs() < 1e-6, "{}", cache.records[0].radius);
+    }
+}

@@ -1,0 +1,118 @@
+//! The maps of a picture, made by whatever the allocator has.
+
+use std::{ops::Range, sync::Arc};
+
+use bottega_hra::HraClient;
+use bottega_kernels::compiled;
+
+use super::{
+    map::PhotonMap,
+    maps::{Estimator, IrradianceAt, PhotonMaps, irradiance_count, tracer},
+    record::Photon,
+    trace::{Traced, Tracing},
+};
+use crate::{
+    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    integrator::PhotonIntegrator, survey::run,
+};
+
+/// Photons of one unit of work: some milliseconds.
+const PHOTONS: u32 = 8192;
+/// Points of one unit of work.
+const POINTS: u32 = 4096;
+
+/// Photons to be traced.
+#[derive(Clone)]
+pub struct PhotonWork {
+    /// The scene.
+    pub scene: Arc<PreparedScene>,
+    /// How.
+    pub settings: PhotonSettings,
+    /// Another seed gives other photons.
+    pub seed: u64,
+    /// Which photons.
+    pub indices: Range<u32>,
+}
+
+/// Irradiance to be computed from photons at the places of some of them.
+#[derive(Clone)]
+pub struct IrradianceWork {
+    /// The scene that the photons are of.
+    pub(crate) scene: Arc<PreparedScene>,
+    pub(crate) all: Arc<PhotonMap>,
+    pub(crate) estimator: Estimator,
+    pub(crate) points: Range<u32>,
+}
+
+impl PhotonWork {
+    /// Traces them on the calling thread.
+    pub fn perform(self) -> Traced {
+        compiled::run(Tracing { tracer: tracer(&self.scene, &self.settings, self.seed, 0), indices: self.indices })
+    }
+}
+
+impl IrradianceWork {
+    /// Computes it on the calling thread.
+    pub fn perform(self) -> Vec<Photon> {
+        compiled::run(IrradianceAt { estimator: self.estimator, all: &self.all, points: self.points })
+    }
+}
+
+/// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
+/// of work. A progressive picture makes the maps of each pass when a sample needs them. Does nothing for other pictures.
+///
+/// # Errors
+/// The scene has media, or the allocator did not do the work.
+pub fn cast_photons(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    settings: &PathSettings,
+    client: &HraClient<RenderWork>,
+) -> Result<(), RenderError> {
+    let Some(photons) = settings.photons else { return Ok(()) };
+    let integrator = PhotonIntegrator::new(scene, view, settings, photons)?;
+    if photons.progressive {
+        return Ok(());
+    }
+    let passes = scene.photons().passes(photons, settings.seed, 1);
+    if !passes.is_made() {
+        passes.put(maps(scene, photons, settings.seed, client)?);
+    }
+    integrator.cast(0..1);
+    Ok(())
+}
+
+/// The maps of one pass.
+fn maps(
+    scene: &Arc<PreparedScene>,
+    photons: PhotonSettings,
+    seed: u64,
+    client: &HraClient<RenderWork>,
+) -> Result<PhotonMaps, RenderError> {
+    let works = parts(photons.count, PHOTONS)
+        .map(|indices| RenderWork::Photons(PhotonWork { scene: Arc::clone(scene), settings: photons, seed, indices }));
+    let mut traced = Traced::default();
+    for output in run(client, works.collect())? {
+        let RenderOutput::Photons(part) = output else { return Err(RenderError::Unanswered) };
+        traced.append(part);
+    }
+    let (mut maps, all) = scene.on_threads(|| PhotonMaps::begun(scene, &photons, 0, traced));
+    if let Some(all) = all.map(Arc::new) {
+        let works = parts(irradiance_count(&all), POINTS).map(|points| {
+            let (scene, all) = (Arc::clone(scene), Arc::clone(&all));
+            RenderWork::Irradiance(IrradianceWork { scene, all, estimator: maps.estimator, points })
+        });
+        let mut known = Vec::new();
+        for output in run(client, works.collect())? {
+            let RenderOutput::Irradiance(mut part) = output else { return Err(RenderError::Unanswered) };
+            known.append(&mut part);
+        }
+        maps.irradiance = scene.on_threads(|| PhotonMap::new(known));
+    }
+    Ok(maps)
+}
+
+/// Cuts a range that begins with 0.
+fn parts(count: u32, size: u32) -> impl Iterator<Item = Range<u32>> {
+    (0..count.div_ceil(size)).map(move |part| part * size..count.min((part + 1).saturating_mul(size)))
+}

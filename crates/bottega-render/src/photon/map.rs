@@ -1,0 +1,427 @@
+//! Photons in a kd-tree without pointers: balanced, its leaves buckets of sixteen that are searched at once.
+//!
+//! Bentley 1975, *Multidimensional binary search trees*; buckets and the distance to a cell, summed over the axes, as Arya
+//! and Mount 1993, *Algorithms for fast vector quantization*.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::record::{Mark, Photon};
+
+/// Photons in a leaf.
+const BUCKET: usize = 16;
+/// Cells that wait while a tree is searched: no tree is deeper.
+const DEPTH_MAX: usize = 40;
+/// Most photons that [`Nearest`] can hold.
+pub const NEAREST_MAX: usize = 512;
+
+/// Photons, found by place. The tree depends on them and their order alone, not on who builds it.
+#[derive(Debug, Default)]
+pub struct PhotonMap {
+    /// Inner nodes, the first one being number 1; the children of node i are 2i and 2i + 1.
+    nodes: Vec<Node>,
+    /// Where photons are: x, y and z of each bucket; the empty places of the last one lie at infinity.
+    places: Vec<[[f32; BUCKET]; 3]>,
+    marks: Vec<Mark>,
+    /// Number of the first node of the deepest level.
+    deepest: usize,
+}
+
+/// A plane across an axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    plane: f32,
+    axis: u32,
+}
+
+impl PhotonMap {
+    /// Builds the tree on the threads of the present pool. Photons whose place is not finite are left out.
+    pub fn new(mut photons: Vec<Photon>) -> Self {
+        photons.retain(|photon| photon.p.is_finite());
+        let leaves = photons.len().div_ceil(BUCKET);
+        if leaves == 0 {
+            return Self::default();
+        }
+        let mut nodes = vec![Node::default()];
+        // One level after the other, from left to right: that is the order of the nodes' numbers.
+        let mut level = vec![(photons.as_mut_slice(), leaves)];
+        while level.iter().any(|&(_, leaves)| leaves > 1) {
+            let cut = level.into_par_iter().map(split).collect::<Vec<_>>();
+            level = Vec::with_capacity(2 * cut.len());
+            for (node, parts) in cut {
+                nodes.extend(node);
+                level.extend(parts);
+            }
+        }
+        let mut places = vec![[[f32::INFINITY; BUCKET]; 3]; leaves];
+        for (i, photon) in photons.iter().enumerate() {
+            for (along, place) in places[i / BUCKET].iter_mut().zip(photon.p.to_array()) {
+                along[i % BUCKET] = place;
+            }
+        }
+        let marks = photons.iter().map(Photon::mark).collect();
+        Self { nodes, places, marks, deepest: 1 << (2 * leaves - 1).ilog2() }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.marks.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.marks.is_empty()
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.places) + size_of_val(&*self.marks)
+    }
+
+    /// A photon by its number.
+    #[inline(always)]
+    pub fn photon(&self, index: u32) -> Photon {
+        let (bucket, lane) = (index as usize / BUCKET, index as usize % BUCKET);
+        Photon::of(Vec3::from_array(self.places[bucket].map(|along| along[lane])), self.marks[index as usize])
+    }
+
+    /// What is known of a photon beside its place.
+    #[inline(always)]
+    pub fn mark(&self, index: u32) -> Mark {
+        self.marks[index as usize]
+    }
+
+    /// All photons, in the order of their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = Photon> + '_ {
+        (0..self.len() as u32).map(|index| self.photon(index))
+    }
+
+    /// The photons nearest to a point within a distance: as many as `found` holds.
+    ///
+    /// - `radius_squared`: of those that count; the least distance that does not.
+    #[inline(always)]
+    pub fn nearest(&self, p: Vec3, radius_squared: f32, found: &mut Nearest) {
+        found.clear();
+        if found.limit == 0 {
+            return;
+        }
+        self.visit(p, radius_squared, |first, distances, bound| {
+            let mut bound = bound;
+            let mut near = below(distances, bound);
+            while near != 0 {
+                let lane = near.trailing_zeros();
+                near &= near - 1;
+                let distance = distances[lane as usize];
+                if distance < bound {
+                    bound = found.push(first + lane, distance, bound);
+                }
+            }
+            bound
+        });
+    }
+
+    /// Calls `take` with the number of each photon within a distance and the square of how far it is.
+    #[inline(always)]
+    pub fn within(&self, p: Vec3, radius_squared: f32, mut take: impl FnMut(u32, f32)) {
+        self.visit(p, radius_squared, |first, distances, bound| {
+            let mut near = below(distances, bound);
+            while near != 0 {
+                let lane = near.trailing_zeros();
+                near &= near - 1;
+                take(first + lane, distances[lane as usize]);
+            }
+            bound
+        });
+    }
+
+    /// The nearest photon that `accept`s, within a distance.
+    #[inline(always)]
+    pub fn nearest_where(&self, p: Vec3, radius_squared: f32, mut accept: impl FnMut(u32) -> bool) -> Option<u32> {
+        let mut best = None;
+        self.visit(p, radius_squared, |first, distances, bound| {
+            let mut bound = bound;
+            let mut near = below(distances, bound);
+            while near != 0 {
+                let lane = near.trailing_zeros();
+                near &= near - 1;
+                if distances[lane as usize] < bound && accept(first + lane) {
+                    bound = distances[lane as usize];
+                    best = Some(first + lane);
+                }
+            }
+            bound
+        });
+        best
+    }
+
+    /// Goes to the buckets within reach, the nearest side first. `look` is given the number of a bucket's first photon, the
+    /// squared distances and the squared reach, and says what is within reach from then on.
+    #[inline(always)]
+    fn visit(&self, p: Vec3, radius_squared: f32, mut look: impl FnMut(u32, &[f32; BUCKET], f32) -> f32) {
+        let leaves = self.places.len();
+        if leaves == 0 {
+            return;
+        }
+        let mut bound = radius_squared;
+        let mut waiting = [(0_u32, [0.0_f32; 3]); DEPTH_MAX];
+        let mut waiting_count = 0;
+        let (mut number, mut off) = (1_usize, [0.0_f32; 3]);
+        loop {
+            while number < leaves {
+                let Node { plane, axis } = self.nodes[number];
+                let axis = axis as usize;
+                let beyond = p[axis] - plane;
+                let near = 2 * number + usize::from(beyond >= 0.0);
+                let mut far_off = off;
+                far_off[axis] = beyond * beyond;
+                if far_off[0] + far_off[1] + far_off[2] < bound {
+                    waiting[waiting_count] = ((near ^ 1) as u32, far_off);
+                    waiting_count += 1;
+                }
+                number = near;
+            }
+            // The deepest leaves are the first ones from the left.
+            let order = if number >= self.deepest { number - self.deepest } else { number + leaves - self.deepest };
+            bound = look((order * BUCKET) as u32, &distances(&self.places[order], p), bound);
+            loop {
+                if waiting_count == 0 {
+                    return;
+                }
+                waiting_count -= 1;
+                let (next, next_off) = waiting[waiting_count];
+                if next_off[0] + next_off[1] + next_off[2] < bound {
+                    (number, off) = (next as usize, next_off);
+                    break;
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn distances([x, y, z]: &[[f32; BUCKET]; 3], p: Vec3) -> [f32; BUCKET] {
+    std::array::from_fn(|i| {
+        let (dx, dy, dz) = (x[i] - p.x, y[i] - p.y, z[i] - p.z);
+        dx * dx + dy * dy + dz * dz
+    })
+}
+
+/// A bit for each distance that is below a bound.
+#[inline(always)]
+fn below(distances: &[f32; BUCKET], bound: f32) -> u32 {
+    let bits: [u32; BUCKET] = std::array::from_fn(|i| u32::from(distances[i] < bound) << i);
+    bits.iter().fold(0, |all, bit| all | bit)
+}
+
+/// Leaves to the left of a node with so many of them below it: all levels are full but the deepest, which is filled from
+/// the left.
+fn left_leaves(leaves: usize) -> usize {
+    if leaves <= 2 {
+        return 1;
+    }
+    let full = 1 << (leaves - 1).ilog2();
+    full / 2 + (leaves - full).min(full / 2)
+}
+
+type Part<'a> = (&'a mut [Photon], usize);
+
+/// Cuts a node's photons across their longest side.
+fn split((photons, leaves): Part<'_>) -> (Option<Node>, Vec<Part<'_>>) {
+    if leaves <= 1 {
+        return (None, Vec::new());
+    }
+    let (low, high) = photons.iter().fold((photons[0].p, photons[0].p), |(l, h), it| (l.min(it.p), h.max(it.p)));
+    let size = high - low;
+    let axis = size.max_position();
+    let left = left_leaves(leaves);
+    let middle = left * BUCKET;
+    photons.select_nth_unstable_by(middle, |a, b| a.p[axis].total_cmp(&b.p[axis]));
+    let node = Node { plane: photons[middle].p[axis], axis: axis as u32 };
+    let (first, second) = photons.split_at_mut(middle);
+    (Some(node), vec![(first, left), (second, leaves - left)])
+}
+
+/// The nearest photons found so far: a heap of a fixed size, the farthest on top.
+#[derive(Clone, Debug)]
+pub struct Nearest {
+    /// The bits of a squared distance, which grow as it does, above the number of the photon.
+    heap: [u64; NEAREST_MAX],
+    count: usize,
+    limit: usize,
+}
+
+impl Nearest {
+    /// Holds `limit` photons, or [`NEAREST_MAX`] if that is less.
+    pub fn new(limit: usize) -> Self {
+        Self { heap: [0; NEAREST_MAX], count: 0, limit: limit.min(NEAREST_MAX) }
+    }
+
+    fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// How many were found.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether none was found.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Whether there may be more within reach.
+    pub fn is_full(&self) -> bool {
+        self.count == self.limit
+    }
+
+    /// Numbers and squared distances, in no order to rely on but the same for the same question.
+    #[inline(always)]
+    pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
+        self.heap[..self.count].iter().map(|&key| (key as u32, f32::from_bits((key >> 32) as u32)))
+    }
+
+    /// The square of how far the farthest is; 0 without any.
+    pub fn farthest(&self) -> f32 {
+        self.iter().fold(0.0, |farthest, (_, distance)| distance.max(farthest))
+    }
+
+    /// Takes a photon; returns the distance that the next one must be below.
+    #[inline(always)]
+    fn push(&mut self, index: u32, distance: f32, bound: f32) -> f32 {
+        let key = u64::from(distance.to_bits()) << 32 | u64::from(index);
+        if self.count < self.limit {
+            self.heap[self.count] = key;
+            self.count += 1;
+            if self.count < self.limit {
+                return bound;
+            }
+            for i in (0..self.limit / 2).rev() {
+                let key = self.heap[i];
+                self.sink(i, key);
+            }
+        } else {
+            self.sink(0, key);
+        }
+        f32::from_bits((self.heap[0] >> 32) as u32)
+    }
+
+    /// Puts a key where the place `i` is free, or below.
+    #[inline(always)]
+    fn sink(&mut self, mut i: usize, key: u64) {
+        let heap = &mut self.heap[..self.limit];
+        loop {
+            let mut child = 2 * i + 1;
+            if child >= heap.len() {
+                break;
+            }
+            if child + 1 < heap.len() {
+                child += usize::from(heap[child + 1] > heap[child]);
+            }
+            if heap[child] <= key {
+                break;
+            }
+            heap[i] = heap[child];
+            i = child;
+        }
+        heap[i] = key;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{sampler::PixelSampler, sampling::uniform_sphere};
+
+    /// Photons on a sphere and on a sheet, some of them at the same place.
+    fn photons(count: u32) -> Vec<Photon> {
+        (0..count)
+            .map(|i| {
+                let sampler = PixelSampler::new(3, i, 0, 0);
+                let u = [sampler.hashed(0), sampler.hashed(1)];
+                let p = match i % 5 {
+                    0 => Vec3::new(u[0], 0.25, u[1]),
+                    1 => Vec3::new((u[0] * 8.0).floor(), 0.0, 0.0),
+                    _ => uniform_sphere(u),
+                };
+                Photon::new(p, Vec3::Y, Vec3::Y, Vec3::splat(i as f32))
+            })
+            .collect()
+    }
+
+    fn squared_distances(photons: &[Photon], p: Vec3) -> Vec<f32> {
+        let mut all: Vec<f32> = photons
+            .iter()
+            .map(|photon| {
+                let d = photon.p - p;
+                d.x * d.x + d.y * d.y + d.z * d.z
+            })
+            .collect();
+        all.sort_by(f32::total_cmp);
+        all
+    }
+
+    #[test]
+    fn a_tree_finds_what_a_search_through_all_finds() {
+        for count in [0, 1, 15, 16, 17, 31, 33, 48, 49, 80, 100, 1000, 4099] {
+            let all = photons(count);
+            let map = PhotonMap::new(all.clone());
+            assert_eq!(map.len(), count as usize);
+            for i in 0..40 {
+                let sampler = PixelSampler::new(4, i, 0, 0);
+                let p = uniform_sphere([sampler.hashed(0), sampler.hashed(1)]) * (2.0 * sampler.hashed(2));
+                let expected = squared_distances(&all, p);
+                for (limit, reach) in [(1, f32::INFINITY), (7, 4.0), (50, f32::INFINITY), (50, 0.04), (512, 1.0)] {
+                    let mut found = Nearest::new(limit);
+                    map.nearest(p, reach, &mut found);
+                    let mut distances: Vec<f32> = found.iter().map(|(_, distance)| distance).collect();
+                    distances.sort_by(f32::total_cmp);
+                    let expected: Vec<f32> = expected.iter().copied().filter(|&d| d < reach).take(limit).collect();
+                    assert_eq!(distances, expected, "{count} {limit} {reach}");
+                    let mut numbers: Vec<u32> = found.iter().map(|(number, _)| number).collect();
+                    numbers.sort_unstable();
+                    numbers.dedup();
+                    assert_eq!(numbers.len(), expected.len(), "each is found once");
+                }
+                let mut sum = 0.0;
+                map.within(p, 0.3, |index, distance| {
+                    assert!((map.photon(index).p.distance_squared(p) - distance).abs() < 1e-5);
+                    sum += map.mark(index).power().x;
+                });
+                let near = all.iter().filter(|photon| {
+                    let d = photon.p - p;
+                    d.x * d.x + d.y * d.y + d.z * d.z < 0.3
+                });
+                assert_eq!(sum, near.map(|photon| photon.mark().power().x).sum::<f32>());
+                let nearest = map.nearest_where(p, f32::INFINITY, |_| true);
+                assert_eq!(nearest.is_some(), count > 0);
+                assert!(nearest.is_none_or(|index| map.photon(index).p.distance_squared(p) <= expected[0] + 1e-5));
+                assert!(map.nearest_where(p, f32::INFINITY, |_| false).is_none());
+            }
+        }
+    }
+
+    #[test]
+    fn a_tree_does_not_depend_on_threads() {
+        let by = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| PhotonMap::new(photons(5000)).iter().collect::<Vec<_>>())
+        };
+        assert_eq!(by(1), by(3));
+    }
+
+    #[test]
+    fn a_photon_takes_little_more_than_twenty_bytes_in_the_tree() {
+        let map = PhotonMap::new(photons(10_000));
+        assert!(map.memory_bytes() < 21 * 10_000, "{}", map.memory_bytes());
+    }
+
+    #[test]
+    fn what_is_nowhere_is_left_out() {
+        let nowhere = Photon::new(Vec3::new(f32::NAN, 0.0, 0.0), Vec3::Y, Vec3::Y, Vec3::ONE);
+        assert_eq!(PhotonMap::new(vec![nowhere; 20]).len(), 0);
+        let mut found = Nearest::new(0);
+        PhotonMap::new(photons(100)).nearest(Vec3::ZERO, 1.0, &mut found);
+        assert!(found.is_empty());
+    }
+}

@@ -1,0 +1,286 @@
+//! The maps of a picture: made once, on all processors, the same whoever makes them.
+
+use std::{f32::consts::PI, ops::Range};
+
+use bottega_kernels::compiled::{self, Task};
+use bottega_scene::Spectrum;
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{
+    map::{Nearest, PhotonMap},
+    record::Photon,
+    trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
+};
+use crate::{PhotonSettings, prepare::PreparedScene, settings::PhotonFilter};
+
+/// Photons that one processor traces in a row.
+const BATCH: u32 = 4096;
+/// Points at which one processor computes irradiance in a row.
+const POINTS: usize = 1024;
+/// Of so many photons one knows the irradiance where it is (Christensen 1999: one of four makes no visible difference).
+const IRRADIANCE_STEP: u32 = 4;
+/// How far photons that mirrors and glass brought together may be, as a share of how far others may.
+const CAUSTIC_REACH: f32 = 0.5;
+/// How far photons may be that tell whether a light is seen, as a share of how far others may, and how many must agree.
+const VISIBILITY_REACH: f32 = 0.5;
+const VISIBILITY_COUNT: u32 = 12;
+/// How far off the plane of a surface photons count that lie on it, as a share of how far they may be in all.
+const FLATNESS: f32 = 0.25;
+/// Radius of the first pass of a progressive picture, as a share of how far photons may be where they are counted.
+const FIRST_RADIUS: f32 = 0.2;
+/// How the radius shrinks from pass to pass (Hachisuka et al. 2008, eq. 9): 0 not at all, 1 never to be seen.
+const SHRINKING: f32 = 2.0 / 3.0;
+
+/// What a picture is painted with.
+#[derive(Debug)]
+pub(crate) struct PhotonMaps {
+    /// Of light over mirrors and through glass; with the indirect light, where no rays are gathered.
+    pub(crate) seen: PhotonMap,
+    /// In place of a power the irradiance, all light together.
+    pub(crate) irradiance: PhotonMap,
+    /// Where light arrives straight, and where not.
+    pub(crate) visibility: PhotonMap,
+    pub(crate) estimator: Estimator,
+    /// How far photons of `seen` may be, and those of the irradiance.
+    pub(crate) reach: f32,
+    pub(crate) irradiance_reach: f32,
+}
+
+/// How the density of photons is estimated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimator {
+    /// What a photon's power counts.
+    scale: f32,
+    filter: PhotonFilter,
+    /// How many photons are looked for, and how far.
+    gather: u32,
+    reach: f32,
+}
+
+/// What photons of a pass are traced by.
+pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Tracer<'a> {
+    let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
+    Tracer { prepared, emission: prepared.emission(), seed, pass, bounces, with_shadows }
+}
+
+/// All photons of a pass, traced on the threads of the present pool.
+fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
+    let batch = |number: u32| {
+        let first = number * BATCH;
+        compiled::run(Tracing { tracer, indices: first..count.min(first.saturating_add(BATCH)) })
+    };
+    let parts: Vec<Traced> = (0..count.div_ceil(BATCH)).into_par_iter().map(batch).collect();
+    parts.into_iter().fold(Traced::default(), |mut all, part| {
+        all.append(part);
+        all
+    })
+}
+
+impl PhotonMaps {
+    /// The maps of one pass. The pool of the present thread does the work.
+    pub(crate) fn new(prepared: &PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Self {
+        let traced = traced(tracer(prepared, settings, seed, pass), settings.count);
+        let (mut maps, all) = Self::begun(prepared, settings, pass, traced);
+        if let Some(all) = all {
+            let points: Vec<u32> = (0..irradiance_count(&all)).collect();
+            let known = points.par_chunks(POINTS).map(|points| {
+                let points = points[0]..points[points.len() - 1] + 1;
+                compiled::run(IrradianceAt { estimator: maps.estimator, all: &all, points })
+            });
+            maps.irradiance = PhotonMap::new(known.collect::<Vec<_>>().concat());
+        }
+        maps
+    }
+
+    /// All but the irradiance, and the photons from which that is to be computed, if it is wanted.
+    pub(crate) fn begun(
+        prepared: &PreparedScene,
+        settings: &PhotonSettings,
+        pass: u32,
+        traced: Traced,
+    ) -> (Self, Option<PhotonMap>) {
+        let bounds = prepared.accel().bounds();
+        let radius = 0.5 * (bounds.max - bounds.min).length();
+        let reach = settings.radius.clamp(0.0, 2.0) * if radius.is_finite() { radius } else { 0.0 };
+        let scale = 1.0 / settings.count.max(1) as f32;
+        let estimator = Estimator { scale, filter: settings.filter, gather: settings.gather, reach };
+        let mut maps = Self {
+            seen: PhotonMap::default(),
+            irradiance: PhotonMap::default(),
+            visibility: PhotonMap::new(traced.visibility),
+            estimator,
+            reach,
+            irradiance_reach: reach,
+        };
+        let mut all = None;
+        if settings.final_rays > 0 && !settings.progressive {
+            all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic.clone()].concat()));
+            maps.seen = PhotonMap::new(traced.caustic);
+            maps.reach *= CAUSTIC_REACH;
+        } else {
+            maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
+        }
+        if settings.progressive {
+            maps.reach = reach * FIRST_RADIUS * shrunk(pass);
+        }
+        (maps, all)
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
+    }
+
+    /// Irradiance on a surface near a point; `None`: nothing is known there.
+    #[inline(always)]
+    pub(crate) fn irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
+        let reach = self.irradiance_reach;
+        let accept = |index: u32| is_alike(self.irradiance.mark(index).normal(), normal);
+        let index = self.irradiance.nearest_where(p, reach * reach, accept)?;
+        Some(self.irradiance.mark(index).power())
+    }
+
+    /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,
+    /// *Efficiently Rendering Shadows Using the Photon Map*).
+    pub(crate) fn visibility_at(&self, p: Vec3, normal: Vec3, light: u32, found: &mut Nearest) -> Option<bool> {
+        let reach = VISIBILITY_REACH * self.irradiance_reach;
+        self.visibility.nearest(p, reach * reach, found);
+        let (lit, shaded) = (visibility_tag(light, true), visibility_tag(light, false));
+        let (mut lit_count, mut shaded_count) = (0, 0);
+        for (index, _) in found.iter() {
+            let mark = self.visibility.mark(index);
+            if is_alike(mark.normal(), normal) {
+                lit_count += u32::from(mark.tag() == lit);
+                shaded_count += u32::from(mark.tag() == shaded);
+            }
+        }
+        match (lit_count, shaded_count) {
+            (VISIBILITY_COUNT.., 0) => Some(true),
+            (0, VISIBILITY_COUNT..) => Some(false),
+            _ => None,
+        }
+    }
+}
+
+/// At how many places the irradiance is computed from so many photons.
+pub(crate) fn irradiance_count(all: &PhotonMap) -> u32 {
+    (all.len() as u32).div_ceil(IRRADIANCE_STEP)
+}
+
+impl Estimator {
+    /// What all photons near a point bring to it, each weighed by `scattered`, which is given the direction that it came
+    /// from and whether it arrived on the side of the normal: without weights that is the irradiance.
+    ///
+    /// - `map`: where to look; `found` says for how many of them.
+    /// - `normal`: of the surface, on the side that is lit if light cannot go through.
+    #[inline(always)]
+    pub(crate) fn gather(
+        &self,
+        map: &PhotonMap,
+        p: Vec3,
+        normal: Vec3,
+        reach: f32,
+        found: &mut Nearest,
+        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
+    ) -> Spectrum {
+        map.nearest(p, reach * reach, found);
+        let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
+        if found.is_empty() || radius_squared <= 0.0 {
+            return Spectrum::ZERO;
+        }
+        let mut sum = Spectrum::ZERO;
+        // The farthest only says how large the disc is: counted, it would make all a little too bright.
+        for (index, distance_squared) in found.iter().filter(|&(_, distance)| distance < radius_squared) {
+            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+        }
+        sum * (self.scale / (PI * radius_squared))
+    }
+
+    /// The same for all photons within a radius, however many.
+    #[inline(always)]
+    pub(crate) fn gather_within(
+        &self,
+        map: &PhotonMap,
+        p: Vec3,
+        normal: Vec3,
+        reach: f32,
+        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
+    ) -> Spectrum {
+        let radius_squared = reach * reach;
+        if radius_squared <= 0.0 {
+            return Spectrum::ZERO;
+        }
+        let mut sum = Spectrum::ZERO;
+        map.within(p, radius_squared, |index, distance_squared| {
+            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+        });
+        sum * (self.scale / (PI * radius_squared))
+    }
+
+    #[inline(always)]
+    fn weighed(
+        &self,
+        map: &PhotonMap,
+        index: u32,
+        p: Vec3,
+        normal: Vec3,
+        distance_squared: f32,
+        radius_squared: f32,
+        scattered: &mut impl FnMut(Vec3, bool) -> Spectrum,
+    ) -> Spectrum {
+        let photon = map.photon(index);
+        let off_plane = (photon.p - p).dot(normal);
+        // Photons on the other side of the surface are those of light that goes through: their normal is the opposite.
+        let its_normal = photon.mark().normal();
+        let is_before = is_alike(its_normal, normal);
+        let is_behind = is_alike(-its_normal, normal);
+        if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
+            return Spectrum::ZERO;
+        }
+        let part = distance_squared / radius_squared;
+        let weight = match self.filter {
+            PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),
+            PhotonFilter::Cone => (1.0 - part.sqrt() / CONE) / (1.0 - 2.0 / (3.0 * CONE)),
+        };
+        scattered(photon.mark().to_light(), is_before) * photon.mark().power() * weight
+    }
+}
+
+/// k of the cone filter.
+const CONE: f32 = 1.1;
+
+/// What the radius of a pass is to that of the first one: r²ᵢ₊₁ ∕ r²ᵢ = (i + α) ∕ (i + 1) with i from 1 (Knaus and Zwicker
+/// 2011, *Progressive Photon Mapping: A Probabilistic Approach*, eq. 15).
+fn shrunk(pass: u32) -> f32 {
+    let squared: f64 = (1..=pass).map(|i| (f64::from(i) + f64::from(SHRINKING)) / (f64::from(i) + 1.0)).product();
+    squared.sqrt() as f32
+}
+
+/// Irradiance to be computed at the places of some photons.
+pub(crate) struct IrradianceAt<'a> {
+    pub(crate) estimator: Estimator,
+    pub(crate) all: &'a PhotonMap,
+    /// Which of the places: below [`irradiance_count`].
+    pub(crate) points: Range<u32>,
+}
+
+impl Task for IrradianceAt<'_> {
+    type Output = Vec<Photon>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<Photon> {
+        let Self { estimator, all, points } = self;
+        let mut found = Nearest::new(estimator.gather as usize);
+        let mut known = Vec::with_capacity(points.len());
+        for point in points {
+            // Numbers in the tree go from place to place, so that each step takes one photon of a neighbourhood.
+            let photon = all.photon(point * IRRADIANCE_STEP);
+            let normal = photon.mark().normal();
+            let on_this_side = |_: Vec3, is_before: bool| if is_before { Spectrum::ONE } else { Spectrum::ZERO };
+            let irradiance = estimator.gather(all, photon.p, normal, estimator.reach, &mut found, on_this_side);
+            known.push(photon.with_power(irradiance));
+        }
+        known
+    }
+}

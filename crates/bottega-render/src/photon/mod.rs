@@ -1,0 +1,19 @@
+//! Photon maps: light that was sent out from the lights and found again by place.
+//!
+//! Sources: Jensen 2001, *Realistic Image Synthesis Using Photon Mapping*; Christensen 1999, *Faster Photon Map Global
+//! Illumination*.
+
+pub(crate) mod cache;
+mod cast;
+mod map;
+mod maps;
+mod record;
+mod store;
+mod trace;
+
+pub use cast::{IrradianceWork, PhotonWork, cast_photons};
+pub use map::{NEAREST_MAX, Nearest, PhotonMap};
+pub(crate) use maps::PhotonMaps;
+pub use record::{Mark, Photon};
+pub(crate) use store::{Passes, PhotonStore};
+pub use trace::Traced;

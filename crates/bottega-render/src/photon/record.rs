@@ -1,0 +1,176 @@
+//! A photon in twenty bytes.
+
+use bottega_scene::Spectrum;
+use glam::{Vec2, Vec3};
+
+use crate::guide::octahedron::{direction_from_square, square_from_direction};
+
+/// Steps along a side of the square of directions, and of that of normals.
+const DIRECTION_STEPS: u32 = 1 << 10;
+const NORMAL_STEPS: u32 = 1 << 6;
+/// Exponent that is stored as 0: powers from 2⁻¹²⁸ to 2¹²⁷.
+const EXPONENT_BIAS: i32 = 128;
+
+/// Light that arrived at a surface, or something else that is known of a place there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Photon {
+    /// World space.
+    pub p: Vec3,
+    mark: Mark,
+}
+
+/// What is known of a photon beside its place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mark {
+    /// 10 bits each: where the direction is on the octahedron; 6 bits each: where the normal is.
+    directions: u32,
+    /// Red, green and blue as shares of a power of two, and its exponent (Ward 1991, *Real Pixels*).
+    power: u32,
+}
+
+impl Photon {
+    /// - `to_light`: back along the way that it came; unit length.
+    /// - `normal`: of the surface, on the side where it arrived; unit length.
+    /// - `power`: at least 0 and finite.
+    pub fn new(p: Vec3, to_light: Vec3, normal: Vec3, power: Spectrum) -> Self {
+        let directions = packed(to_light, DIRECTION_STEPS, 10) | packed(normal, NORMAL_STEPS, 6) << 20;
+        Self { p, mark: Mark { directions, power: shared_exponent(power) } }
+    }
+
+    /// A place with a number in place of a power.
+    pub(crate) fn tagged(p: Vec3, to_light: Vec3, normal: Vec3, tag: u32) -> Self {
+        let mark = Self::new(p, to_light, normal, Spectrum::ZERO).mark;
+        Self { p, mark: Mark { power: tag, ..mark } }
+    }
+
+    /// What is known beside the place.
+    pub fn mark(&self) -> Mark {
+        self.mark
+    }
+
+    /// The same with another power.
+    #[must_use]
+    pub fn with_power(self, power: Spectrum) -> Self {
+        Self { mark: Mark { power: shared_exponent(power), ..self.mark }, ..self }
+    }
+
+    pub(super) fn of(p: Vec3, mark: Mark) -> Self {
+        Self { p, mark }
+    }
+}
+
+impl Mark {
+    /// Where the light came from: unit length, within a quarter of a degree.
+    #[inline(always)]
+    pub fn to_light(self) -> Vec3 {
+        unpacked(self.directions, DIRECTION_STEPS, 10)
+    }
+
+    /// The normal of the surface on the side where it arrived: unit length, within four degrees.
+    #[inline(always)]
+    pub fn normal(self) -> Vec3 {
+        unpacked(self.directions >> 20, NORMAL_STEPS, 6)
+    }
+
+    /// What stands in place of the power.
+    #[inline(always)]
+    pub(crate) fn tag(self) -> u32 {
+        self.power
+    }
+
+    /// Within half a percent of its largest part.
+    #[inline(always)]
+    pub fn power(self) -> Spectrum {
+        let [r, g, b, exponent] = self.power.to_le_bytes();
+        // 2^(e − bias − 8): made from its bits, for it is a normal number wherever the mantissas are not 0.
+        let scale = f64::from_bits(((i64::from(exponent) - i64::from(EXPONENT_BIAS) - 8 + 1023) as u64) << 52) as f32;
+        Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * scale
+    }
+}
+
+/// A direction as two whole numbers of so many bits.
+fn packed(w: Vec3, steps: u32, bits: u32) -> u32 {
+    // An even number of steps between the ends puts the poles and the axes on the grid.
+    let last = (steps - 2) as f32;
+    let place = (square_from_direction(w).0 * 0.5 + 0.5).clamp(Vec2::ZERO, Vec2::ONE) * last + 0.5;
+    place.x as u32 | (place.y as u32) << bits
+}
+
+#[inline(always)]
+fn unpacked(code: u32, steps: u32, bits: u32) -> Vec3 {
+    let mask = steps - 1;
+    let place = Vec2::new((code & mask) as f32, (code >> bits & mask) as f32);
+    direction_from_square(place * (2.0 / (steps - 2) as f32) - 1.0).0
+}
+
+fn shared_exponent(power: Spectrum) -> u32 {
+    let largest = power.max_element();
+    // Not a number is no light, either.
+    if largest.is_nan() || largest < f32::MIN_POSITIVE {
+        return 0;
+    }
+    let largest = largest.min(f32::MAX);
+    // The least power of two above the largest part.
+    let mut exponent = ((largest.to_bits() >> 23) as i32 - 127) + 1;
+    let scale_of = |exponent: i32| 2.0_f64.powi(8 - exponent);
+    if f64::from(largest) * scale_of(exponent) >= 255.5 {
+        exponent += 1;
+    }
+    let exponent = exponent.clamp(-EXPONENT_BIAS, 127);
+    let mantissa = |part: f32| ((f64::from(part.max(0.0)) * scale_of(exponent)) + 0.5).min(255.0) as u8;
+    let parts = power.to_array().map(mantissa);
+    u32::from_le_bytes([parts[0], parts[1], parts[2], (exponent + EXPONENT_BIAS) as u8])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::uniform_sphere;
+
+    fn directions() -> impl Iterator<Item = Vec3> {
+        let grid = (0..4096).map(|i| uniform_sphere([((i % 64) as f32 + 0.5) / 64.0, ((i / 64) as f32 + 0.5) / 64.0]));
+        grid.chain([Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z])
+    }
+
+    #[test]
+    fn a_photon_takes_twenty_bytes() {
+        assert_eq!(size_of::<Photon>(), 20);
+    }
+
+    #[test]
+    fn directions_and_normals_come_back() {
+        for w in directions() {
+            let mark = Photon::new(Vec3::ZERO, w, -w, Vec3::ONE).mark();
+            assert!(mark.to_light().angle_between(w) < 0.25_f32.to_radians(), "{w} {}", mark.to_light());
+            assert!(mark.normal().angle_between(-w) < 4.0_f32.to_radians(), "{w} {}", mark.normal());
+        }
+        let mark = Photon::new(Vec3::ZERO, Vec3::NEG_Y, Vec3::Y, Vec3::ONE).mark();
+        assert_eq!((mark.to_light(), mark.normal()), (Vec3::NEG_Y, Vec3::Y));
+    }
+
+    #[test]
+    fn powers_come_back_however_large_or_small() {
+        for scale in [1e-30, 1e-9, 0.37, 1.0, 255.9, 1e12, 1e37] {
+            for power in [Vec3::new(1.0, 0.5, 0.02), Vec3::new(0.3, 0.999, 0.0), Vec3::splat(0.998)] {
+                let power = power * scale;
+                let back = Photon::new(Vec3::ZERO, Vec3::Y, Vec3::Y, power).mark().power();
+                assert!((back - power).abs().max_element() <= 0.004 * power.max_element(), "{power} {back}");
+            }
+        }
+        for nothing in [Vec3::ZERO, Vec3::splat(f32::NAN), Vec3::splat(-1.0)] {
+            assert_eq!(Photon::new(Vec3::ZERO, Vec3::Y, Vec3::Y, nothing).mark().power(), Vec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn the_mean_of_many_powers_is_kept() {
+        let (mut given, mut kept) = (Vec3::ZERO, Vec3::ZERO);
+        for i in 0..10_000 {
+            let part = |prime: u32| (i * prime % 9973) as f32 / 9973.0;
+            let power = Vec3::new(0.2 + part(7), 0.5 * part(31), 0.1 * part(101));
+            given += power;
+            kept += Photon::new(Vec3::ZERO, Vec3::Y, Vec3::Y, power).mark().power();
+        }
+        assert!((kept / given - 1.0).abs().max_element() < 1e-3, "{kept} {given}");
+    }
+}

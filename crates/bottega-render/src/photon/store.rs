@@ -1,0 +1,96 @@
+//! Where maps are kept, for all who paint the same.
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use super::{cache::IrradianceCache, maps::PhotonMaps};
+use crate::{PhotonSettings, View, prepare::PreparedScene};
+
+/// Pictures whose maps are kept.
+const PICTURES_MAX: usize = 2;
+
+/// What maps depend on beside the scene: settings, seed, and how many passes there are.
+type Of = (PhotonSettings, u64, u32);
+
+/// The maps of each pass, each made by the first who needs it, while others wait.
+#[derive(Debug)]
+pub(crate) struct Passes {
+    of: Of,
+    maps: Vec<OnceLock<PhotonMaps>>,
+    caches: Mutex<Vec<(View, CachePlace)>>,
+}
+
+/// Where a cache is put by the first who needs it, while others wait.
+type CachePlace = Arc<OnceLock<IrradianceCache>>;
+
+/// The maps of some pictures of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct PhotonStore(Mutex<Vec<Arc<Passes>>>);
+
+impl PhotonStore {
+    /// The passes of a picture.
+    pub(crate) fn passes(&self, settings: PhotonSettings, seed: u64, pass_count: u32) -> Arc<Passes> {
+        let of = (settings, seed, pass_count);
+        let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(passes) = pictures.iter().find(|passes| passes.of == of) {
+            return Arc::clone(passes);
+        }
+        if pictures.len() == PICTURES_MAX {
+            pictures.remove(0);
+        }
+        let passes = Arc::new(Passes {
+            of,
+            maps: (0..pass_count.max(1)).map(|_| OnceLock::new()).collect(),
+            caches: Mutex::default(),
+        });
+        pictures.push(Arc::clone(&passes));
+        passes
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let maps = pictures.iter().flat_map(|passes| passes.maps.iter().filter_map(OnceLock::get));
+        maps.map(PhotonMaps::memory_bytes).sum::<usize>() + pictures.iter().map(|it| it.cache_bytes()).sum::<usize>()
+    }
+}
+
+impl Passes {
+    /// The maps that belong to a sample.
+    pub(crate) fn of_sample(&self, prepared: &PreparedScene, sample: u32) -> &PhotonMaps {
+        let pass = sample % self.maps.len() as u32;
+        let (settings, seed, _) = &self.of;
+        self.maps[pass as usize]
+            .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, settings, *seed, pass)))
+    }
+
+    /// Where the irradiance of a view is kept.
+    pub(crate) fn cache(&self, view: View) -> Arc<OnceLock<IrradianceCache>> {
+        /// Views whose irradiance is kept.
+        const VIEWS_MAX: usize = 2;
+        let mut caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, place)) = caches.iter().find(|(known, _)| *known == view) {
+            return Arc::clone(place);
+        }
+        if caches.len() == VIEWS_MAX {
+            caches.remove(0);
+        }
+        let place = CachePlace::default();
+        caches.push((view, Arc::clone(&place)));
+        place
+    }
+
+    fn cache_bytes(&self) -> usize {
+        let caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
+        caches.iter().filter_map(|(_, place)| place.get()).map(IrradianceCache::memory_bytes).sum()
+    }
+
+    /// Whether the maps of the first pass are there.
+    pub(crate) fn is_made(&self) -> bool {
+        self.maps[0].get().is_some()
+    }
+
+    /// Takes the maps of the first pass, made as this would make them.
+    pub(crate) fn put(&self, maps: PhotonMaps) {
+        self.maps[0].get_or_init(|| maps);
+    }
+}

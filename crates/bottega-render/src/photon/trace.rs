@@ -1,0 +1,201 @@
+//! Photons on their way: from the lights over mirrors, through glass, and from one surface to the next.
+
+use std::ops::Range;
+
+use bottega_kernels::{Hit, Ray, compiled::Task};
+use bottega_scene::{Spectrum, Surface};
+use glam::Vec3;
+
+use super::record::Photon;
+use crate::{
+    bsdf::TransportMode,
+    camera::RayCone,
+    integrator::{BLEND, bsdf_at, exp},
+    interaction::{Interaction, is_there},
+    lights::{Emission, Emitted},
+    prepare::PreparedScene,
+    sampler::{DimensionSet, PixelSampler},
+};
+
+/// Sets the numbers of photons apart from those of pixels.
+const PHOTON_SEED: u64 = 0x7068_6f74_6f6e_7321;
+/// By how much the two normals of a surface may make a photon stronger.
+const NORMALS_RATIO_MAX: f32 = 8.0;
+/// Surfaces behind the first one at which a photon leaves its shadow.
+const SHADOWS_MAX: u32 = 16;
+
+/// What photons are traced by. A photon depends on the scene, these and its index alone.
+#[derive(Clone, Copy)]
+pub(crate) struct Tracer<'a> {
+    pub(crate) prepared: &'a PreparedScene,
+    pub(crate) emission: &'a Emission,
+    pub(crate) seed: u64,
+    /// Passes have photons of their own.
+    pub(crate) pass: u32,
+    /// Surfaces that a photon may come to.
+    pub(crate) bounces: u32,
+    /// Whether it is kept where light arrives and where it does not.
+    pub(crate) with_shadows: bool,
+}
+
+/// Photons where they arrived, in the order of their indices. Each carries what it stands for if it is the only one: divide
+/// by how many were emitted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Traced {
+    /// Straight from a light.
+    pub direct: Vec<Photon>,
+    /// From a light over mirrors and through glass alone.
+    pub caustic: Vec<Photon>,
+    /// Scattered at least once otherwise.
+    pub indirect: Vec<Photon>,
+    /// Where a ray from a light came to its first surface and to those behind: in place of a power the number of the light,
+    /// doubled, and 1 more where it is lit.
+    pub(crate) visibility: Vec<Photon>,
+}
+
+impl Traced {
+    /// Adds the photons of the indices that follow.
+    pub fn append(&mut self, mut later: Self) {
+        self.direct.append(&mut later.direct);
+        self.caustic.append(&mut later.caustic);
+        self.indirect.append(&mut later.indirect);
+        self.visibility.append(&mut later.visibility);
+    }
+}
+
+/// Photons to trace.
+pub(crate) struct Tracing<'a> {
+    pub(crate) tracer: Tracer<'a>,
+    pub(crate) indices: Range<u32>,
+}
+
+impl Task for Tracing<'_> {
+    type Output = Traced;
+
+    #[inline(always)]
+    fn run(self) -> Traced {
+        let mut traced = Traced::default();
+        for index in self.indices {
+            self.tracer.trace(index, &mut traced);
+        }
+        traced
+    }
+}
+
+/// The number of a light in a record of visibility.
+pub(super) fn visibility_tag(light: u32, is_lit: bool) -> u32 {
+    light.wrapping_mul(2) | u32::from(is_lit)
+}
+
+impl Tracer<'_> {
+    #[inline(always)]
+    fn trace(&self, index: u32, traced: &mut Traced) {
+        let sampler = PixelSampler::new(self.seed ^ PHOTON_SEED, self.pass, 0, index);
+        let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
+        let Some(emitted) = self.emission.emit(self.prepared, u, v) else { return };
+        if self.with_shadows {
+            self.leave_shadows(&emitted, traced);
+        }
+        let Emitted { mut origin, mut direction, mut power, .. } = emitted;
+        let mut absorption = Spectrum::ZERO;
+        let (mut is_specular, mut is_direct) = (true, true);
+        for depth in 0..self.bounces {
+            let ray = Ray::new(origin, direction);
+            let hit = self.intersect(&ray, &sampler, depth);
+            if hit.is_none() {
+                return;
+            }
+            if absorption != Spectrum::ZERO {
+                power *= exp(-absorption * hit.t);
+            }
+            let mut point = Interaction::new(self.prepared, &hit, origin, direction, RayCone::default());
+            let (material, known) = self.prepared.material(point.material);
+            if matches!(material.surface, Surface::Unlit(_)) {
+                return;
+            }
+            // What a relief takes from the light it takes by the direction that light comes from.
+            let lifted = point.lifted.take();
+            let mut place = None;
+            let chance = || sampler.hashed(BLEND ^ u64::from(depth) << 56 ^ u64::from(point.material));
+            let bsdf = bsdf_at(self.prepared, &point, chance, &mut place).with_mode(TransportMode::Importance);
+            let wo = point.to_local(point.wo);
+            // Photons are as dense as light falls on the real surface, and scatter by its shading normal.
+            let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
+            if bsdf.has_non_delta() {
+                let normal = if point.front { point.ng } else { -point.ng };
+                let photon = Photon::new(point.p, point.wo, normal, power * arriving);
+                match (is_direct, is_specular) {
+                    (true, _) => traced.direct.push(photon),
+                    (false, true) => traced.caustic.push(photon),
+                    (false, false) => traced.indirect.push(photon),
+                }
+            }
+            let u = sampler.quad(DimensionSet::scattering(depth));
+            let Some(sample) = bsdf.at_carrying(wo, power).sample(u[0], [u[1], u[2]]) else { return };
+            let wi = point.to_world(sample.wi);
+            let is_reflection = point.is_reflection(wi);
+            if (sample.wi.z > 0.0) != is_reflection {
+                return;
+            }
+            // Veach 1997, eq. 5.19: the adjoint of scattering by a shading normal.
+            let leaving = wi.dot(point.ng).abs() / sample.wi.z.abs();
+            let mut next = power * sample.weight() * (arriving * leaving);
+            if let Some(lifted) = lifted {
+                let seen = if lifted.factor(sample.wi) > 0.0 { lifted.factor(wo) } else { 0.0 };
+                next *= seen;
+            }
+            // Russian roulette by what is left: photons stay as strong as they were.
+            let survival = (next.max_element() / power.max_element()).min(1.0);
+            if !(survival > 0.0 && u[3] < survival && next.is_finite()) {
+                return;
+            }
+            power = next / survival;
+            if !is_reflection && !material.surface.is_thin() {
+                absorption = known.absorption[usize::from(point.front)];
+            }
+            is_specular &= sample.is_delta();
+            is_direct = false;
+            (origin, direction) = (point.ray_origin(wi), wi);
+        }
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &Ray, sampler: &PixelSampler, depth: u32) -> Hit {
+        if !self.prepared.has_opacity() {
+            return self.prepared.accel().intersect(ray);
+        }
+        self.prepared.accel().intersect_filtered(ray, |hit| {
+            is_there(self.prepared, ray, hit, || {
+                let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+                sampler.hashed(surface ^ u64::from(depth) << 56)
+            })
+        })
+    }
+
+    /// Goes straight through all surfaces, and tells of each whether it is the first.
+    fn leave_shadows(&self, emitted: &Emitted, traced: &mut Traced) {
+        let mut origin = emitted.origin;
+        for number in 0..SHADOWS_MAX {
+            let hit = self.prepared.accel().intersect(&Ray::new(origin, emitted.direction));
+            if hit.is_none() {
+                return;
+            }
+            let point = Interaction::new(self.prepared, &hit, origin, emitted.direction, RayCone::default());
+            let normal = if point.front { point.ng } else { -point.ng };
+            let tag = visibility_tag(emitted.light, number == 0);
+            traced.visibility.push(Photon::tagged(point.p, point.wo, normal, tag));
+            origin = point.ray_origin(emitted.direction);
+            if origin == point.p && hit.t <= 0.0 {
+                return;
+            }
+        }
+    }
+}
+
+/// Whether a normal may belong to the same surface as another one.
+#[inline(always)]
+pub(super) fn is_alike(a: Vec3, b: Vec3) -> bool {
+    /// Cosine of the angle within which they do.
+    const COSINE_MIN: f32 = 0.6;
+    a.dot(b) > COSINE_MIN
+}

@@ -1,0 +1,309 @@
+//! Pictures by photons, held to those by paths.
+
+use std::sync::Arc;
+
+use bottega_hra::{Hra, HraConfig, VirtualCpu};
+use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_render::{
+    BlockWork, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError, RenderWork,
+    View, photon::cast_photons,
+};
+use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
+use glam::{Affine3A, Vec3};
+
+use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, glass, lamp, matte, mean_color, paint, prepare};
+
+const SIZE: (u32, u32) = (24, 24);
+
+fn by_photons(photons: PhotonSettings, seed: u64, samples: u32) -> PathSettings {
+    PathSettings { photons: Some(photons), planned_samples: samples, seed, guiding: false, ..PathSettings::default() }
+}
+
+fn few() -> PhotonSettings {
+    PhotonSettings { count: 20_000, ..PhotonSettings::default() }
+}
+
+/// Mean of pictures of several seeds, and the square of its standard error, by channel.
+fn mean_of_seeds(scene: &Arc<PreparedScene>, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
+    let means: Vec<Vec3> = (0..6).map(|seed| mean_color(&paint(scene, SIZE, samples, settings(seed)))).collect();
+    let mean = means.iter().sum::<Vec3>() / 6.0;
+    (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
+}
+
+fn by_paths(scene: &Arc<PreparedScene>) -> (Vec3, Vec3) {
+    mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
+}
+
+/// How many standard errors beyond a share of the mean two means are apart.
+fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
+    let beyond = ((a.0 - b.0).abs() - b.0 * margin).max(Vec3::ZERO);
+    (beyond / (a.1 + b.1).map(f32::sqrt).max(Vec3::splat(1e-9))).max_element()
+}
+
+fn mirror() -> Material {
+    let metal = Layered {
+        metallic: 1.0.into(),
+        roughness: 0.0.into(),
+        base_color: Vec3::splat(0.9).into(),
+        ..Layered::default()
+    };
+    metal.into()
+}
+
+/// A room with mirrors, frosted and clear glass, a matte sheet that lets light through, and lights of several kinds.
+fn many_things() -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
+    add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), &matte(Vec3::new(0.6, 0.5, 0.4)));
+    add_sphere(&mut scene, Vec3::new(-0.5, -0.6, -0.4), 0.4, mirror());
+    let tinted = scene.push_medium(Medium::absorbing(Vec3::new(0.2, 1.0, 2.0)));
+    add_sphere(&mut scene, Vec3::new(0.5, -0.6, 0.2), 0.35, Material { interior: Some(tinted), ..glass() });
+    let frosted = Layered { roughness: 0.5.into(), transmission: 1.0.into(), ..Layered::default() };
+    add_sphere(&mut scene, Vec3::new(0.1, 0.2, -0.6), 0.3, frosted.into());
+    let shiny = Layered { base_color: Vec3::new(0.2, 0.5, 0.2).into(), roughness: 0.3.into(), ..Layered::default() };
+    add_sphere(&mut scene, Vec3::new(-0.7, 0.3, 0.3), 0.25, shiny.into());
+    let sheet =
+        Surface::DiffuseTransmission { reflectance: Vec3::splat(0.3).into(), transmittance: Vec3::splat(0.5).into() };
+    add_quad(&mut scene, Vec3::new(0.4, -0.2, 0.4), Vec3::X * 0.5, Vec3::new(0.0, 0.4, -0.2), sheet.into());
+    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
+    add_quad(&mut scene, Vec3::new(-0.4, 0.5, 0.2), Vec3::X * 0.5, Vec3::Z * 0.4, veil);
+    add_quad(&mut scene, Vec3::new(-0.2, 0.99, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4, Material::lamp(Vec3::splat(5.0)));
+    add_sphere(&mut scene, Vec3::new(0.9, 0.7, -0.3), 0.08, lamp(Vec3::new(10.0, 5.0, 2.0)));
+    scene
+}
+
+/// Below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths find through no glass.
+fn outside(has_sun: bool) -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
+    add_quad(&mut scene, Vec3::new(-1.5, -0.5, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, matte(Vec3::splat(0.6)));
+    add_sphere(&mut scene, Vec3::new(0.4, 0.0, 0.0), 0.45, if has_sun { matte(Vec3::splat(0.8)) } else { glass() });
+    add_sphere(&mut scene, Vec3::new(-0.5, -0.1, 0.0), 0.4, matte(Vec3::new(0.7, 0.3, 0.2)));
+    scene.environment = Some(Environment::uniform(Vec3::new(0.4, 0.6, 0.9)));
+    if has_sun {
+        let (direction, irradiance) = (Vec3::new(0.6, -0.8, 0.0), Vec3::new(2.0, 1.8, 1.5));
+        let sun = LightKind::Directional { direction, irradiance };
+        let lamp = LightKind::Point { position: Vec3::new(-0.9, 0.8, 0.9), intensity: Vec3::new(0.1, 0.2, 0.4) };
+        scene.lights.extend([sun, lamp].map(|kind| Light { name: String::new(), kind }));
+    }
+    scene
+}
+
+#[test]
+fn gathered_light_is_that_of_paths() {
+    for (name, scene, margin) in [
+        ("cornell", cornell(), 0.006),
+        ("many things", many_things(), 0.01),
+        ("sky", outside(false), 0.006),
+        ("sun", outside(true), 0.006),
+    ] {
+        let scene = prepare(scene);
+        let expected = by_paths(&scene);
+        for filter in [PhotonFilter::Epanechnikov, PhotonFilter::Cone] {
+            let photons = PhotonSettings { filter, ..few() };
+            let found = mean_of_seeds(&scene, 32, |seed| by_photons(photons, seed, 32));
+            let distance = distance(found, expected, margin);
+            assert!(distance < 4.0, "{name} {filter:?}: {found:?} {expected:?}, {distance}");
+        }
+    }
+}
+
+#[test]
+fn a_progressive_picture_comes_nearer_to_that_of_paths_the_more_passes_it_has() {
+    for (name, scene) in [("cornell", cornell()), ("many things", many_things()), ("sky", outside(false))] {
+        let scene = prepare(scene);
+        let expected = by_paths(&scene);
+        let with = |radius: f32, passes: u32, count: u32| {
+            let photons = PhotonSettings { radius, progressive: true, count, ..few() };
+            mean_of_seeds(&scene, 64, |seed| by_photons(photons, seed, passes))
+        };
+        let error = |found: (Vec3, Vec3)| ((found.0 - expected.0) / expected.0).abs().max_element();
+        // So wide that it is seen what the radius does.
+        let (early, late) = (with(1.5, 1, 1_500), with(1.5, 64, 500));
+        assert!(error(late) < 0.8 * error(early), "{name}: {early:?} {late:?} {expected:?}");
+        let small = with(0.05, 64, 4_000);
+        let distance = distance(small, expected, 0.004);
+        assert!(distance < 4.0, "{name}: {small:?} {expected:?}, {distance}");
+    }
+}
+
+#[test]
+fn photons_at_the_first_surface_show_nearly_the_same() {
+    let scene = prepare(cornell());
+    let photons = PhotonSettings { final_rays: 0, count: 60_000, ..few() };
+    let found = mean_of_seeds(&scene, 16, |seed| by_photons(photons, seed, 16));
+    let expected = by_paths(&scene);
+    assert!(((found.0 - expected.0) / expected.0).abs().max_element() < 0.03, "{found:?} {expected:?}");
+}
+
+#[test]
+fn depth_counts_bounces() {
+    let scene = prepare(cornell());
+    for max_depth in [0, 1] {
+        let path = PathSettings { max_depth, guiding: false, ..PathSettings::default() };
+        let expected = mean_color(&paint(&scene, SIZE, 256, path));
+        let found = mean_color(&paint(&scene, SIZE, 256, PathSettings { max_depth, ..by_photons(few(), 1, 256) }));
+        assert!(((found - expected) / expected).abs().max_element() < 0.03, "{max_depth}: {found} {expected}");
+    }
+}
+
+#[test]
+fn neither_threads_nor_cuts_change_a_bit() {
+    let mut room = cornell();
+    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
+    add_quad(&mut room, Vec3::new(-0.5, -0.5, 0.8), Vec3::X, Vec3::Y, veil);
+    let room = Arc::new(room);
+    let cached = PhotonSettings { irradiance_cache: 0.3, ..few() };
+    for photons in [few(), PhotonSettings { progressive: true, shadow_photons: true, ..few() }, cached] {
+        let settings = Arc::new(by_photons(photons, 5, 4));
+        let painted = |threads: usize, cuts: &[u32], blocks: u32| -> Vec<f32> {
+            let options = PrepareOptions { threads, ..PrepareOptions::default() };
+            let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
+            let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+            let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
+            for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
+                let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
+                for range in cuts.windows(2) {
+                    let (scene, settings) = (Arc::clone(&scene), Arc::clone(&settings));
+                    let work = BlockWork { scene, view, settings, tile, samples: range[0]..range[1] };
+                    tile = work.perform().unwrap().tile;
+                }
+                whole.copy_from(&tile);
+            }
+            whole.sums().to_vec()
+        };
+        assert_eq!(painted(1, &[0, 4], 24), painted(3, &[0, 1, 4], 7));
+    }
+}
+
+fn is_sound(name: &str, scene: Scene, photons: PhotonSettings) -> Spectrum {
+    let scene = prepare(scene);
+    let tile = paint(&scene, (12, 12), 4, by_photons(photons, 0, 4));
+    assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{name}");
+    mean_color(&tile)
+}
+
+#[test]
+fn hard_cases_end_in_the_right_picture() {
+    let room = |material: &Material| {
+        let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 0.9)], ..Scene::default() };
+        add_room(&mut scene, Vec3::ONE, material);
+        scene
+    };
+    let modes = [
+        few(),
+        PhotonSettings { progressive: true, ..few() },
+        PhotonSettings { final_rays: 0, ..few() },
+        PhotonSettings { count: 0, ..few() },
+        PhotonSettings { count: 1, ..few() },
+        PhotonSettings { gather: 0, ..few() },
+        PhotonSettings { gather: 100_000, radius: f32::MAX, ..few() },
+        PhotonSettings { radius: 0.0, bounces: 0, shadow_photons: true, ..few() },
+        PhotonSettings { radius: f32::NAN, irradiance_cache: f32::NAN, ..few() },
+        PhotonSettings { irradiance_cache: 0.3, ..few() },
+        PhotonSettings { irradiance_cache: f32::MAX, ..few() },
+    ];
+    for photons in modes {
+        let grey = matte(Vec3::splat(0.5));
+        assert_eq!(is_sound("no light", room(&grey), photons), Vec3::ZERO);
+        let mut black = room(&grey);
+        add_sphere(&mut black, Vec3::ZERO, 0.1, lamp(Vec3::ZERO));
+        assert_eq!(is_sound("black light", black, photons), Vec3::ZERO);
+        let mut closed = room(&grey);
+        add_sphere(&mut closed, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
+        let kind = LightKind::Point { position: Vec3::new(0.5, 0.0, -0.5), intensity: Vec3::ONE };
+        closed.lights.push(Light { name: String::new(), kind });
+        let inside = is_sound("light inside a closed object", closed, photons);
+        // A map that is as wide as the room knows no inside.
+        assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
+        let mut mirrors = room(&mirror());
+        add_sphere(&mut mirrors, Vec3::new(0.5, 0.0, -0.5), 0.2, lamp(Vec3::ONE));
+        assert!(is_sound("mirrors alone", mirrors, photons) != Vec3::ZERO);
+        let mut nothing = Scene { cameras: room(&grey).cameras, ..Scene::default() };
+        nothing.environment = Some(Environment::uniform(Vec3::ONE));
+        assert_eq!(is_sound("nothing but sky", nothing, photons), Vec3::ONE);
+        assert!(is_sound("cornell", cornell(), photons) != Vec3::ZERO);
+    }
+}
+
+#[test]
+fn the_size_of_a_scene_does_not_matter() {
+    let of_size = |size: f32| {
+        let mut scene = cornell();
+        let grown = Affine3A::from_scale(Vec3::splat(size));
+        scene.instances.iter_mut().for_each(|instance| instance.world_from_object = grown * instance.world_from_object);
+        for sphere in &mut scene.spheres {
+            (sphere.center, sphere.radius) = (sphere.center * size, sphere.radius * size);
+        }
+        scene.cameras[0].world_from_camera.translation *= size;
+        is_sound("cornell", scene, few())
+    };
+    let expected = of_size(1.0);
+    for size in [1e-5, 1e6] {
+        let found = of_size(size);
+        assert!(((found - expected) / expected).abs().max_element() < 0.05, "{size}: {found} {expected}");
+    }
+}
+
+#[test]
+fn shadow_photons_decide_what_is_lit_and_change_little() {
+    let scene = prepare(cornell());
+    let with = |shadow_photons| {
+        let photons = PhotonSettings { shadow_photons, final_rays: 0, count: 100_000, ..few() };
+        let settings = Arc::new(by_photons(photons, 3, 16));
+        let tile = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new([Aov::Cost].into_iter().collect()));
+        let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+        let tile =
+            BlockWork { scene: Arc::clone(&scene), view, settings, tile, samples: 0..16 }.perform().unwrap().tile;
+        let place = tile.layout().offset(Aov::Cost).unwrap();
+        let cost: f32 = tile.rect().pixels().map(|(x, y)| tile.pixel(x, y)[place]).sum();
+        (mean_color(&tile), cost)
+    };
+    let ((expected, all), (found, some)) = (with(false), with(true));
+    // A shadow ray costs half as much as a surface that a path comes to, of which there are two or three.
+    assert!(some < 0.9 * all, "{some} {all}");
+    assert!(((found - expected) / expected).abs().max_element() < 0.01, "{found} {expected}");
+}
+
+#[test]
+fn cached_irradiance_is_nearly_that_which_is_gathered() {
+    let scene = prepare(cornell());
+    let with = |irradiance_cache| {
+        let photons = PhotonSettings { irradiance_cache, count: 100_000, ..few() };
+        paint(&scene, SIZE, 16, by_photons(photons, 3, 16))
+    };
+    let (without, with) = (with(0.0), with(0.15));
+    let (expected, found) = (mean_color(&without), mean_color(&with));
+    assert!(without.sums() != with.sums(), "nothing is cached");
+    assert!(((found - expected) / expected).abs().max_element() < 0.02, "{found} {expected}");
+}
+
+#[test]
+fn maps_made_by_the_allocator_are_the_same() {
+    let room = Arc::new(cornell());
+    let settings = by_photons(few(), 5, 2);
+    let painted = |cast: bool| {
+        let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
+        if cast {
+            let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, RenderWork::perform));
+            cast_photons(&scene, View { camera: 0, width: SIZE.0, height: SIZE.1 }, &settings, &hra.client()).unwrap();
+            assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 3);
+        }
+        let before = scene.memory_bytes();
+        let sums = paint(&scene, SIZE, 2, settings).sums().to_vec();
+        // Nothing was left to be made.
+        assert_eq!(scene.memory_bytes() == before, cast);
+        sums
+    };
+    assert_eq!(painted(true), painted(false));
+}
+
+#[test]
+fn media_are_refused() {
+    let mut scene = cornell();
+    let fog = Medium { scattering: Vec3::ONE, ..Medium::absorbing(Vec3::ZERO) };
+    scene.cameras[0].medium = Some(scene.push_medium(fog));
+    let scene = prepare(scene);
+    let view = View { camera: 0, width: 4, height: 4 };
+    let tile = Tile::new(Rect::of_size(4, 4), Layout::new(AovSet::NONE));
+    let work = BlockWork { scene, view, settings: Arc::new(by_photons(few(), 0, 1)), tile, samples: 0..1 };
+    assert!(matches!(work.perform(), Err(RenderError::PhotonsInMedia)));
+}

@@ -1,0 +1,103 @@
+//! The figures as text, JSON and picture.
+
+use std::{fmt::Write, path::Path};
+
+use bottega_image::{Canvas, srgb_from_linear};
+use serde_json::{Value, json};
+
+use super::{Column, Report, Row, Way, paper, studio::SIDE, walk::Found};
+use crate::error::CliError;
+
+/// Bounces, as the paper's.
+const BOUNCES: u32 = super::studio::BOUNCES_MAX;
+
+pub(super) fn as_text(report: &Report) -> String {
+    let Report { processors, is_kept, batch, rows } = report;
+    let kept = if *is_kept { "kept to" } else { "NOT KEPT to (this system does not do that):" };
+    let mut text =
+        format!("{kept} {processors} of the processors; batches of {batch} paths, at most {BOUNCES} bounces\n");
+    for row in rows {
+        _ = writeln!(text, "\nscene {}: {}; {} paths, {} rays", row.scene, row.kind, row.paths, row.rays);
+        let direct = row.columns.first().map_or(1.0, Column::average);
+        for column in &row.columns {
+            let average = column.average();
+            let mrays = row.rays as f64 / average / 1e6;
+            _ = writeln!(
+                text,
+                "  {:<17} {average:9.3} s  {:6.1} %  {mrays:7.2} Mrays/s{}",
+                column.way.name(),
+                100.0 * average / direct,
+                occupied(column)
+            );
+        }
+        if let Some(share) = share_of_sum(row) {
+            _ = writeln!(text, "  CPU+GPU reach {:.1} % of the sum of what each does alone", 100.0 * share);
+        }
+    }
+    _ = writeln!(text, "\nthe paper, for 100,000,000 rays:");
+    for paper::Row { machine, scene, seconds } in &paper::ROWS {
+        let [direct, cpu, both] = *seconds;
+        let percent = |time: f64| 100.0 * time / direct;
+        _ = writeln!(
+            text,
+            "  {machine} scene {scene}: {direct:.2} s 100 %, with HRA {cpu:.2} s {:.0} %, CPU+GPU {both:.2} s {:.0} %",
+            percent(cpu),
+            percent(both)
+        );
+    }
+    text
+}
+
+fn occupied(column: &Column) -> String {
+    let each = column.resources.iter().map(|(name, busy, units)| format!("{name} {:.0} % {units}", 100.0 * busy));
+    let each: Vec<String> = each.collect();
+    if each.is_empty() { String::new() } else { format!("   (busy, units: {})", each.join(", ")) }
+}
+
+/// What both together do, of the sum of what each does alone.
+fn share_of_sum(row: &Row) -> Option<f64> {
+    let rate = |way| row.columns.iter().find(|column| column.way == way).map(|column| column.average().recip());
+    Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+}
+
+pub(super) fn as_json(report: &Report) -> Value {
+    let column = |column: &Column, direct: f64| {
+        let resources =
+            column.resources.iter().map(|(name, busy, units)| json!({"name": name, "busy": busy, "units": units}));
+        json!({
+            "way": column.way.key(),
+            "seconds": column.seconds,
+            "average_seconds": column.average(),
+            "relative_index": column.average() / direct,
+            "resources": resources.collect::<Vec<_>>(),
+        })
+    };
+    let row = |row: &Row| {
+        let direct = row.columns.first().map_or(1.0, Column::average);
+        let columns: Vec<Value> = row.columns.iter().map(|it| column(it, direct)).collect();
+        json!({
+            "scene": row.scene, "kind": row.kind, "paths": row.paths, "rays": row.rays, "ways": columns,
+            "share_of_sum": share_of_sum(row),
+        })
+    };
+    let of_paper = |row: &paper::Row| json!({"machine": row.machine, "scene": row.scene, "seconds": row.seconds});
+    json!({
+        "processors": report.processors, "kept_to_processors": report.is_kept, "batch": report.batch, "bounces": BOUNCES,
+        "scenes": report.rows.iter().map(row).collect::<Vec<_>>(),
+        "paper": {"rays": paper::RAYS, "rows": paper::ROWS.iter().map(of_paper).collect::<Vec<_>>()},
+    })
+}
+
+/// What the rays have found, so that it can be looked at.
+pub(super) fn picture(path: &Path, found: &Found) -> Result<(), CliError> {
+    let bright = 5.0 * found.light().max(1e-12);
+    let mut values = vec![0.0; found.film.len()];
+    // Rays come in blocks of 8 × 8.
+    for (at, &light) in found.film.iter().enumerate() {
+        let (block, inner) = (at as u32 / 64, at as u32 % 64);
+        let (x, y) = (block % (SIDE / 8) * 8 + inner % 8, block / (SIDE / 8) * 8 + inner / 8);
+        let value = light as f64 / f64::from(super::walk::LIGHT_UNITS) / bright;
+        values[(y * SIDE + x) as usize] = srgb_from_linear(value.min(1.0) as f32);
+    }
+    Canvas::gray_map(SIDE, SIDE, &values).write_png(path).map_err(CliError::from)
+}

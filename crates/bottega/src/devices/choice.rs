@@ -1,0 +1,226 @@
+//! Who paints on this machine: what the user asks for, and what comes of it.
+
+use std::{str::FromStr, sync::Arc, time::Duration};
+
+use bottega_engines::Devices;
+use bottega_gpu::{AdapterKind, GpuError, GpuPaths, PathOptions, adapters};
+use bottega_hra::{Lane, Window};
+use bottega_image::{Aov, Layout};
+use bottega_render::PreparedScene;
+
+use super::costs;
+use crate::{error::CliError, farm::state_folder};
+
+/// The word for the processors in a list of devices.
+const PROCESSORS: &str = "cpu";
+/// The word for whatever is there.
+const AUTO: &str = "auto";
+
+/// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Which devices are to paint.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) enum DeviceChoice {
+    /// The processors, and the best GPU if there is one.
+    #[default]
+    Auto,
+    /// These and no others.
+    These {
+        /// Whether the processors are among them.
+        processors: bool,
+        /// GPUs, by parts of their names.
+        gpus: Vec<String>,
+    },
+}
+
+impl DeviceChoice {
+    /// The processors alone.
+    fn processors() -> Self {
+        Self::These { processors: true, gpus: Vec::new() }
+    }
+
+    /// The same, where pixels must be the same to the last bit on every machine.
+    pub(crate) fn exactly(&self, exact: bool) -> Result<Self, CliError> {
+        match self {
+            _ if !exact => Ok(self.clone()),
+            Self::These { gpus, .. } if !gpus.is_empty() => Err(CliError::usage(
+                format!("`{}` does not paint to the last bit what processors paint", gpus.join(",")),
+                "leave out --exact, or the GPU in --devices",
+            )),
+            _ => Ok(Self::processors()),
+        }
+    }
+
+    /// What of a machine paints for a job of others: where it must be exact the processors alone, if there are any among them.
+    pub(crate) fn for_others(&self, exact: bool) -> Self {
+        match self {
+            Self::These { processors: true, .. } if exact => Self::processors(),
+            _ => self.clone(),
+        }
+    }
+}
+
+impl FromStr for DeviceChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names: Vec<&str> = text.split(',').map(str::trim).collect();
+        if names == [AUTO] {
+            return Ok(Self::Auto);
+        }
+        if names.iter().any(|name| name.is_empty() || *name == AUTO) {
+            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
+        }
+        let gpus = names.iter().filter(|name| **name != PROCESSORS).map(|name| (*name).to_owned());
+        Ok(Self::These { processors: names.contains(&PROCESSORS), gpus: gpus.collect() })
+    }
+}
+
+/// Who will paint.
+pub(crate) struct Crew {
+    /// Processors; 0: none.
+    pub(crate) threads: usize,
+    pub(crate) devices: Devices,
+    /// Names of the GPUs.
+    pub(crate) gpus: Vec<String>,
+    /// Why others do not, for the user.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Crew {
+    /// Finds those who can paint this scene with these values a pixel.
+    ///
+    /// - `photons`: whether it is painted by photons.
+    ///
+    /// # Errors
+    /// A device that was asked for by name is not there, or cannot, and no processor may instead.
+    pub(crate) fn gather(
+        choice: &DeviceChoice,
+        threads: usize,
+        scene: &Arc<PreparedScene>,
+        layout: Layout,
+        photons: bool,
+    ) -> Result<Self, CliError> {
+        let lacks = lacks(layout, photons);
+        let mut crew = Self { threads, devices: Devices::default(), gpus: Vec::new(), notes: Vec::new() };
+        match choice {
+            DeviceChoice::Auto => {
+                if may_have_gpu() && adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software) {
+                    crew.add(None, scene, &lacks)?;
+                }
+            }
+            DeviceChoice::These { processors, gpus } => {
+                crew.threads = if *processors { threads } else { 0 };
+                gpus.iter().try_for_each(|name| crew.add(Some(name), scene, &lacks))?;
+            }
+        }
+        if !crew.gpus.is_empty() {
+            crew.devices.costs = costs::read();
+        }
+        Ok(crew)
+    }
+
+    fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), CliError> {
+        let cache = Some(state_folder().join("kernels"));
+        let options = PathOptions { adapter: name.cloned(), timeout: PATIENCE, cache, ..PathOptions::default() };
+        let opened =
+            if lacks.is_empty() { GpuPaths::new(scene, &options) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
+        match opened {
+            Ok(gpu) => {
+                self.gpus.push(gpu.adapter().name.clone());
+                let window = Window { patience: PATIENCE, ..Window::default() };
+                let lane = Lane::Windowed(Box::new(gpu) as _, window);
+                self.devices.lanes.push(lane);
+                Ok(())
+            }
+            Err(error @ (GpuError::UnknownAdapter { .. } | GpuError::NoAdapter)) if name.is_some() => Err(error.into()),
+            Err(error) if self.threads == 0 => Err(error.into()),
+            // Refused to that device, not to the picture.
+            Err(error) => {
+                let name = name.map_or("the GPU", String::as_str);
+                self.notes.push(format!("{name} does not take part: {}", told(&error)));
+                Ok(())
+            }
+        }
+    }
+
+    /// Who paints, in words.
+    pub(crate) fn names(&self) -> String {
+        names(self.threads, &self.gpus)
+    }
+}
+
+/// What is asked for that no GPU does, whatever the scene.
+fn lacks(layout: Layout, photons: bool) -> Vec<String> {
+    let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (--aov cost)".to_owned());
+    let photons = photons.then(|| "photon mapping".to_owned());
+    cost.into_iter().chain(photons).collect()
+}
+
+/// Whether it is worth asking the drivers, which takes a while and lets some of them talk.
+fn may_have_gpu() -> bool {
+    // Without a node for a device there is none that is no software.
+    let is_node = |entry: std::fs::DirEntry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        ["renderD", "nvidia", "dxg", "mali", "kgsl"].iter().any(|start| name.starts_with(start))
+    };
+    let has_node = |folder: &str| std::fs::read_dir(folder).is_ok_and(|all| all.flatten().any(is_node));
+    !cfg!(target_os = "linux") || has_node("/dev/dri") || has_node("/dev")
+}
+
+fn names(threads: usize, gpus: &[String]) -> String {
+    let processors = match threads {
+        0 => Vec::new(),
+        1 => vec!["1 processor".to_owned()],
+        more => vec![format!("{more} processors")],
+    };
+    let all: Vec<String> = processors.into_iter().chain(gpus.iter().cloned()).collect();
+    let none = if gpus.is_empty() { ", no GPU" } else { "" };
+    format!("{}{none}", all.join(" and "))
+}
+
+/// An error with what is behind it.
+pub(super) fn told(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(error.source(), |error| error.source());
+    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_are_asked_for_by_name_or_are_whatever_is_there() {
+        let these = |processors, gpus: &[&str]| {
+            Ok(DeviceChoice::These { processors, gpus: gpus.iter().map(|gpu| (*gpu).to_owned()).collect() })
+        };
+        assert_eq!("auto".parse(), Ok(DeviceChoice::Auto));
+        assert_eq!("cpu".parse(), these(true, &[]));
+        assert_eq!("llvmpipe".parse(), these(false, &["llvmpipe"]));
+        assert_eq!("cpu, H200".parse(), these(true, &["H200"]));
+        for wrong in ["", "cpu,", "auto,cpu"] {
+            assert!(wrong.parse::<DeviceChoice>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_exact_is_the_processors_matter() {
+        assert_eq!(DeviceChoice::Auto.exactly(true).unwrap(), DeviceChoice::processors());
+        assert_eq!(DeviceChoice::Auto.exactly(false).unwrap(), DeviceChoice::Auto);
+        let gpu: DeviceChoice = "cpu,llvmpipe".parse().unwrap();
+        assert!(gpu.exactly(true).is_err() && gpu.exactly(false).is_ok());
+        assert_eq!(gpu.for_others(true).exactly(true).unwrap(), DeviceChoice::processors());
+        assert_eq!(gpu.for_others(false), gpu);
+        let alone: DeviceChoice = "llvmpipe".parse().unwrap();
+        assert!(alone.for_others(true).exactly(true).is_err(), "nobody is left who could");
+    }
+
+    #[test]
+    fn who_paints_is_said_in_words() {
+        assert_eq!(names(1, &[]), "1 processor, no GPU");
+        assert_eq!(names(8, &["H200".to_owned()]), "8 processors and H200");
+        assert_eq!(names(0, &["H200".to_owned()]), "H200");
+    }
+}

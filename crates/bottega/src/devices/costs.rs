@@ -1,0 +1,36 @@
+//! What work costs on the devices of this machine, kept from one run to the next.
+
+use std::{fs, path::PathBuf};
+
+use bottega_hra::{CostBook, HraReport};
+
+use crate::farm::state_folder;
+
+/// What another version has learnt may be of other units.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+fn path() -> PathBuf {
+    state_folder().join("costs.json")
+}
+
+/// What earlier runs have learnt; `None`: nothing that could be used.
+pub(super) fn read() -> Option<CostBook> {
+    let text = fs::read_to_string(path()).ok()?;
+    CostBook::from_json(&text, VERSION).inspect_err(|error| tracing::debug!(%error, "costs are learnt anew")).ok()
+}
+
+/// Keeps what a run has learnt, for all devices that took part in it.
+pub(crate) fn keep(report: &HraReport) {
+    let mut book = read().unwrap_or_else(|| CostBook::new(VERSION));
+    for resource in &report.resources {
+        for &(primitive, cost) in &resource.costs {
+            book.set(&resource.descriptor.name, primitive, cost);
+        }
+    }
+    let path = path();
+    _ = path.parent().map(fs::create_dir_all);
+    if let Err(error) = bottega_image::write_whole(&path, book.to_json().as_bytes()) {
+        // The next run learns them again.
+        tracing::debug!(%error, "costs were not kept");
+    }
+}
