@@ -30,12 +30,15 @@ const BLOCK_SIDE: u32 = 16;
 /// a picture end together.
 const UNIT_TIME: Duration = Duration::from_millis(8);
 
+/// The same where a device is beside the processors, for which a unit is over in no time and handing it out is not.
+const UNIT_TIME_WITH_DEVICES: Duration = Duration::from_millis(60);
+
 /// Work units of one zone that are in the bin or at work, per processor: enough that none waits, few enough that a
 /// zone's blocks end one after the other.
 const UNITS_PER_LANE: usize = 3;
 
 /// The same for each device beside them, which takes many units at once.
-const UNITS_PER_DEVICE: usize = 128;
+const UNITS_PER_DEVICE: usize = 1024;
 
 /// What a sample of a pixel may take before any was measured.
 const SAMPLE_NS_GUESSED: u64 = 2_000;
@@ -93,10 +96,12 @@ struct Shared {
 impl BuiltinEngine {
     /// An engine on `options.threads` processors, and on whatever else is given as `devices`: with these, pixels are no
     /// longer the same to the last bit.
-    pub fn new(scene: Arc<PreparedScene>, options: BuiltinOptions, devices: Devices) -> Self {
+    pub fn new(scene: Arc<PreparedScene>, mut options: BuiltinOptions, devices: Devices) -> Self {
         let processors = VirtualCpu::lanes(options.threads, RenderWork::perform);
         let Devices { lanes, costs } = devices;
         let device_count = lanes.len();
+        // Devices are not guided, so nobody needs to learn.
+        options.settings.guiding &= options.threads > 0;
         let lanes = processors.into_iter().map(Lane::from).chain(lanes).chain(looker(&options)).collect();
         let costs = costs.unwrap_or_else(|| CostBook::new(""));
         let hra = Hra::with_costs(HraConfig::default(), lanes, &costs);
@@ -297,7 +302,8 @@ impl<'a> ZonePainter<'a> {
     /// Hands out as many of the block's next samples as one unit should hold.
     fn submit(&mut self, ticket: usize, mut block: BlockUnderWay, tile: Tile) -> Result<(), EngineError> {
         let sample_ns = self.shared.sample_ns.load(Ordering::Relaxed).max(1) * block.rect.area();
-        let wanted = (UNIT_TIME.as_nanos() as u64 / sample_ns.max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+        let unit_time = if self.shared.devices == 0 { UNIT_TIME } else { UNIT_TIME_WITH_DEVICES };
+        let wanted = (unit_time.as_nanos() as u64 / sample_ns.max(1)).clamp(1, u64::from(u32::MAX)) as u32;
         let left = self.samples.end - block.next_sample;
         block.in_unit = if wanted.saturating_mul(3) / 2 >= left { left } else { wanted };
         let work = RenderWork::Block(BlockWork {

@@ -1,5 +1,7 @@
 //! Which devices there are, and which of them is meant.
 
+use std::sync::LazyLock;
+
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::GpuError;
@@ -78,12 +80,17 @@ pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), Gpu
     }
 }
 
-fn enumerate() -> Vec<Adapter> {
-    let instance = Instance::new(InstanceDescriptor {
+/// One for the whole program, which is never given up: a driver that is unloaded may leave behind threads that end in its code, and
+/// need not come back when it is loaded again (both seen with NVIDIA's).
+static INSTANCE: LazyLock<Instance> = LazyLock::new(|| {
+    Instance::new(InstanceDescriptor {
         backends: Backends::VULKAN,
         // The driver's own validation layers are for debugging it; wgpu validates every command in any case.
         flags: InstanceFlags::empty(),
         ..InstanceDescriptor::new_without_display_handle()
-    });
-    pollster::block_on(instance.enumerate_adapters(Backends::VULKAN))
+    })
+});
+
+fn enumerate() -> Vec<Adapter> {
+    pollster::block_on(INSTANCE.enumerate_adapters(Backends::VULKAN))
 }

@@ -1,7 +1,7 @@
 //! One device with a scene on it: pipelines, buffers, and the way of a batch there and back.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bottega_kernels::{Hit, Ray};
 use bytemuck::{Pod, Zeroable};
@@ -9,6 +9,7 @@ use wgpu::{Adapter, BindGroup, BindGroupLayout, Buffer, BufferUsages, ComputePip
 
 use crate::context::{Context, storage};
 use crate::geometry::Geometry;
+use crate::traversal;
 use crate::{AdapterInfo, GpuError};
 
 /// Threads in a group, as in the shader.
@@ -99,17 +100,17 @@ impl Device {
         let context = Context::open(adapter, info, STORAGE_BUFFERS, wgpu::Features::empty(), timeout)?;
         let nodes = context.upload("nodes", bytemuck::cast_slice(&geometry.nodes));
         let shapes = context.upload("shapes", bytemuck::cast_slice(&geometry.shapes));
-        let made = Self::on(Arc::new(context), nodes, shapes);
+        let made = Self::on(Arc::new(context), nodes, shapes, geometry.depth);
         made.context.check()?;
         Ok(made)
     }
 
-    /// Over the shapes that are on a device already.
-    pub(crate) fn on(context: Arc<Context>, nodes: Buffer, shapes: Buffer) -> Self {
+    /// Over the shapes that are on a device already, with a tree of this depth.
+    pub(crate) fn on(context: Arc<Context>, nodes: Buffer, shapes: Buffer, depth: u32) -> Self {
         let uniform = wgpu::BufferBindingType::Uniform;
         let entries = [(0, storage(true)), (1, storage(true)), (2, storage(true)), (3, storage(false)), (4, uniform)];
         let layout = context.layout("rays", &entries);
-        let (intersect, occluded) = pipelines(&context.device, &layout);
+        let (intersect, occluded) = pipelines(&context.device, &layout, depth);
         let params = context.buffer("params", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         Self { context, layout, intersect, occluded, nodes, shapes, params, batch: None, staging: Vec::new() }
     }
@@ -151,18 +152,40 @@ impl Device {
         queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&[rays.len() as u32, 0, 0, 0]));
         let bytes = (rays.len() * query.words() * size_of::<u32>()) as u64;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(match query {
-                Query::Intersect => &self.intersect,
-                Query::Occluded => &self.occluded,
-            });
-            pass.set_bind_group(0, &batch.bindings, &[]);
-            pass.dispatch_workgroups((rays.len() as u32).div_ceil(GROUP_SIZE), 1, 1);
-        }
+        self.dispatch(&mut encoder, query, batch, rays.len());
         encoder.copy_buffer_to_buffer(&batch.answers, 0, &batch.readback, 0, bytes);
         let submission = queue.submit([encoder.finish()]);
         self.context.read(submission, &batch.readback, bytes, read)
+    }
+
+    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, query: Query, batch: &Batch, rays: usize) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(match query {
+            Query::Intersect => &self.intersect,
+            Query::Occluded => &self.occluded,
+        });
+        pass.set_bind_group(0, &batch.bindings, &[]);
+        pass.dispatch_workgroups((rays as u32).div_ceil(GROUP_SIZE), 1, 1);
+    }
+
+    /// How long a pass over rays that are there takes by itself: what so many more of them take than one.
+    pub(crate) fn time(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<Duration, GpuError> {
+        let query = if any { Query::Occluded } else { Query::Intersect };
+        self.run(query, rays, |_| {})?;
+        let Some(batch) = &self.batch else { return Ok(Duration::ZERO) };
+        let submit = |count: u32| -> Result<Duration, GpuError> {
+            let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            for _ in 0..count {
+                self.dispatch(&mut encoder, query, batch, rays.len());
+            }
+            let begun = Instant::now();
+            let submission = self.context.queue.submit([encoder.finish()]);
+            self.context.wait(submission)?;
+            Ok(begun.elapsed())
+        };
+        submit(1)?;
+        let once = submit(1)?;
+        Ok(submit(passes + 1)?.saturating_sub(once) / passes.max(1))
     }
 
     /// Makes room for a batch.
@@ -206,12 +229,10 @@ fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
     Hit { t: t / direction_scale(ray), u, v, instance, primitive }
 }
 
-fn pipelines(device: &wgpu::Device, layout: &BindGroupLayout) -> (ComputePipeline, ComputePipeline) {
-    let source =
-        concat!(include_str!("wgsl/shapes.wgsl"), include_str!("wgsl/traverse.wgsl"), include_str!("wgsl/rays.wgsl"));
-    let descriptor =
-        wgpu::ShaderModuleDescriptor { label: Some("rays"), source: wgpu::ShaderSource::Wgsl(source.into()) };
-    let module = device.create_shader_module(descriptor);
+fn pipelines(device: &wgpu::Device, layout: &BindGroupLayout, depth: u32) -> (ComputePipeline, ComputePipeline) {
+    let traversal = traversal::source(depth);
+    let source = [include_str!("wgsl/shapes.wgsl"), &traversal, include_str!("wgsl/rays.wgsl")].concat();
+    let module = traversal::module(device, "rays", &source);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("rays"),
         bind_group_layouts: &[Some(layout)],

@@ -1,11 +1,13 @@
 //! A scene as the shader reads it: every shape in world space, in one array, under one tree.
 
-use bottega_kernels::{Hit, InstanceGeometry, MeshGeometry, SphereGeometry};
+use bottega_kernels::{
+    Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry,
+};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::GpuError;
-use crate::bvh::{self, Node};
+use crate::bvh::{self, Node, Tree};
 
 /// A triangle, or a sphere: center in `p0`, radius in `p1.x`, and [`Hit::SPHERE`] in `instance`.
 #[repr(C)]
@@ -20,18 +22,21 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    fn bounds(&self) -> (Vec3, Vec3) {
+    fn outline(&self) -> Outline {
         if self.instance & Hit::SPHERE != 0 {
             let radius = Vec3::splat(self.p1.x);
-            (self.p0 - radius, self.p0 + radius)
+            Outline::Within(Aabb { min: self.p0 - radius, max: self.p0 + radius })
         } else {
-            (self.p0.min(self.p1).min(self.p2), self.p0.max(self.p1).max(self.p2))
+            Outline::Triangle([self.p0, self.p1, self.p2])
         }
     }
 
     /// Whether the shader may see it: it must compute no infinity and no NaN. What is not so is never hit.
     fn is_bounded(&self) -> bool {
-        let (min, max) = self.bounds();
+        let (min, max) = match self.outline() {
+            Outline::Within(Aabb { min, max }) => (min, max),
+            Outline::Triangle([a, b, c]) => (a.min(b).min(c), a.max(b).max(c)),
+        };
         // Products of three differences must stay finite.
         min.is_finite() && max.is_finite() && min.abs().max(max.abs()).max_element() < 1e12
     }
@@ -41,6 +46,8 @@ impl Shape {
 #[derive(Debug)]
 pub(crate) struct Geometry {
     pub(crate) nodes: Vec<Node>,
+    /// Nodes on the longest way down.
+    pub(crate) depth: u32,
     pub(crate) shapes: Vec<Shape>,
 }
 
@@ -70,13 +77,13 @@ impl Geometry {
             shapes.push(Shape { p0, instance: Hit::SPHERE | index, p1, ..Shape::default() });
         }
         shapes.retain(Shape::is_bounded);
-        let bounds: Vec<_> = shapes.iter().map(Shape::bounds).collect();
-        let (nodes, order) = bvh::build(&bounds);
-        let bytes = size_of_val(&*nodes) as u64;
+        let outlines: Vec<_> = shapes.iter().map(Shape::outline).collect();
+        let Tree { nodes, order, depth } = bvh::widen(&BinaryTree::build(&outlines, bvh::LEAF_MAX, 0));
+        let bytes = (size_of_val(&*nodes) as u64).max((order.len() * size_of::<Shape>()) as u64);
         if bytes > limit {
-            return Err(GpuError::TooLarge { what: "the scene's nodes", bytes, limit, adapter: adapter.to_owned() });
+            return Err(GpuError::TooLarge { what: "the scene's tree", bytes, limit, adapter: adapter.to_owned() });
         }
-        Ok(Self { nodes, shapes: order.into_iter().map(|index| shapes[index as usize]).collect() })
+        Ok(Self { nodes, depth, shapes: order.into_iter().map(|index| shapes[index as usize]).collect() })
     }
 }
 

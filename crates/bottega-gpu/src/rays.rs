@@ -112,6 +112,16 @@ impl GpuRays {
         outcome
     }
 
+    /// Rays a second of the kernel alone, over rays that are on the device already, [`GpuOptions::tile_rays`] of them at most.
+    ///
+    /// - `any`: whether any hit will do.
+    /// - `passes`: over all the rays, of which the time is taken.
+    pub fn rate(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<f64, GpuError> {
+        let rays = &rays[..rays.len().min(self.tile_rays)];
+        let time = self.device()?.time(rays, any, passes)?;
+        Ok(rays.len() as f64 / time.as_secs_f64().max(1e-9))
+    }
+
     /// The device, made anew if the last one failed.
     fn device(&mut self) -> Result<&mut Device, GpuError> {
         let device = match self.device.take() {

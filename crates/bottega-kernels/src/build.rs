@@ -4,12 +4,16 @@
 //! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary
 //! tree at first, which is there twice for a moment, the tree itself in the end.
 
+mod binary;
 mod bins;
 mod collapse;
 mod emit;
 mod presplit;
 pub(crate) mod refit;
 mod reinsert;
+
+pub use binary::{BinaryTree, Shape};
+pub use bins::Binary;
 
 use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::arena::Arena;

@@ -26,5 +26,6 @@ mod traverse;
 mod tree;
 
 pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+pub use build::{Binary, BinaryTree, Shape};
 pub use memory::prefetch;
 pub use ray::{Aabb, Hit, Ray};

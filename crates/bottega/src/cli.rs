@@ -378,6 +378,9 @@ pub(crate) enum BenchCommand {
         /// Repetitions, interleaved; the median is printed.
         #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]
         repeat: u16,
+        /// The GPU whose name contains this is measured too, by itself: its rays do not travel.
+        #[arg(long, value_name = "NAME")]
+        gpu: Option<String>,
         /// Print one JSON object instead of text for people.
         #[arg(long)]
         json: bool,

@@ -76,8 +76,9 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         return Ok(ExitCode::SUCCESS);
     }
     let name = name_of(args, &subject, &settings);
-    let keeping = Keeping::begin(&args.output, &name, args.resume)?;
+    // Devices that are not there are told before anything is written.
     let (engine, crew) = engine(args, &subject, &settings)?;
+    let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
     started(&reporter, args, &subject, &settings, &crew);

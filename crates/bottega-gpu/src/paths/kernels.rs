@@ -1,9 +1,10 @@
 //! The kernels of paths: their sources, layouts and pipelines.
 
-use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, PipelineCache};
+use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, PipelineCache, ShaderModule};
 
 use crate::context::{Context, storage};
 use crate::material::{self, Features};
+use crate::traversal;
 
 /// Arrays that a kernel sees.
 pub(super) const STORAGE_BUFFERS: u32 = 10;
@@ -18,7 +19,7 @@ const COMMON: &str = concat!(
 );
 const SURFACES: &str = concat!(include_str!("../wgsl/shapes.wgsl"), include_str!("../wgsl/places.wgsl"));
 const CAMERA: &str = concat!(include_str!("../wgsl/generate.wgsl"), include_str!("../wgsl/accumulate.wgsl"));
-const TRAVERSAL: &str = concat!(include_str!("../wgsl/traverse.wgsl"), include_str!("../wgsl/extend.wgsl"));
+const TRAVERSAL: &str = include_str!("../wgsl/extend.wgsl");
 const SHADING: &str = concat!(
     include_str!("../wgsl/interaction.wgsl"),
     include_str!("../wgsl/frame.wgsl"),
@@ -38,6 +39,8 @@ pub(super) struct Variant {
     pub(super) has_opacity: bool,
     /// What the scene's surfaces use.
     pub(super) features: Features,
+    /// Groups of nodes that must fit on a ray's stack.
+    pub(super) stack_size: u32,
 }
 
 /// The source of the kernels that begin and end paths.
@@ -47,11 +50,13 @@ pub(super) fn camera_source() -> String {
 
 /// The source of the kernels that follow rays.
 pub(super) fn traversal_source(variant: Variant) -> String {
+    let traverse = traversal::source(variant.stack_size);
     if variant.has_opacity {
         let materials = material::source(Features::TEXTURES);
-        [&materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), TRAVERSAL].concat()
+        [&materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), &traverse, TRAVERSAL].concat()
     } else {
-        [MATH, COMMON, include_str!("../wgsl/shapes.wgsl"), include_str!("../wgsl/all_there.wgsl"), TRAVERSAL].concat()
+        let shapes = include_str!("../wgsl/shapes.wgsl");
+        [MATH, COMMON, shapes, include_str!("../wgsl/all_there.wgsl"), &traverse, TRAVERSAL].concat()
     }
 }
 
@@ -90,11 +95,12 @@ impl Kernels {
         let make = Maker { context, cache };
         let paths = make.layout("paths", &[&scene_layout, &state_layout]);
         let plan = make.layout("plan", &[&plan_layout]);
-        let [generate, accumulate] = make.pipelines(&camera_source(), &paths, ["generate", "accumulate"]);
-        let [extend, shadow] = make.pipelines(&traversal_source(variant), &paths, ["extend", "shadow"]);
-        let [miss, shade] = make.pipelines(&shading_source(variant), &paths, ["miss", "shade"]);
+        let [generate, accumulate] = make.pipelines(&make.module(&camera_source()), &paths, ["generate", "accumulate"]);
+        let traversal = traversal::module(&context.device, "traversal", &traversal_source(variant));
+        let [extend, shadow] = make.pipelines(&traversal, &paths, ["extend", "shadow"]);
+        let [miss, shade] = make.pipelines(&make.module(&shading_source(variant)), &paths, ["miss", "shade"]);
         let [plan_extend, plan_shade, plan_next] =
-            make.pipelines(PLAN, &plan, ["plan_extend", "plan_shade", "plan_next"]);
+            make.pipelines(&make.module(PLAN), &plan, ["plan_extend", "plan_shade", "plan_next"]);
         Self {
             scene_layout,
             state_layout,
@@ -127,20 +133,22 @@ impl Maker<'_> {
         })
     }
 
+    fn module(&self, source: &str) -> ShaderModule {
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        self.context.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+    }
+
     fn pipelines<const N: usize>(
         &self,
-        source: &str,
+        module: &ShaderModule,
         layout: &wgpu::PipelineLayout,
         entry_points: [&str; N],
     ) -> [ComputePipeline; N] {
-        let source = wgpu::ShaderSource::Wgsl(source.into());
-        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(entry_points[0]), source };
-        let module = self.context.device.create_shader_module(descriptor);
         entry_points.map(|entry_point| {
             self.context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),
                 layout: Some(layout),
-                module: &module,
+                module,
                 entry_point: Some(entry_point),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: self.cache,

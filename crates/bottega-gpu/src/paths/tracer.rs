@@ -12,6 +12,7 @@ use super::scene::PathScene;
 use crate::context::{Context, binding_limit};
 use crate::device::Device;
 use crate::pipeline_cache::{self, PipelineCache};
+use crate::traversal;
 use crate::{AdapterInfo, GpuError};
 
 /// Threads in a group, as in the shaders.
@@ -33,6 +34,17 @@ const PLANNED: u64 = 4;
 const RAYS_AT_ONCE: usize = 1 << 20;
 /// Bounces that are submitted at once; after them the processor asks whether there is any path left.
 const BOUNCES: u32 = 32;
+
+/// Batches that can be on the device at once: one under way, one that waits or is read.
+const SETS: usize = 2;
+
+/// A batch that is on the device.
+#[derive(Debug)]
+pub(super) struct Flight {
+    set: usize,
+    submission: SubmissionIndex,
+    sum_bytes: u64,
+}
 
 /// Buffers that grow with the batches.
 #[derive(Debug)]
@@ -58,7 +70,9 @@ pub(super) struct Tracer {
     groups: Buffer,
     left: Buffer,
     plan: BindGroup,
-    buffers: Option<Buffers>,
+    buffers: [Option<Buffers>; SETS],
+    /// Whose turn it is.
+    turn: usize,
     state_bytes: u64,
     queue_paths: u64,
 }
@@ -73,7 +87,8 @@ impl Tracer {
     ) -> Result<Self, GpuError> {
         let features = pipeline_cache::features(adapter);
         let context = Context::open(adapter, info, STORAGE_BUFFERS, features, options.timeout)?;
-        let variant = Variant { has_opacity: scene.has_opacity, features: scene.features };
+        let stack_size = traversal::stack_size(scene.geometry.depth);
+        let variant = Variant { has_opacity: scene.has_opacity, features: scene.features, stack_size };
         let context = Arc::new(context);
         let cache = PipelineCache::open(&context, adapter, options.cache.as_deref());
         let kernels = Kernels::new(&context, variant, cache.get());
@@ -90,7 +105,7 @@ impl Tracer {
             context.upload("materials", bytemuck::cast_slice(&scene.materials)),
             context.upload("textures", bytemuck::cast_slice(&scene.textures)),
         ];
-        let rays = Device::on(Arc::clone(&context), arrays[0].clone(), arrays[1].clone());
+        let rays = Device::on(Arc::clone(&context), arrays[0].clone(), arrays[1].clone(), scene.geometry.depth);
         let params =
             context.buffer("params", size_of::<Params>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         let state = context.buffer("state", state_bytes, BufferUsages::STORAGE);
@@ -113,7 +128,8 @@ impl Tracer {
             groups,
             left,
             plan,
-            buffers: None,
+            buffers: [const { None }; SETS],
+            turn: 0,
             state_bytes,
             queue_paths,
         })
@@ -135,22 +151,24 @@ impl Tracer {
         (self.state_bytes / bytes).min(self.queue_paths)
     }
 
-    /// Follows all paths of a batch; `read` gets the sums of its pixels.
-    pub(super) fn run(&mut self, batch: &Batch, read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
+    /// Puts a batch on the device. At most two at a time, which are finished in their order.
+    pub(super) fn start(&mut self, batch: &Batch) -> Result<Flight, GpuError> {
         self.context.check()?;
         let capacity = self.capacity(batch.params.light_samples).min(u64::from(batch.path_count)) as u32;
-        if capacity == 0 {
+        if capacity == 0 && batch.path_count != 0 {
             return Err(GpuError::Invalid(format!("{} light samples at a vertex", batch.params.light_samples)));
         }
         let sum_bytes = (batch.sums() * size_of::<f32>()) as u64;
-        self.grow(size_of_val(&*batch.words) as u64, sum_bytes);
-        let Some(buffers) = &self.buffers else { return Ok(()) };
+        let set = self.turn;
+        self.turn = (set + 1) % SETS;
+        self.grow(set, size_of_val(&*batch.words) as u64, sum_bytes);
+        let Some(buffers) = &self.buffers[set] else { return Err(GpuError::Invalid("no buffers".to_owned())) };
         self.context.queue.write_buffer(&buffers.words, 0, bytemuck::cast_slice(&batch.words));
         let mut encoder = self.encoder();
         encoder.clear_buffer(&buffers.sums, 0, Some(sum_bytes));
         self.context.queue.submit([encoder.finish()]);
         let mut before = None;
-        for first_path in (0..batch.path_count).step_by(capacity as usize) {
+        for first_path in (0..batch.path_count).step_by(capacity.max(1) as usize) {
             let path_count = capacity.min(batch.path_count - first_path);
             let params = Params { capacity, first_path, path_count, ..batch.params };
             let submission = self.pass(&params, buffers)?;
@@ -162,6 +180,13 @@ impl Tracer {
         let mut encoder = self.encoder();
         encoder.copy_buffer_to_buffer(&buffers.sums, 0, &buffers.readback, 0, sum_bytes);
         let submission = self.context.queue.submit([encoder.finish()]);
+        Ok(Flight { set, submission, sum_bytes })
+    }
+
+    /// Waits for a batch; `read` gets the sums of its pixels.
+    pub(super) fn finish(&mut self, flight: Flight, read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
+        let Flight { set, submission, sum_bytes } = flight;
+        let Some(buffers) = &self.buffers[set] else { return Ok(()) };
         self.context.read(submission, &buffers.readback, sum_bytes, read)
     }
 
@@ -241,12 +266,13 @@ impl Tracer {
     }
 
     /// Makes room for a batch.
-    fn grow(&mut self, word_bytes: u64, sum_bytes: u64) {
-        if self.buffers.as_ref().is_some_and(|it| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes) {
+    fn grow(&mut self, set: usize, word_bytes: u64, sum_bytes: u64) {
+        let buffers = &mut self.buffers[set];
+        if buffers.as_ref().is_some_and(|it| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes) {
             return;
         }
-        let (old_words, old_sums) = self.buffers.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
-        self.buffers = None; // The old ones go first, where memory is short.
+        let (old_words, old_sums) = buffers.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
+        *buffers = None; // The old ones go first, where memory is short.
         let context = &self.context;
         let size = |wanted: u64, old: u64| wanted.max(old).max(1 << 16).next_power_of_two();
         let (word_bytes, sum_bytes) = (size(word_bytes, old_words), size(sum_bytes, old_sums));
@@ -260,7 +286,7 @@ impl Tracer {
         let written: Vec<_> = (0..).zip([&self.state, &self.queues, &self.control, &sums]).collect();
         let scene = context.bind("scene", &self.kernels.scene_layout, &read);
         let state = context.bind("state", &self.kernels.state_layout, &written);
-        self.buffers = Some(Buffers { words, sums, readback, scene, state });
+        self.buffers[set] = Some(Buffers { words, sums, readback, scene, state });
     }
 
     /// Takes the device away, as a driver does that resets it.

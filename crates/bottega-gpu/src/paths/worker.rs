@@ -1,13 +1,15 @@
-//! The thread that keeps a device busy: all packets that have come make one batch.
+//! The thread that keeps a device busy: two packets are there at a time, one under way and one that waits or is read.
 
+use std::mem;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender};
+use std::time::{Duration, Instant};
 
 use bottega_hra::{Failed, Reply};
-use bottega_render::{BlockOutput, BlockWork, PreparedScene, RenderOutput, RenderWork};
+use bottega_render::{BlockWork, PreparedScene, RenderOutput, RenderWork};
 
 use super::batch::{Batch, Kind, PATHS_MAX, path_count};
-use super::tracer::Tracer;
+use super::tracer::{Flight, Tracer};
 use super::{OTHER_SCENE, PIXELS_MAX, refusal};
 use crate::GpuError;
 
@@ -29,6 +31,10 @@ pub(super) struct Worker {
     open: Open,
     /// None after it failed, until it is made anew.
     tracer: Option<Tracer>,
+    /// Devices so far: what was begun on an earlier one is lost.
+    device_number: u64,
+    /// When the device was last seen to have ended something.
+    last_end: Instant,
 }
 
 /// A unit, and its place among all that have come.
@@ -37,65 +43,81 @@ struct Unit {
     block: BlockWork,
 }
 
+/// Units of one packet: what is known of their outcomes, and what the device has not ended.
+struct Begun {
+    outcomes: Vec<Option<Outcome>>,
+    flight: Option<BatchFlight>,
+    /// Of the device for this packet, so far.
+    busy: Duration,
+}
+
+/// A batch on the device.
+struct BatchFlight {
+    units: Vec<Unit>,
+    batch: Batch,
+    flight: Flight,
+    device_number: u64,
+    begun: Instant,
+}
+
 impl Worker {
     /// # Errors
     /// The device cannot be had.
     pub(super) fn new(scene: Arc<PreparedScene>, open: Open) -> Result<Self, GpuError> {
         let tracer = Some(open()?);
-        Ok(Self { scene, open, tracer })
+        Ok(Self { scene, open, tracer, device_number: 0, last_end: Instant::now() })
     }
 
-    /// Works until nobody sends messages any more.
+    /// Works until nobody sends messages any more. Each packet is a batch, so that the allocator sees what packets of its sizes
+    /// take; and the next one is on the device before the last one is read.
     pub(super) fn run(mut self, inbox: &Receiver<Message>) {
-        let mut asked = Vec::new();
-        while let Ok(message) = inbox.recv() {
-            let mut packets = Vec::new();
-            for message in [message].into_iter().chain(inbox.try_iter()) {
-                match message {
-                    Message::Paint(works, reply) => packets.push((works, reply)),
-                    Message::Recover(tell) => asked.push(tell),
+        let mut before: Option<(Begun, Reply<RenderWork>)> = None;
+        loop {
+            let message = if before.is_some() { inbox.try_recv().ok() } else { inbox.recv().ok() };
+            let begun = match message {
+                Some(Message::Paint(works, reply)) => Some((self.begin(works), reply)),
+                Some(Message::Recover(tell)) => {
+                    let _ = tell.send(self.tracer().map(|_| ()).map_err(|error| error.to_string()));
+                    None
                 }
+                None if before.is_none() => return,
+                None => None,
+            };
+            if let Some((begun, reply)) = mem::replace(&mut before, begun) {
+                let (outcomes, busy) = self.end(begun);
+                reply.send_timed(outcomes, busy);
             }
-            self.paint(packets);
-            for tell in asked.drain(..) {
-                let _ = tell.send(self.tracer().map(|_| ()).map_err(|error| error.to_string()));
-            }
-        }
-    }
-
-    /// Does the units of some packets, and answers these in their order.
-    fn paint(&mut self, packets: Vec<(Vec<RenderWork>, Reply<RenderWork>)>) {
-        let (mut works, mut replies) = (Vec::new(), Vec::new());
-        for (packet, reply) in packets {
-            replies.push((packet.len(), reply));
-            works.extend(packet);
-        }
-        let mut outcomes = self.perform(works).into_iter();
-        for (count, reply) in replies {
-            reply.send(outcomes.by_ref().take(count).collect());
         }
     }
 
     /// The outcome of each unit, in their order.
+    #[cfg(test)]
     pub(super) fn perform(&mut self, works: Vec<RenderWork>) -> Vec<Outcome> {
-        let mut outcomes: Vec<Option<Outcome>> = Vec::new();
+        let begun = self.begin(works);
+        self.end(begun).0
+    }
+
+    /// Puts the units of a packet on the device. All but the last batch of them, if there is more than one, is waited for.
+    fn begin(&mut self, works: Vec<RenderWork>) -> Begun {
+        let start = Instant::now();
+        let mut begun = Begun { outcomes: Vec::new(), flight: None, busy: Duration::ZERO };
         let mut groups: Vec<(Kind, Vec<Unit>)> = Vec::new();
         for (place, work) in works.into_iter().enumerate() {
-            outcomes.push(None);
+            begun.outcomes.push(None);
             let block = match work {
                 RenderWork::Block(block) => block,
                 // A look at a few pixels is nothing for a device, nor are photons: they are done here.
                 RenderWork::Probe(_) | RenderWork::Photons(_) | RenderWork::Irradiance(_) => {
-                    outcomes[place] = Some(Ok(work.perform()));
+                    begun.outcomes[place] = Some(Ok(work.perform()));
                     continue;
                 }
                 RenderWork::Rays { .. } | RenderWork::Occlusion { .. } => {
-                    outcomes[place] = Some(self.follow(work));
+                    begun.outcomes[place] = Some(self.follow(work));
                     continue;
                 }
             };
             if let Some(reason) = refusal(self.scene.data_id(), &block) {
-                outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason }));
+                begun.outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason }));
                 continue;
             }
             let kind = Kind::of(&block);
@@ -105,15 +127,66 @@ impl Worker {
                 None => groups.push((kind, vec![unit])),
             }
         }
+        if groups.is_empty() {
+            begun.busy = start.elapsed();
+        }
         for (kind, units) in groups {
             for units in batches(units) {
-                let (places, blocks): (Vec<_>, Vec<_>) = units.into_iter().map(|unit| (unit.place, unit.block)).unzip();
-                for (place, outcome) in places.into_iter().zip(self.paint_batch(&kind, blocks)) {
-                    outcomes[place] = Some(outcome);
+                self.land(&mut begun);
+                match self.start(&kind, &units) {
+                    Ok((batch, flight)) => {
+                        let device_number = self.device_number;
+                        begun.flight = Some(BatchFlight { units, batch, flight, device_number, begun: Instant::now() });
+                    }
+                    Err(error) => {
+                        self.lose_device();
+                        give_back(units, &error, &mut begun.outcomes);
+                    }
                 }
             }
         }
-        outcomes.into_iter().flatten().collect()
+        begun
+    }
+
+    /// Waits for the rest; also tells how long the device was at work on it.
+    fn end(&mut self, mut begun: Begun) -> (Vec<Outcome>, Duration) {
+        self.land(&mut begun);
+        (begun.outcomes.into_iter().flatten().collect(), begun.busy)
+    }
+
+    /// Waits for the batch that is on the device.
+    fn land(&mut self, begun: &mut Begun) {
+        let Some(BatchFlight { units, batch, flight, device_number, begun: since }) = begun.flight.take() else { return };
+        let mut sums = Vec::new();
+        let read = match &mut self.tracer {
+            Some(tracer) if device_number == self.device_number => {
+                tracer.finish(flight, |words| sums.extend_from_slice(words))
+            }
+            _ => Err(GpuError::Lost("it was lost with what was on it before".to_owned())),
+        };
+        let now = Instant::now();
+        begun.busy += now.duration_since(since.max(self.last_end));
+        self.last_end = now;
+        if let Err(error) = read {
+            self.lose_device();
+            return give_back(units, &error, &mut begun.outcomes);
+        }
+        let (places, blocks): (Vec<_>, Vec<_>) = units.into_iter().map(|unit| (unit.place, unit.block)).unzip();
+        for (place, output) in places.into_iter().zip(batch.add(&sums, blocks)) {
+            begun.outcomes[place] = Some(Ok(RenderOutput::Block(output)));
+        }
+    }
+
+    /// Begins a batch of units of one kind.
+    fn start(&mut self, kind: &Kind, units: &[Unit]) -> Result<(Batch, Flight), GpuError> {
+        let batch = Batch::new(&self.scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
+        let flight = self.tracer()?.start(&batch)?;
+        Ok((batch, flight))
+    }
+
+    fn lose_device(&mut self) {
+        self.tracer = None;
+        self.device_number += 1;
     }
 
     /// Answers a batch of rays.
@@ -135,37 +208,9 @@ impl Worker {
             }
         };
         answer.map_err(|error| {
-            self.tracer = None;
+            self.lose_device();
             Failed { work, reason: error.to_string() }
         })
-    }
-
-    fn paint_batch(&mut self, kind: &Kind, blocks: Vec<BlockWork>) -> Vec<Outcome> {
-        match self.try_batch(kind, &blocks) {
-            Ok(added) => added(blocks).into_iter().map(|output| Ok(RenderOutput::Block(output))).collect(),
-            Err(error) => {
-                self.tracer = None;
-                let reason = error.to_string();
-                let give_back = |block| Err(Failed { work: RenderWork::Block(block), reason: reason.clone() });
-                blocks.into_iter().map(give_back).collect()
-            }
-        }
-    }
-
-    /// Paints blocks of one kind; what comes back adds what was painted to them.
-    fn try_batch(
-        &mut self,
-        kind: &Kind,
-        blocks: &[BlockWork],
-    ) -> Result<impl FnOnce(Vec<BlockWork>) -> Vec<BlockOutput> + use<>, GpuError> {
-        let batch = Batch::new(&self.scene, kind, &blocks.iter().collect::<Vec<_>>())?;
-        let mut sums = Vec::new();
-        if batch.path_count == 0 {
-            sums.resize(batch.sums(), 0);
-        } else {
-            self.tracer()?.run(&batch, |words| sums.extend_from_slice(words))?;
-        }
-        Ok(move |blocks| batch.add(&sums, blocks))
     }
 
     /// The device, made anew if the last one failed.
@@ -180,6 +225,13 @@ impl Worker {
     #[cfg(test)]
     pub(super) fn device(&self) -> Option<&Tracer> {
         self.tracer.as_ref()
+    }
+}
+
+/// What was not painted goes back to whoever asked.
+fn give_back(units: Vec<Unit>, error: &GpuError, outcomes: &mut [Option<Outcome>]) {
+    for Unit { place, block } in units {
+        outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason: error.to_string() }));
     }
 }
 

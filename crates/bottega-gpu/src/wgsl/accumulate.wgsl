@@ -15,7 +15,13 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     if batch.first_path > begin {
         number += (batch.first_path - begin + pixels - 1u) / pixels * pixels;
     }
-    let at = pixel * batch.stride;
+    // Summed here and added at the end: the sums are far away.
+    var radiance_sum = vec3<f32>(0.0);
+    var albedo_sum = vec4<f32>(0.0);
+    var normal_sum = vec4<f32>(0.0);
+    var square_sum = 0.0;
+    var count = 0.0;
+    var dropped = 0.0;
     for (; number < end; number += pixels) {
         let path = number - batch.first_path;
         // Asked of the bits: a compiler may take all numbers to be sound.
@@ -23,27 +29,30 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
         let is_sound = all((found & vec3(0x7f800000u)) != vec3(0x7f800000u));
         let factor = field(RECEIVER_NORMAL, path).w;
         let radiance = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound)) * factor;
-        let albedo = field(ALBEDO, path);
-        let normal = field(NORMAL, path);
         let light = luminance(radiance);
-        if !is_sound {
-            sums[at + batch.stride - 1u] += 1.0;
+        radiance_sum += radiance;
+        albedo_sum += field(ALBEDO, path);
+        square_sum += light * light;
+        count += 1.0;
+        dropped += select(1.0, 0.0, is_sound);
+        if batch.normal_at != NONE || batch.depth_at != NONE {
+            normal_sum += field(NORMAL, path);
         }
-        sums[at] += radiance.x;
-        sums[at + 1u] += radiance.y;
-        sums[at + 2u] += radiance.z;
-        sums[at + 3u] += albedo.w;
-        sums[at + 4u] += light * light;
-        sums[at + 5u] += 1.0;
-        if batch.albedo_at != NONE {
-            add_sum(at + batch.albedo_at, albedo.xyz);
-        }
-        if batch.normal_at != NONE {
-            add_sum(at + batch.normal_at, normal.xyz);
-        }
-        if batch.depth_at != NONE {
-            sums[at + batch.depth_at] += normal.w;
-        }
+    }
+    let at = pixel * batch.stride;
+    add_sum(at, radiance_sum);
+    sums[at + 3u] += albedo_sum.w;
+    sums[at + 4u] += square_sum;
+    sums[at + 5u] += count;
+    sums[at + batch.stride - 1u] += dropped;
+    if batch.albedo_at != NONE {
+        add_sum(at + batch.albedo_at, albedo_sum.xyz);
+    }
+    if batch.normal_at != NONE {
+        add_sum(at + batch.normal_at, normal_sum.xyz);
+    }
+    if batch.depth_at != NONE {
+        sums[at + batch.depth_at] += normal_sum.w;
     }
 }
 

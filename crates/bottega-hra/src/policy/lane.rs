@@ -182,11 +182,16 @@ impl Lane {
         Some(now.plus_ns(self.latency_ns()).max(self.free_at(now)).plus_ns(service))
     }
 
+    /// What a packet costs before its first unit, and each unit of `size` items, in nanoseconds; `None` while that is not known.
+    pub(crate) fn cost_ns(&self, primitive: Primitive, size: u64) -> Option<(f64, f64)> {
+        let cost = &self.costs[primitive.index()];
+        (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64))
+    }
+
     /// Units to be handed over at once, if the one in front has `size` items.
     pub(crate) fn packet_units(&self, primitive: Primitive, size: u64) -> usize {
         let cost = &self.costs[primitive.index()];
-        let known = (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64));
-        match (&self.flow, known) {
+        match (&self.flow, self.cost_ns(primitive, size)) {
             (Some(flow), known) => flow.units(known, self.next_sequence),
             (None, Some(_)) => {
                 let unit_ns = cost.predict_ns(size).unwrap_or(QUANTUM_NS).max(1.0);

@@ -248,15 +248,15 @@ impl<T> Core<T> {
         Some(Pace { worth, rate: rates.iter().sum(), rates })
     }
 
-    /// Units that `id` gets at once: what suits it, but not more than its part of what is left.
+    /// Units that `id` gets at once: what suits it, but not more than its part of what is left. Where handing over costs much, a
+    /// packet still has units for as long as that takes: a shorter one would not end much sooner.
     fn packet_units(&self, id: ResourceId, head: &Head, pace: Option<&Pace>) -> usize {
         let lane = &self.lanes[id.index()];
         let wanted = lane.packet_units(head.primitive, head.size);
-        let unit_ns = lane.predict_ns(head.primitive, head.size).unwrap_or(0.0);
-        match pace {
-            Some(pace) if wanted > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
-                let fair = PACKET_SHARE * pace.worth / pace.rate / unit_ns;
-                wanted.min((fair as usize).max(1))
+        match (pace, lane.cost_ns(head.primitive, head.size)) {
+            (Some(pace), Some((fixed_ns, unit_ns))) if wanted > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
+                let fair_ns = PACKET_SHARE * pace.worth / pace.rate - fixed_ns;
+                wanted.min((fair_ns.max(fixed_ns) / unit_ns) as usize).max(1)
             }
             _ => wanted,
         }

@@ -45,13 +45,15 @@ impl Item {
 
 /// A node of the binary tree. Nodes lie in preorder: the first child follows its parent.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Binary {
-    pub(crate) bounds: Aabb,
-    /// Items below.
-    pub(crate) first: u32,
-    pub(crate) count: u32,
+pub struct Binary {
+    /// Around all that is below.
+    pub bounds: Aabb,
+    /// The first of the items below, which follow each other.
+    pub first: u32,
+    /// How many there are.
+    pub count: u32,
     /// Distance to the second child; 0 for a leaf.
-    pub(crate) second: u32,
+    pub second: u32,
 }
 
 /// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.

@@ -1,6 +1,7 @@
 //! `bottega bench`: figures of this program on this machine.
 
 mod farm;
+mod gpu;
 mod hra;
 mod magarro;
 mod peers;
@@ -44,7 +45,7 @@ const PATHS_SAMPLES: u32 = 16;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     match &args.what {
-        BenchCommand::Rays { scenes, repeat, json } => rays(scenes, *repeat, *json),
+        BenchCommand::Rays { scenes, repeat, gpu, json } => rays(scenes, *repeat, gpu.as_deref(), *json),
         BenchCommand::Peers(args) => peers::run(args),
         BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Hra(args) => hra::run(args),
@@ -52,7 +53,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     }
 }
 
-fn rays(scenes: &[PathBuf], repeat: u16, json: bool) -> Result<ExitCode, CliError> {
+fn rays(scenes: &[PathBuf], repeat: u16, gpu: Option<&str>, json: bool) -> Result<ExitCode, CliError> {
+    let by_gpu = gpu.map(|name| gpu::measure(name, repeat)).transpose()?.unwrap_or_default();
     let report = kernels::run(kernels::built_in_scenes(), RAYS_SIDE, usize::from(repeat), processors())
         .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it"))?;
     if let Some(reason) = &report.without_embree {
@@ -63,13 +65,14 @@ fn rays(scenes: &[PathBuf], repeat: u16, json: bool) -> Result<ExitCode, CliErro
     if json {
         let rays: Vec<Value> =
             rays.iter().flat_map(|(scene, rows)| rows.iter().map(|row| row_as_json(&scene.name, row))).collect();
-        println!("{}", json!({"rays": rays, "paths": paths}));
+        println!("{}", json!({"rays": rays, "gpu": gpu::as_json(&by_gpu), "paths": paths}));
         return Ok(ExitCode::SUCCESS);
     }
     println!("rays on one thread, one at a time\n");
     for (scene, rows) in &rays {
         println!("{}", kernels::table(scene, rows));
     }
+    print!("{}", gpu::as_text(&by_gpu));
     for scene in paths {
         println!(
             "{}: {} Mpaths/s on one thread, {} on {}",
@@ -142,9 +145,19 @@ fn paint_zone(
     threads: usize,
     spp: u32,
 ) -> Result<(Tile, Duration), CliError> {
-    let rect = Rect::of_size(view.width, view.height);
     let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
     let engine = BuiltinEngine::new(Arc::clone(scene), options, Devices::default());
+    paint_zone_with(&engine, view, settings, spp)
+}
+
+/// The same by an engine that is there.
+fn paint_zone_with(
+    engine: &BuiltinEngine,
+    view: View,
+    settings: PathSettings,
+    spp: u32,
+) -> Result<(Tile, Duration), CliError> {
+    let rect = Rect::of_size(view.width, view.height);
     let (sender, receiver) = mpsc::channel();
     let task = ZoneTask {
         rect,

@@ -6,9 +6,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_gpu::{GpuOptions, GpuPaths, GpuRays, PathOptions};
+use bottega_gpu::{GpuOptions, GpuRays};
 use bottega_hra::{
-    CostModel, Hra, HraConfig, Lane, Primitive, PrimitiveSet, VirtualCpu, Window, Work, WorkUnit, split_work,
+    CostModel, Hra, HraConfig, Lane, Primitive, PrimitiveSet, VirtualCpu, Work, WorkUnit, split_work,
 };
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_kernels::{Ray, bench::BenchScene};
@@ -121,7 +121,7 @@ impl Subject {
     fn new() -> Result<Self, CliError> {
         let room = bottega_kernels::bench::interior();
         let rays = room.camera_rays(SIDE);
-        let prepared = Arc::new(PreparedScene::new(Arc::new(scene_of(room)), &PrepareOptions::default())?);
+        let prepared = Arc::new(PreparedScene::new(Arc::new(scene_of(room, 0.7)), &PrepareOptions::default())?);
         let settings = PathSettings { guiding: false, max_depth: 5, filter: Filter::PIXEL, ..PathSettings::default() };
         Ok(Self { prepared, rays, settings: Arc::new(settings) })
     }
@@ -156,16 +156,15 @@ impl Subject {
     fn on_gpu(&self, primitive: Primitive, name: &str) -> Result<Lane<RenderWork>, CliError> {
         let adapter = Some(name.to_owned());
         if primitive == Primitive::PixelBlock {
-            let options = PathOptions { adapter, ..PathOptions::default() };
-            let gpu = GpuPaths::new(&self.prepared, &options)?;
-            return Ok(Lane::Windowed(Box::new(gpu), Window::default()));
+            return Ok(super::choice::open(adapter, &self.prepared)?.1);
         }
         let options = GpuOptions { adapter, ..GpuOptions::default() };
         Ok(Lane::Direct(Box::new(GpuRays::new(self.prepared.scene(), &options)?)))
     }
 }
 
-fn scene_of(room: BenchScene) -> Scene {
+/// A scene of grey surfaces of this albedo under an even sky.
+pub(crate) fn scene_of(room: BenchScene, albedo: f32) -> Scene {
     let forward = (room.target - room.eye).normalize_or(Vec3::NEG_Z);
     let right = forward.cross(Vec3::Y).normalize_or(Vec3::X);
     let toward = Affine3A::from_cols(right.into(), right.cross(forward).into(), (-forward).into(), room.eye.into());
@@ -178,7 +177,7 @@ fn scene_of(room: BenchScene) -> Scene {
     Scene {
         meshes: vec![Mesh { name, positions, triangles, ..Mesh::default() }],
         instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
-        materials: vec![Surface::matte(Spectrum::splat(0.7)).into()],
+        materials: vec![Surface::matte(Spectrum::splat(albedo)).into()],
         environment: Some(Environment::uniform(Spectrum::ONE)),
         cameras: vec![camera],
         ..Scene::default()

@@ -6,7 +6,7 @@ use bottega_engines::Devices;
 use bottega_gpu::{AdapterKind, GpuError, GpuPaths, PathOptions, adapters};
 use bottega_hra::{Lane, Window};
 use bottega_image::{Aov, Layout};
-use bottega_render::PreparedScene;
+use bottega_render::{PreparedScene, RenderWork};
 
 use super::costs;
 use crate::{error::CliError, farm::state_folder};
@@ -18,6 +18,10 @@ const AUTO: &str = "auto";
 
 /// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
 const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Most units of work that a device is handed over at once: each is thousands of paths, and a fast one does millions in the time
+/// that handing over takes.
+const UNITS_PER_PACKET: usize = 4096;
 
 /// Which devices are to paint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -117,20 +121,16 @@ impl Crew {
         }
         if !crew.gpus.is_empty() {
             crew.devices.costs = costs::read();
+            crew.threads = beside_gpus(crew.threads, crew.gpus.len());
         }
         Ok(crew)
     }
 
     fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), CliError> {
-        let cache = Some(state_folder().join("kernels"));
-        let options = PathOptions { adapter: name.cloned(), timeout: PATIENCE, cache, ..PathOptions::default() };
-        let opened =
-            if lacks.is_empty() { GpuPaths::new(scene, &options) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
-        match opened {
-            Ok(gpu) => {
-                self.gpus.push(gpu.adapter().name.clone());
-                let window = Window { patience: PATIENCE, ..Window::default() };
-                let lane = Lane::Windowed(Box::new(gpu) as _, window);
+        let lacks = if lacks.is_empty() { Ok(()) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
+        match lacks.and_then(|()| open(name.cloned(), scene)) {
+            Ok((adapter, lane)) => {
+                self.gpus.push(adapter);
                 self.devices.lanes.push(lane);
                 Ok(())
             }
@@ -149,6 +149,25 @@ impl Crew {
     pub(crate) fn names(&self) -> String {
         names(self.threads, &self.gpus)
     }
+}
+
+/// Processors that paint beside so many GPUs. Where there are many, one for each GPU is left to those who hand out work to it: it
+/// does far more than that one would.
+pub(crate) fn beside_gpus(processors: usize, gpus: usize) -> usize {
+    const MANY: usize = 8;
+    if processors < MANY { processors } else { processors.saturating_sub(gpus).max(MANY / 2) }
+}
+
+/// A GPU that paints a scene, and its name; `name`: a part of it.
+pub(super) fn open(
+    name: Option<String>,
+    scene: &Arc<PreparedScene>,
+) -> Result<(String, Lane<RenderWork>), GpuError> {
+    let cache = Some(state_folder().join("kernels"));
+    let options = PathOptions { adapter: name, timeout: PATIENCE, cache, ..PathOptions::default() };
+    let gpu = GpuPaths::new(scene, &options)?;
+    let window = Window { patience: PATIENCE, units_per_packet: UNITS_PER_PACKET, ..Window::default() };
+    Ok((gpu.adapter().name.clone(), Lane::Windowed(Box::new(gpu) as _, window)))
 }
 
 /// What is asked for that no GPU does, whatever the scene.

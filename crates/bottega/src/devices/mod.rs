@@ -1,18 +1,18 @@
 //! `bottega devices`: what can take part in rendering.
 
-mod bench;
+pub(crate) mod bench;
 mod choice;
 pub(crate) mod costs;
 
-use std::{process::ExitCode, thread};
+use std::{process::ExitCode, sync::Arc, thread};
 
 use bottega_gpu::{AdapterInfo, AdapterKind, GpuError, GpuOptions, GpuRays};
-use bottega_hra::{HraReport, Incident, Resource};
-use bottega_render::RenderWork;
+use bottega_hra::{HraReport, Incident, Lane, Resource};
+use bottega_render::{PreparedScene, RenderWork};
 use bottega_scene::Scene;
 use serde_json::json;
 
-pub(crate) use self::choice::{Crew, DeviceChoice};
+pub(crate) use self::choice::{Crew, DeviceChoice, beside_gpus};
 use crate::{cli::DevicesArgs, error::CliError};
 
 pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
@@ -63,6 +63,11 @@ pub(crate) fn gpu(name: Option<&str>, scene: &Scene) -> Result<Vec<Box<dyn Resou
     let Some(name) = name else { return Ok(Vec::new()) };
     let options = GpuOptions { adapter: Some(name.to_owned()), ..GpuOptions::default() };
     Ok(vec![Box::new(GpuRays::new(scene, &options)?)])
+}
+
+/// The GPU that was asked for, with the scene on it: it paints blocks of pixels.
+pub(crate) fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, CliError> {
+    Ok(choice::open(Some(name.to_owned()), scene)?.1)
 }
 
 /// What went wrong with a device, for its user.

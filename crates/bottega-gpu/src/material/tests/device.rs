@@ -17,6 +17,8 @@ const BINDINGS: &str = "
 
 /// A device that runs one shader of the library.
 pub(super) struct Bench {
+    /// Whether it rounds as little as the processor on which it runs.
+    pub(super) is_software: bool,
     device: wgpu::Device,
     queue: wgpu::Queue,
     pipeline: wgpu::ComputePipeline,
@@ -56,7 +58,7 @@ impl Bench {
             cache: None,
         });
         eprintln!("{}: parsed in {parsed:.2?}, compiled in {:.2?}", info.name, before.elapsed() - parsed);
-        Some(Self { device, queue, pipeline })
+        Some(Self { is_software: info.kind == crate::AdapterKind::Software, device, queue, pipeline })
     }
 
     /// Runs all cases of `stride` words each; each answers `answer` numbers.

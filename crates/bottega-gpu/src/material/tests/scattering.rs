@@ -149,6 +149,10 @@ fn material(n: &mut Numbers, make: fn(&mut Numbers, u32) -> bottega_scene::Surfa
     }
 }
 
+/// A GPU divides to 2.5 units in the last place and takes roots to 3 (Vulkan's "Precision of SPIR-V Instructions"), so it is so
+/// many times as often that a last bit decides. (On an H100 0.6 % of blends and an eighth of walks, instead of 0.1 and 3 %.)
+const GPU_SLACK: f32 = 8.0;
+
 /// What is off; `None` without a device. The shader has what this kind asks for and no more.
 fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
     let mut n = Numbers(seed);
@@ -218,7 +222,8 @@ fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
         }
     }
     // A walk's random numbers are made from the last bits of what chose it: now and then it is another one, as likely.
-    let share = |label: &str| if name == WALKED && label.contains("sample") { 0.03 } else { RARELY };
+    let walked = |label: &str| name == WALKED && label.contains("sample");
+    let share = |label: &str| (if walked(label) { 0.03 } else { RARELY }) * if bench.is_software { 1.0 } else { GPU_SLACK };
     let off = |(label, tally): (&&str, &Tally)| {
         (!tally.is_sound(share(label))).then(|| format!("{name}, {label}: {tally:?}"))
     };

@@ -10,7 +10,8 @@ use clap::{Args, ValueHint};
     after_help = "Three ways to do the same rays: calling the primitives directly, handing them to the allocator with the \
     processors as its only resource, and with a GPU beside them. As on the paper's machines, all of it has one processor (but \
     --processors). The loop that follows paths is above the allocator; what it asks for are closest hits and occlusion of batches of \
-    rays. Ways take turns; of all runs of one the best and the worst do not count. For example:\n  bottega bench hra --scale 0.1\n  \
+    rays. Ways take turns; of all runs of one the best and the worst do not count. \
+    Then pictures of the same scenes, by the processors, the GPU and both. For example:\n  bottega bench hra --scale 0.1\n  \
     bottega bench hra --scale 0.01 --gpu llvmpipe --processors 2 -o hra/"
 )]
 pub(crate) struct HraBenchArgs {

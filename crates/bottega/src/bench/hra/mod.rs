@@ -4,6 +4,7 @@
 //! find: that is checked after every run.
 
 mod args;
+mod blocks;
 mod paper;
 mod processors;
 mod studio;
@@ -22,6 +23,7 @@ use bottega_render::RenderWork;
 
 pub(crate) use self::args::HraBenchArgs;
 use self::{
+    blocks::BlockRow,
     studio::Studio,
     walk::{Caller, Found, walk},
 };
@@ -42,7 +44,8 @@ pub(crate) fn run(args: &HraBenchArgs) -> Result<ExitCode, CliError> {
     }
     let scenes = [Studio::a()?, Studio::b()?];
     let rows = scenes.iter().map(|studio| measure(args, studio)).collect::<Result<Vec<_>, _>>()?;
-    let report = Report { processors: args.processors, is_kept, batch: args.batch, rows };
+    let blocks = scenes.iter().map(|studio| blocks::measure(args, studio)).collect::<Result<Vec<_>, _>>()?;
+    let report = Report { processors: args.processors, is_kept, batch: args.batch, rows, blocks };
     if let Some(folder) = &args.output {
         write(&folder.join("hra.json"), &tables::as_json(&report).to_string())?;
     }
@@ -90,6 +93,7 @@ struct Report {
     is_kept: bool,
     batch: u32,
     rows: Vec<Row>,
+    blocks: Vec<BlockRow>,
 }
 
 /// One scene.
@@ -114,11 +118,16 @@ struct Column {
 impl Column {
     /// Without the best and the worst.
     fn average(&self) -> f64 {
-        let mut sorted = self.seconds.clone();
-        sorted.sort_by(f64::total_cmp);
-        let kept = &sorted[1..sorted.len() - 1];
-        kept.iter().sum::<f64>() / kept.len() as f64
+        average(&self.seconds)
     }
+}
+
+/// Without the least and the greatest.
+fn average(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let kept = &sorted[1..sorted.len() - 1];
+    kept.iter().sum::<f64>() / kept.len() as f64
 }
 
 fn measure(args: &HraBenchArgs, studio: &Studio) -> Result<Row, CliError> {

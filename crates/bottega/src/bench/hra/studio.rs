@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use bottega_kernels::{Hit, Ray, bench::BenchScene};
 use bottega_render::{PrepareOptions, PreparedScene};
-use bottega_scene::{Instance, Mesh, Scene, Spectrum, Surface};
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 
-use crate::error::CliError;
+use crate::{devices::bench::scene_of, error::CliError};
 
 /// Longest path: the paper's maximum of bounces.
 pub(super) const BOUNCES_MAX: u32 = 5;
@@ -56,18 +55,7 @@ impl Studio {
     }
 
     fn new(name: &'static str, kind: &'static str, geometry: BenchScene, albedo: f32) -> Result<Self, CliError> {
-        let mesh = Mesh {
-            name: geometry.name.clone(),
-            positions: geometry.positions.clone(),
-            triangles: geometry.triangles.clone(),
-            ..Mesh::default()
-        };
-        let scene = Scene {
-            meshes: vec![mesh],
-            instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
-            materials: vec![Surface::matte(Spectrum::splat(albedo)).into()],
-            ..Scene::default()
-        };
+        let scene = scene_of(geometry.clone(), albedo);
         let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default())?);
         Ok(Self { name, kind, prepared, camera: geometry.camera_rays(SIDE), geometry, albedo })
     }

@@ -5,14 +5,17 @@ use std::{fmt::Write, path::Path};
 use bottega_image::{Canvas, srgb_from_linear};
 use serde_json::{Value, json};
 
-use super::{Column, Report, Row, Way, paper, studio::SIDE, walk::Found};
+use super::{
+    Column, Report, Row, Way,
+    blocks::{BlockColumn, BlockRow},
+    paper, studio::SIDE, walk::Found};
 use crate::error::CliError;
 
 /// Bounces, as the paper's.
 const BOUNCES: u32 = super::studio::BOUNCES_MAX;
 
 pub(super) fn as_text(report: &Report) -> String {
-    let Report { processors, is_kept, batch, rows } = report;
+    let Report { processors, is_kept, batch, rows, blocks } = report;
     let kept = if *is_kept { "kept to" } else { "NOT KEPT to (this system does not do that):" };
     let mut text =
         format!("{kept} {processors} of the processors; batches of {batch} paths, at most {BOUNCES} bounces\n");
@@ -27,10 +30,20 @@ pub(super) fn as_text(report: &Report) -> String {
                 "  {:<17} {average:9.3} s  {:6.1} %  {mrays:7.2} Mrays/s{}",
                 column.way.name(),
                 100.0 * average / direct,
-                occupied(column)
+                occupied(&column.resources)
             );
         }
         if let Some(share) = share_of_sum(row) {
+            _ = writeln!(text, "  CPU+GPU reach {:.1} % of the sum of what each does alone", 100.0 * share);
+        }
+    }
+    for row in blocks {
+        _ = writeln!(text, "\npictures of scene {}: {}; samples of blocks of pixels", row.scene, row.kind);
+        for column in &row.columns {
+            let rate = column.average() / 1e6;
+            _ = writeln!(text, "  {:<17} {rate:9.2} Msamples/s{}", column.way.name(), occupied(&column.resources));
+        }
+        if let Some(share) = row.share_of_sum() {
             _ = writeln!(text, "  CPU+GPU reach {:.1} % of the sum of what each does alone", 100.0 * share);
         }
     }
@@ -48,8 +61,8 @@ pub(super) fn as_text(report: &Report) -> String {
     text
 }
 
-fn occupied(column: &Column) -> String {
-    let each = column.resources.iter().map(|(name, busy, units)| format!("{name} {:.0} % {units}", 100.0 * busy));
+fn occupied(resources: &[(String, f64, u64)]) -> String {
+    let each = resources.iter().map(|(name, busy, units)| format!("{name} {:.0} % {units}", 100.0 * busy));
     let each: Vec<String> = each.collect();
     if each.is_empty() { String::new() } else { format!("   (busy, units: {})", each.join(", ")) }
 }
@@ -62,14 +75,12 @@ fn share_of_sum(row: &Row) -> Option<f64> {
 
 pub(super) fn as_json(report: &Report) -> Value {
     let column = |column: &Column, direct: f64| {
-        let resources =
-            column.resources.iter().map(|(name, busy, units)| json!({"name": name, "busy": busy, "units": units}));
         json!({
             "way": column.way.key(),
             "seconds": column.seconds,
             "average_seconds": column.average(),
             "relative_index": column.average() / direct,
-            "resources": resources.collect::<Vec<_>>(),
+            "resources": resources(&column.resources),
         })
     };
     let row = |row: &Row| {
@@ -80,12 +91,29 @@ pub(super) fn as_json(report: &Report) -> Value {
             "share_of_sum": share_of_sum(row),
         })
     };
+    let block_column = |it: &BlockColumn| {
+        json!({
+            "way": it.way.key(),
+            "samples_per_second": it.samples_per_second,
+            "average_samples_per_second": it.average(),
+            "resources": resources(&it.resources),
+        })
+    };
+    let block_row = |row: &BlockRow| {
+        let columns: Vec<Value> = row.columns.iter().map(block_column).collect();
+        json!({"scene": row.scene, "kind": row.kind, "ways": columns, "share_of_sum": row.share_of_sum()})
+    };
     let of_paper = |row: &paper::Row| json!({"machine": row.machine, "scene": row.scene, "seconds": row.seconds});
     json!({
         "processors": report.processors, "kept_to_processors": report.is_kept, "batch": report.batch, "bounces": BOUNCES,
         "scenes": report.rows.iter().map(row).collect::<Vec<_>>(),
+        "pictures": report.blocks.iter().map(block_row).collect::<Vec<_>>(),
         "paper": {"rays": paper::RAYS, "rows": paper::ROWS.iter().map(of_paper).collect::<Vec<_>>()},
     })
+}
+
+fn resources(all: &[(String, f64, u64)]) -> Vec<Value> {
+    all.iter().map(|(name, busy, units)| json!({"name": name, "busy": busy, "units": units})).collect()
 }
 
 /// What the rays have found, so that it can be looked at.
