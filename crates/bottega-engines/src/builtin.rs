@@ -336,9 +336,9 @@ impl<'a> ZonePainter<'a> {
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
         self.progress.add(samples);
-        // What devices take is another matter, which the allocator learns.
+        // What devices take is another matter, which the allocator learns: they have several units at once.
         let threads = self.shared.options.threads;
-        if threads == 0 || completed.resource.is_some_and(|id| (id.0 as usize) < threads) {
+        if completed.resource.is_some_and(|id| (id.0 as usize) < threads) {
             self.learn(completed.busy, samples);
         }
         if let Some(watcher) = self.shared.watcher.get() {

@@ -95,13 +95,7 @@ fn open(nodes: &[Binary], source: usize) -> Vec<usize> {
 }
 
 /// Writes a node. `add` makes a place for each child that is one.
-fn place(
-    binary: &BinaryTree,
-    open: &[usize],
-    children: u32,
-    order: &mut Vec<u32>,
-    mut add: impl FnMut(usize),
-) -> Node {
+fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32>, mut add: impl FnMut(usize)) -> Node {
     let mut node = Node { children, shapes: order.len() as u32, ..Node::zeroed() };
     if open.is_empty() {
         return node;

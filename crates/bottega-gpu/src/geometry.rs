@@ -1,8 +1,6 @@
 //! A scene as the shader reads it: every shape in world space, in one array, under one tree.
 
-use bottega_kernels::{
-    Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry,
-};
+use bottega_kernels::{Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 

@@ -3,8 +3,8 @@
 //! - [`GpuRays`] puts a scene's triangles and spheres on a device and answers batches of rays: closest hits and occlusion. It is
 //!   a [`Resource`](bottega_hra::Resource) for every work that is a [`RayWork`](bottega_hra::RayWork).
 //! - [`GpuPaths`] puts a whole scene there, lights, materials and textures, and paints blocks of pixels: a
-//!   [`WindowedResource`](bottega_hra::WindowedResource) for [`RenderWork`](bottega_render::RenderWork). All blocks that have
-//!   come make one batch of paths, which go on from kernel to kernel by queues on the device; nothing comes back but sums.
+//!   [`WindowedResource`](bottega_hra::WindowedResource) for [`RenderWork`](bottega_render::RenderWork). The blocks of
+//!   a packet make one batch of paths, which go on from kernel to kernel by queues on the device; nothing comes back but sums.
 //!
 //! They decide nothing about which work they get: that is the allocator's part. Paths are the processor's path integrator,
 //! number for number, but for the guide; `bottega_render::flat` tells the shaders of the scene.

@@ -121,9 +121,9 @@ fn check(scene: Scene, all_settings: &[PathSettings]) {
 
 #[test]
 fn the_kernels_are_sound() {
-    let all = [false, true]
-        .into_iter()
-        .flat_map(|has_opacity| [Features::ALL, Features::default()].map(|features| Variant { has_opacity, features, stack_size: 16 }));
+    let all = [false, true].into_iter().flat_map(|has_opacity| {
+        [Features::ALL, Features::default()].map(|features| Variant { has_opacity, features, stack_size: 16 })
+    });
     let sources = all.flat_map(|variant| [traversal_source(variant), shading_source(variant)]);
     for source in sources.chain([camera_source()]) {
         let module = wgpu::naga::front::wgsl::parse_str(&source)

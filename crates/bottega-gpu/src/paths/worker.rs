@@ -156,7 +156,9 @@ impl Worker {
 
     /// Waits for the batch that is on the device.
     fn land(&mut self, begun: &mut Begun) {
-        let Some(BatchFlight { units, batch, flight, device_number, begun: since }) = begun.flight.take() else { return };
+        let Some(BatchFlight { units, batch, flight, device_number, begun: since }) = begun.flight.take() else {
+            return;
+        };
         let mut sums = Vec::new();
         let read = match &mut self.tracer {
             Some(tracer) if device_number == self.device_number => {

@@ -68,7 +68,8 @@ mod tests {
 
     fn shape() -> impl Strategy<Value = Shape> {
         let triangle = (vec3(100.0), vec3(20.0), vec3(1.0)).prop_map(|(a, u, v)| Shape::Triangle([a, a + u, a + v]));
-        let within = (vec3(100.0), 0.01_f32..9.0).prop_map(|(center, radius)| Shape::Within(Aabb::around(center, radius)));
+        let within =
+            (vec3(100.0), 0.01_f32..9.0).prop_map(|(center, radius)| Shape::Within(Aabb::around(center, radius)));
         prop_oneof![4 => triangle, 1 => within]
     }
 

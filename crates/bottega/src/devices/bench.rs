@@ -7,9 +7,7 @@ use std::{
 };
 
 use bottega_gpu::{GpuOptions, GpuRays};
-use bottega_hra::{
-    CostModel, Hra, HraConfig, Lane, Primitive, PrimitiveSet, VirtualCpu, Work, WorkUnit, split_work,
-};
+use bottega_hra::{CostModel, Hra, HraConfig, Lane, Primitive, PrimitiveSet, VirtualCpu, Work, WorkUnit, split_work};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_kernels::{Ray, bench::BenchScene};
 use bottega_render::{BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, RenderWork, View};

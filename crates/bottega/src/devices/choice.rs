@@ -159,10 +159,7 @@ pub(crate) fn beside_gpus(processors: usize, gpus: usize) -> usize {
 }
 
 /// A GPU that paints a scene, and its name; `name`: a part of it.
-pub(super) fn open(
-    name: Option<String>,
-    scene: &Arc<PreparedScene>,
-) -> Result<(String, Lane<RenderWork>), GpuError> {
+pub(super) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(String, Lane<RenderWork>), GpuError> {
     let cache = Some(state_folder().join("kernels"));
     let options = PathOptions { adapter: name, timeout: PATIENCE, cache, ..PathOptions::default() };
     let gpu = GpuPaths::new(scene, &options)?;

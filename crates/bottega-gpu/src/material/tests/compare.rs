@@ -47,7 +47,9 @@ impl Tally {
     /// Whether less than `share` is off (a choice between two ways fell the other way), and no more than one in ten, or that
     /// share, close only in view of its condition.
     pub(super) fn is_sound(&self, share: f32) -> bool {
-        self.all > 0 && self.off as f32 <= share * self.all as f32 && (self.conditioned as f32) < share.max(0.1) * self.all as f32
+        self.all > 0
+            && self.off as f32 <= share * self.all as f32
+            && (self.conditioned as f32) < share.max(0.1) * self.all as f32
     }
 }
 

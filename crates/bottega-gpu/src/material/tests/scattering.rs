@@ -223,7 +223,8 @@ fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
     }
     // A walk's random numbers are made from the last bits of what chose it: now and then it is another one, as likely.
     let walked = |label: &str| name == WALKED && label.contains("sample");
-    let share = |label: &str| (if walked(label) { 0.03 } else { RARELY }) * if bench.is_software { 1.0 } else { GPU_SLACK };
+    let share =
+        |label: &str| (if walked(label) { 0.03 } else { RARELY }) * if bench.is_software { 1.0 } else { GPU_SLACK };
     let off = |(label, tally): (&&str, &Tally)| {
         (!tally.is_sound(share(label))).then(|| format!("{name}, {label}: {tally:?}"))
     };

@@ -8,7 +8,10 @@ use serde_json::{Value, json};
 use super::{
     Column, Report, Row, Way,
     blocks::{BlockColumn, BlockRow},
-    paper, studio::SIDE, walk::Found};
+    paper,
+    studio::SIDE,
+    walk::Found,
+};
 use crate::error::CliError;
 
 /// Bounces, as the paper's.
