@@ -8,7 +8,9 @@ mod volume;
 pub use path::PathIntegrator;
 
 pub(crate) use path::{BLEND, PathRecord, Wanted, bsdf_at, exp};
+pub(crate) use path::light::shadow_ray;
 pub use photon::PhotonIntegrator;
+pub(crate) use photon::{Hands, is_matte, sensing_settings};
 pub(crate) use turns::Painting;
 
 use bottega_kernels::compiled;

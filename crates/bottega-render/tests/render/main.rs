@@ -5,6 +5,7 @@ mod furnace;
 mod guiding;
 mod known_answers;
 mod media;
+mod agents;
 mod photons;
 mod scenes;
 mod speckles;
