@@ -12,15 +12,15 @@ use bottega_render::{AgentSettings, PhotonSettings, ala::Criterion};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use self::{lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_duration,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_criterion, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rate,
-    parse_rect, parse_share, parse_size, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_criterion, parse_define, parse_distance, parse_environment, parse_error,
+    parse_factor, parse_rate, parse_rect, parse_share, parse_size, parse_stops, parse_time,
 };
+use self::{lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
     bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,

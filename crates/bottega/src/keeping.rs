@@ -8,12 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{
-    cli::RenderArgs,
-    error::CliError,
-    render::filter,
-    scene::Subject,
-};
+use crate::{cli::RenderArgs, error::CliError, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {

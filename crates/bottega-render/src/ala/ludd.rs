@@ -192,7 +192,8 @@ impl Samples {
         let bounds = scene.accel().bounds();
         let size = 0.5 * (bounds.max - bounds.min).length();
         let radius = if size.is_finite() { radius * size } else { 0.0 };
-        let importance = criteria.contains(&Criterion::Importance).then(|| scene.on_threads(|| seen(&integrator, view)));
+        let importance =
+            criteria.contains(&Criterion::Importance).then(|| scene.on_threads(|| seen(&integrator, view)));
         let layers = match set {
             SampleSet::Agents => {
                 integrator.cast(0..1);
@@ -207,7 +208,8 @@ impl Samples {
                     _ => all.clone(),
                 };
                 let estimator = Estimator::new(&photons, radius);
-                let irradiance = |photon: &Photon, found: &mut Nearest| luminance(estimator.irradiance(&all, photon, found));
+                let irradiance =
+                    |photon: &Photon, found: &mut Nearest| luminance(estimator.irradiance(&all, photon, found));
                 vec![layer(map, criteria, importance.as_ref(), |photon| luminance(photon.mark().power()), irradiance)]
             }),
         };
@@ -302,10 +304,9 @@ fn layer(
     };
     let all = |criterion: Criterion| {
         let numbers = 0..map.len() as u32;
-        let values = numbers.into_par_iter().map_init(
-            || [Nearest::new(SEEN), Nearest::new(GATHERED)],
-            |found, number| value(criterion, number, found),
-        );
+        let values = numbers
+            .into_par_iter()
+            .map_init(|| [Nearest::new(SEEN), Nearest::new(GATHERED)], |found, number| value(criterion, number, found));
         (criterion, values.collect())
     };
     let values = criteria.iter().map(|&criterion| all(criterion)).collect();
@@ -346,7 +347,11 @@ mod tests {
         let density = useful_data_density(&[Vec3::X, Vec3::NEG_X]).unwrap();
         assert!((density - 2.0_f32.sqrt()).abs() < 1e-6, "{density}");
         let halves = Density {
-            by_criterion: vec![(Criterion::Normal, Some(0.5)), (Criterion::Power, Some(0.25)), (Criterion::Direction, None)],
+            by_criterion: vec![
+                (Criterion::Normal, Some(0.5)),
+                (Criterion::Power, Some(0.25)),
+                (Criterion::Direction, None),
+            ],
             sample_count: 3,
         };
         assert_eq!(halves.all(), Some(0.375));

@@ -2,7 +2,7 @@
 
 use bottega_kernels::compiled;
 use bottega_scene::Spectrum;
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use super::{
     agent::{Agent, Casting},
     cast::{AGENTS, SENSING},
     network::{Answer, Network},
-    report::{AgentReport, Tally, Tallies},
+    report::{AgentReport, Tallies, Tally},
     sensing::{Sensed, Sensing},
     swarm::Swarm,
 };
@@ -19,13 +19,19 @@ use crate::{
     integrator::PhotonIntegrator,
     photon::{Nearest, Photon, PhotonMap, PhotonMaps, is_alike, parts},
     prepare::PreparedScene,
+    sampling::orthonormal_basis,
 };
 
 /// Irradiance sensors that are looked for, and how many of them must be on the same surface.
-const SENSORS: usize = 24;
+const SENSORS: usize = 32;
 const SENSORS_MIN: usize = 3;
 /// Of those on the same surface so many are taken.
-const TAKEN: usize = 10;
+const TAKEN: usize = 12;
+/// Cosine between normals with which a sensor counts nothing, and what each counts at least.
+const COSINE_MIN: f32 = 0.6;
+const WEIGHT_MIN: f32 = 1e-3;
+/// How reluctant the plane through sensors is to be steep.
+const SLOPE_RIDGE: f32 = 0.02;
 /// How far off the plane of a surface sensors may be, as a share of how far off they are.
 const FLATNESS: f32 = 0.35;
 
@@ -192,16 +198,40 @@ impl Agents {
         if near.len() < SENSORS_MIN || distance > self.object_distance {
             return None;
         }
+        Some(self.fitted(p, normal, near))
+    }
+
+    /// The irradiance at a place by a plane through that of sensors near it, which those next to it count most for; no brighter
+    /// and no darker than they are.
+    ///
+    /// - `near`: squared distances and numbers, ascending; one at least.
+    fn fitted(&self, p: Vec3, normal: Vec3, near: &[(f32, u32)]) -> Spectrum {
         let radius_squared = near[near.len() - 1].0 * 1.1 + f32::MIN_POSITIVE;
-        let (mut sum, mut weights) = (Spectrum::ZERO, 0.0);
+        let scale = 1.0 / radius_squared.sqrt();
+        let (s, t) = orthonormal_basis(normal);
+        let (mut matrix, mut sums) = (Mat3::ZERO, [Vec3::ZERO; 3]);
+        let (mut low, mut high) = (Spectrum::INFINITY, Spectrum::ZERO);
         for &(squared, number) in near {
-            let mark = self.irradiance.mark(number);
-            let cosine = mark.normal().dot(normal).max(0.0);
-            let weight = (1.0 - squared / radius_squared) * cosine * cosine;
-            sum += mark.power() * weight;
-            weights += weight;
+            let sensor = self.irradiance.photon(number);
+            let (mark, way) = (sensor.mark(), (sensor.p - p) * scale);
+            let facing = (mark.normal().dot(normal) - COSINE_MIN).max(0.0) / (1.0 - COSINE_MIN);
+            let weight = (1.0 - squared / radius_squared) * facing * facing + WEIGHT_MIN;
+            let (power, row) = (mark.power(), Vec3::new(1.0, way.dot(s), way.dot(t)));
+            matrix += Mat3::from_cols(row * row.x, row * row.y, row * row.z) * weight;
+            for channel in 0..3 {
+                sums[channel] += row * (power[channel] * weight);
+            }
+            (low, high) = (low.min(power), high.max(power));
         }
-        (weights > 0.0).then(|| sum / weights)
+        // Where sensors do not tell of a slope there is none.
+        let ridge = SLOPE_RIDGE * matrix.x_axis.x;
+        matrix.y_axis.y += ridge;
+        matrix.z_axis.z += ridge;
+        let inverse = matrix.inverse();
+        // Only the height of the plane is asked for.
+        let height = Vec3::new(inverse.x_axis.x, inverse.y_axis.x, inverse.z_axis.x);
+        let fitted = Vec3::from_array(sums.map(|sum| sum.dot(height)));
+        if fitted.is_finite() { fitted.clamp(low, high) } else { low }
     }
 
     /// How much of its light arrives at an agent of the first map, as it answers: 1 where it is lit, 0 where it is shaded, and a

@@ -22,4 +22,3 @@ pub(crate) use map::Agents;
 pub use report::AgentReport;
 pub(crate) use report::Tally;
 pub use sensing::Sensed;
-pub(crate) use swarm::Swarm;

@@ -44,8 +44,8 @@ const EDGE: f32 = 0.5;
 const NEAR: f32 = 1e-3;
 /// An agent measures irradiance when none with a lower number lies so near, in local distances between objects; and the
 /// bounds of that, in reaches and in mean distances between objects.
-const IRRADIANCE_SPACING: f32 = 0.08;
-const SPACING_BOUNDS: [f32; 2] = [0.5, 0.25];
+const IRRADIANCE_SPACING: f32 = 0.05;
+const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
 /// Relative difference between irradiances that is interesting.
 const IRRADIANCE_GRADIENT: f32 = 0.25;
 /// Least number of penumbra sensors whose agreement counts.
@@ -305,8 +305,7 @@ impl Scout<'_, '_> {
             return;
         }
         for normal in [agent.normal, -agent.normal] {
-            let tool =
-                Tool { few: 1, many: 4, most: 6, step: 0.5 * spacing, excitement: 2.0 * TOIL + excitement };
+            let tool = Tool { few: 1, many: 4, most: 6, step: 0.5 * spacing, excitement: 2.0 * TOIL + excitement };
             let (mut sum, mut count) = (0.0, 0.0);
             self.dig(Kind::Irradiance, tool, |scout, number, distance| {
                 let Some(point) = scout.place(Kind::Irradiance, number, distance, normal) else { return -1.0 };

@@ -34,8 +34,7 @@ impl Swarm {
         let gaps: f64 = agents.iter().map(|agent| f64::from(agent.gap)).sum();
         let mean = (gaps / agents.len().max(1) as f64) as f32;
         let object_distance = if mean > 0.0 && mean.is_finite() { mean } else { f32::MIN_POSITIVE };
-        let place =
-            |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
+        let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
         let tree = PhotonMap::new(agents.iter().zip(0..).map(place).collect());
         let cast_by_light = cast as f32 / prepared.emission().source_count().max(1) as f32;
         Self { agents, tree, object_distance, cast_by_light }

@@ -12,8 +12,8 @@ use super::{
     trace::{Traced, Tracing},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
-    ala::cast_agents, integrator::PhotonIntegrator, survey::run,
+    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View, ala::cast_agents,
+    integrator::PhotonIntegrator, survey::run,
 };
 
 /// Photons of one unit of work: some milliseconds.

@@ -192,8 +192,7 @@ fn irradiance_sensors_hold_more_useful_data_than_indirect_photons() {
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
     };
-    let ((by_photons, photons), (by_agents, sensors)) =
-        (mean(SampleSet::IndirectPhotons), mean(SampleSet::Agents));
+    let ((by_photons, photons), (by_agents, sensors)) = (mean(SampleSet::IndirectPhotons), mean(SampleSet::Agents));
     assert!(sensors < photons, "{sensors} {photons}");
     assert!(by_agents > 0.5 * by_photons, "{by_agents} {by_photons}");
 }

@@ -1,11 +1,11 @@
 //! Pictures held to the yardsticks that their claims deserve: known answers, equal means, equal bits.
 
+mod agents;
 mod determinism;
 mod furnace;
 mod guiding;
 mod known_answers;
 mod media;
-mod agents;
 mod photons;
 mod scenes;
 mod speckles;

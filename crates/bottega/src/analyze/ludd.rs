@@ -47,7 +47,8 @@ pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>)
         let values: Vec<f32> =
             ludd.pixels.iter().map(|pixel| pixel.as_ref().and_then(Density::all).unwrap_or(f32::NAN)).collect();
         let canvas = Canvas::heat_map(width, height, &values, white, ColorMap::Viridis);
-        let meaning = format!("useful data density of {label} ({criteria}); brightest: {white:.3}, gray: too few of them");
+        let meaning =
+            format!("useful data density of {label} ({criteria}); brightest: {white:.3}, gray: too few of them");
         drawn.put(&format!("ludd-{name}"), &canvas, &meaning)?;
     }
     let file = "ludd-histogram.svg";
@@ -65,8 +66,7 @@ pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>)
 fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Ludd, CliError> {
     let agents = AgentSettings { cast: args.lighting_agents, ..AgentSettings::default() };
     let bounces = subject.settings.tunables.max_depth;
-    let photons =
-        PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
+    let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
     let (scene, view) = (&subject.subject.prepared, subject.subject.view);
     let samples = Samples::new(scene, view, &settings, set, &args.ludd, args.ludd_radius)?;

@@ -13,7 +13,14 @@ pub(crate) struct LightingAgentArgs {
     pub(crate) oracle: OracleArg,
     /// What lighting agents are asked: which shadow rays must be traced, and where indirect light may be interpolated. What
     /// they are not asked is computed everywhere.
-    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "shadows,irradiance", help_heading = "Lighting agents")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "shadows,irradiance",
+        help_heading = "Lighting agents"
+    )]
     pub(crate) oracle_decides: Vec<QuestionArg>,
 }
 

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Rays by which the irradiance at a sensor is found, and those after which it is dark if none found any.
-const RAYS: u32 = 160;
+const RAYS: u32 = 256;
 const RAYS_IN_THE_DARK: u32 = 48;
 
 /// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
