@@ -5,6 +5,7 @@
 use std::ops::Range;
 
 use bottega_kernels::{Ray, compiled::Task, math};
+use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
@@ -46,6 +47,8 @@ const NEAR: f32 = 1e-3;
 /// bounds of that, in reaches and in mean distances between objects.
 const IRRADIANCE_SPACING: f32 = 0.05;
 const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
+/// Cosine between normals of agents of which one measures irradiance for both.
+const SAME_WAY: f32 = 0.9;
 /// Relative difference between irradiances that is interesting.
 const IRRADIANCE_GRADIENT: f32 = 0.25;
 /// Least number of penumbra sensors whose agreement counts.
@@ -298,7 +301,7 @@ impl Scout<'_, '_> {
         let agent = self.agent;
         let is_before = |number: u32| {
             let (index, other) = swarm.by_number(number);
-            let is_same = is_alike(other.normal, agent.normal) || is_alike(-other.normal, agent.normal);
+            let is_same = other.normal.dot(agent.normal).abs() > SAME_WAY;
             index < self.index && other.is_matte && is_same
         };
         if swarm.tree.nearest_where(agent.p, spacing * spacing, is_before).is_some() {
@@ -326,7 +329,10 @@ impl Scout<'_, '_> {
         let sampler =
             PixelSampler::new(self.sensing.seed ^ SENSOR_SEED, cast, clone | (2 * number + side_number) << 16, 1);
         let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
-        self.sensed.irradiance.push(Photon::new(p, n, n, irradiance));
+        // Behind a wall where nobody ever comes there is no light, and nothing to be kept.
+        if side_number == 0 || irradiance != Spectrum::ZERO {
+            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance));
+        }
         luminance(irradiance)
     }
 
