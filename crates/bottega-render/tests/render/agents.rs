@@ -181,7 +181,7 @@ fn the_size_of_a_scene_does_not_matter() {
 }
 
 #[test]
-fn irradiance_sensors_hold_more_useful_data_than_indirect_photons() {
+fn a_few_sensors_differ_as_much_as_many_photons() {
     let scene = prepare(room_with_sphere());
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let mean = |set: SampleSet| {
