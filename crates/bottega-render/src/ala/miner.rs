@@ -40,7 +40,7 @@ impl Miner {
     /// The number of the next sensor and how far from the agent it goes; `None`: no more.
     pub(super) fn next(&self) -> Option<(u32, f32)> {
         let digs_on = self.gamma > 0.0 && self.count < self.tool.most;
-        digs_on.then(|| (self.count, self.count as f32 * self.tool.step))
+        digs_on.then_some((self.count, self.count as f32 * self.tool.step))
     }
 
     /// Takes the coefficient of interest σ of the sensor that was deployed.

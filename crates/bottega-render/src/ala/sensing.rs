@@ -50,7 +50,7 @@ const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
 /// Cosine between normals of agents of which one measures irradiance for both.
 const SAME_WAY: f32 = 0.9;
 /// Relative difference between irradiances that is interesting.
-const IRRADIANCE_GRADIENT: f32 = 0.25;
+const IRRADIANCE_GRADIENT: f32 = 0.12;
 /// Least number of penumbra sensors whose agreement counts.
 const PENUMBRA_MIN: u32 = 4;
 /// Surfaces in the way that are counted.
@@ -308,7 +308,7 @@ impl Scout<'_, '_> {
             return;
         }
         for normal in [agent.normal, -agent.normal] {
-            let tool = Tool { few: 1, many: 4, most: 6, step: 0.5 * spacing, excitement: 2.0 * TOIL + excitement };
+            let tool = Tool { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
             let (mut sum, mut count) = (0.0, 0.0);
             self.dig(Kind::Irradiance, tool, |scout, number, distance| {
                 let Some(point) = scout.place(Kind::Irradiance, number, distance, normal) else { return -1.0 };

@@ -6,7 +6,7 @@ use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
     AgentSettings, BlockWork, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
-    ala::{AgentReport, Criterion, SampleSet, Samples},
+    ala::{AgentReport, Criterion, Density, SampleSet, Samples},
     photon::cast_photons,
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene};
@@ -188,7 +188,7 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
         let criteria = [Criterion::Irradiance];
         let samples = Samples::new(&scene, view, &by(few(), 2), set, &criteria, 0.1).unwrap();
         let ludd = samples.over(&scene, view).unwrap();
-        let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(|density| density.all()).collect();
+        let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
     };
