@@ -15,8 +15,8 @@ use bottega_hra::{
 };
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
-    BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, integrator::PathIntegrator,
-    photon::cast_photons,
+    BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, ala::AgentReport,
+    integrator::PathIntegrator, photon::cast_photons,
 };
 
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
@@ -133,6 +133,12 @@ impl BuiltinEngine {
     /// watcher: a second call does nothing.
     pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         let _ = self.shared.watcher.set(Box::new(watcher));
+    }
+
+    /// What the lighting agents of the picture were like and what they were asked so far, if it has any.
+    pub fn lighting_agents(&self) -> Option<AgentReport> {
+        let settings = &self.shared.options.settings;
+        self.shared.scene.lighting_agents(settings.photons?, settings.seed)
     }
 
     /// What the resources of the allocator have done so far.

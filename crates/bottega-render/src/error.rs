@@ -24,7 +24,7 @@ pub enum RenderError {
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
     /// Photons cannot be found in what fills space.
     #[error(
-        "photon mapping knows nothing of media that scatter, emit or have no surface; paint this scene by path tracing"
+        "photons and lighting agents know nothing of media that scatter, emit or have no surface; paint this scene by path tracing"
     )]
     PhotonsInMedia,
     /// The acceleration structure cannot be built.

@@ -3,6 +3,7 @@
 //! No network, no agents. All heavy work is handed to the Hardware Resource Allocator as work units; this crate says
 //! what a unit computes on a processor, and owns all recursion above it.
 
+pub mod ala;
 pub mod bsdf;
 pub mod camera;
 pub mod filter;
@@ -26,7 +27,7 @@ pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;
 pub use prepare::{PrepareOptions, PreparedScene, build_accel};
-pub use settings::{DirectLight, PathSettings, PhotonFilter, PhotonSettings, View};
+pub use settings::{AgentSettings, DirectLight, Oracle, PathSettings, PhotonFilter, PhotonSettings, View};
 pub use survey::survey;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 

@@ -11,7 +11,8 @@ use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surfac
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    RenderError, View,
+    PhotonSettings, RenderError, View,
+    ala::{AgentReport, Agents},
     bsdf::{Bsdf, SurfacePoint, scattering},
     guide::{Guide, UnreadGuide},
     lights::{Emission, Lights, NO_LIGHT},
@@ -221,6 +222,12 @@ impl PreparedScene {
     /// Photon maps that are kept.
     pub(crate) fn photons(&self) -> &PhotonStore {
         &self.photons
+    }
+
+    /// What the lighting agents of a picture are like, and what they were asked so far; `None` where there are none.
+    pub fn lighting_agents(&self, photons: PhotonSettings, seed: u64) -> Option<AgentReport> {
+        photons.agents?;
+        self.photons.passes(photons, seed, 1).known_agents().map(Agents::report)
     }
 
     /// Does something on as many threads as are meant for what is made once.

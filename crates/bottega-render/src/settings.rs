@@ -72,6 +72,35 @@ pub struct PhotonSettings {
     /// Whether each sample has photons of its own, and finds them within a radius that shrinks, so that with more and more
     /// samples the picture becomes that of the path tracer.
     pub progressive: bool,
+    /// Autonomous Lighting Agents in place of all photons but those of caustics.
+    pub agents: Option<AgentSettings>,
+}
+
+/// The settings of Autonomous Lighting Agents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AgentSettings {
+    /// Agents cast from all lights together. Their clones behind what they meet come on top.
+    pub cast: u32,
+    /// Who answers while the picture is painted.
+    pub oracle: Oracle,
+    /// Whether it is asked which shadow rays are to be traced; else all are.
+    pub decides_shadows: bool,
+    /// Whether it is asked where indirect light may be interpolated; else it is gathered everywhere.
+    pub decides_irradiance: bool,
+}
+
+/// By which rules agents answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Oracle {
+    /// Those of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.
+    #[default]
+    Paper,
+}
+
+impl Default for AgentSettings {
+    fn default() -> Self {
+        Self { cast: 50_000, oracle: Oracle::Paper, decides_shadows: true, decides_irradiance: true }
+    }
 }
 
 /// How much a photon counts at its distance d from the middle of a disc of radius r.
@@ -96,6 +125,7 @@ impl Default for PhotonSettings {
             irradiance_cache: 0.0,
             shadow_photons: false,
             progressive: false,
+            agents: None,
         }
     }
 }

@@ -8,6 +8,7 @@ use bottega_kernels::{Hit, Ray};
 
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
+    ala::{Agent, AgentWork, Sensed, SensorWork},
     integrator::{Integrator, Wanted},
     photon::{IrradianceWork, Photon, PhotonWork, Traced},
     survey::{SurveyPixel, probe},
@@ -41,6 +42,10 @@ pub enum RenderWork {
     Photons(PhotonWork),
     /// Irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
+    /// Agents on their way.
+    Agents(AgentWork),
+    /// Agents that look around.
+    Sensors(SensorWork),
 }
 
 /// Samples of a block of pixels, added to running sums.
@@ -88,6 +93,10 @@ pub enum RenderOutput {
     Photons(Traced),
     /// One a point: in place of a photon's power the irradiance.
     Irradiance(Vec<Photon>),
+    /// Where they were stored, in the order of their identities.
+    Agents(Vec<Agent>),
+    /// What they found out, in the same order.
+    Sensors(Sensed),
     /// The picture asked for cannot be painted.
     Refused(Arc<RenderError>),
 }
@@ -125,6 +134,11 @@ impl RenderWork {
             },
             Self::Photons(work) => RenderOutput::Photons(work.perform()),
             Self::Irradiance(work) => RenderOutput::Irradiance(work.perform()),
+            Self::Agents(work) => RenderOutput::Agents(work.perform()),
+            Self::Sensors(work) => match work.perform() {
+                Ok(sensed) => RenderOutput::Sensors(sensed),
+                Err(error) => RenderOutput::Refused(Arc::new(error)),
+            },
         }
     }
 
@@ -135,6 +149,8 @@ impl RenderWork {
             Self::Probe(probe) => &probe.scene,
             Self::Photons(work) => &work.scene,
             Self::Irradiance(work) => &work.scene,
+            Self::Agents(work) => &work.scene,
+            Self::Sensors(work) => &work.scene,
         }
     }
 }
@@ -177,8 +193,9 @@ impl Work for RenderWork {
             Self::Rays { .. } => Primitive::Intersect,
             Self::Occlusion { .. } => Primitive::Occluded,
             Self::Block(_) | Self::Probe(_) => Primitive::PixelBlock,
-            Self::Photons(_) => Primitive::PhotonBatch,
+            Self::Photons(_) | Self::Agents(_) => Primitive::PhotonBatch,
             Self::Irradiance(_) => Primitive::PhotonGather,
+            Self::Sensors(_) => Primitive::SensorBatch,
         }
     }
 
@@ -189,6 +206,8 @@ impl Work for RenderWork {
             Self::Probe(probe) => probe.rect.area() * u64::from(probe.sample_count),
             Self::Photons(work) => work.indices.len() as u64,
             Self::Irradiance(work) => work.points.len() as u64,
+            Self::Agents(work) => work.indices.len() as u64,
+            Self::Sensors(work) => work.indices.len() as u64,
         }
     }
 
@@ -200,7 +219,7 @@ impl Work for RenderWork {
         match self {
             Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => size_of_val(rays.as_slice()) as u64,
             Self::Block(block) => size_of_val(block.tile.sums()) as u64,
-            Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) => 0,
+            Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) | Self::Agents(_) | Self::Sensors(_) => 0,
         }
     }
 
@@ -214,7 +233,12 @@ impl RayWork for RenderWork {
         match self {
             Self::Rays { rays, .. } => Some(RayQuery::Intersect(rays)),
             Self::Occlusion { rays, .. } => Some(RayQuery::Occluded(rays)),
-            Self::Block(_) | Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) => None,
+            Self::Block(_)
+            | Self::Probe(_)
+            | Self::Photons(_)
+            | Self::Irradiance(_)
+            | Self::Agents(_)
+            | Self::Sensors(_) => None,
         }
     }
 

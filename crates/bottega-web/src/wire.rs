@@ -79,6 +79,8 @@ pub enum Event {
         /// Seconds since the scene was loaded: its file read and its acceleration structures built.
         seconds: f64,
     },
+    /// What the lighting agents of a picture were like, what they cost and what they were asked.
+    LightingAgents(LightingAgents),
     /// The picture is written.
     Finished {
         /// The file.
@@ -116,6 +118,39 @@ pub struct Zone {
     pub rect: [u32; 4],
     /// Predicted cost by pixel, relative to the other zones.
     pub complexity: f64,
+}
+
+/// What the lighting agents of a picture were like, what they cost, and what they were asked on this machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LightingAgents {
+    /// Agents that the lights cast.
+    pub cast: u32,
+    /// Agents that are stored, clones among them.
+    pub agents: u64,
+    /// Those behind the first surface.
+    pub clones: u64,
+    /// Sensors of geometry, proximity, penumbra and irradiance.
+    pub sensors: [u64; 4],
+    /// Links of the proximity network.
+    pub links: u64,
+    /// Agents that answer "lit", "shaded" and "trace a ray".
+    pub answers: [u64; 3],
+    /// Mean distance between objects, in scene units.
+    pub object_distance: f32,
+    /// Bytes of their maps.
+    pub map_bytes: u64,
+    /// Seconds that casting took.
+    pub casting_seconds: f64,
+    /// Seconds that sensing took.
+    pub sensing_seconds: f64,
+    /// Shadow rays that were traced.
+    pub shadow_rays_traced: u64,
+    /// Shadow rays that were not.
+    pub shadow_rays_spared: u64,
+    /// Times that indirect light was gathered.
+    pub irradiance_computed: u64,
+    /// Times that it was interpolated.
+    pub irradiance_interpolated: u64,
 }
 
 /// How far a job is.

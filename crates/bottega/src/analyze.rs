@@ -1,6 +1,7 @@
 //! `bottega analyze`: what the Analyst thinks of a scene, as pictures and figures.
 
 mod draw;
+mod ludd;
 mod plot;
 mod verify;
 
@@ -37,9 +38,15 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let chosen = subject.analyze(function, level(args.scene.level))?;
 
     fs::create_dir_all(&args.output).map_err(|source| CliError::Write { path: args.output.clone(), source })?;
-    let files = draw::all(&args.output, &subject, &analyses, &chosen)?;
+    let mut drawn = draw::Drawn { folder: &args.output, files: Vec::new() };
+    draw::all(&mut drawn, &subject, &analyses, &chosen)?;
+    let ludd = (!args.ludd.is_empty()).then(|| ludd::all(args, &subject, &mut drawn)).transpose()?;
+    let files = drawn.files;
     let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
-    let report = report(args, &subject, &analyses, &files, verified.as_ref());
+    let mut report = report(args, &subject, &analyses, &files, verified.as_ref());
+    if let Some(ludd) = ludd {
+        report["ludd"] = ludd;
+    }
     write_json(&args.output.join("index.json"), &report)?;
     if args.scene.json {
         println!("{report}");

@@ -1,5 +1,6 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
+mod lighting_agents;
 mod photons;
 mod values;
 
@@ -7,18 +8,19 @@ use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::{Aov, Rect};
+use bottega_render::{AgentSettings, PhotonSettings, ala::Criterion};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use self::photons::PhotonArgs;
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_duration,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rate,
-    parse_rect, parse_size, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_criterion, parse_define, parse_distance, parse_environment, parse_error,
+    parse_factor, parse_rate, parse_rect, parse_share, parse_size, parse_stops, parse_time,
 };
+use self::{lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
     bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
@@ -216,6 +218,8 @@ pub(crate) struct RenderArgs {
     pub(crate) integrator: IntegratorArg,
     #[command(flatten)]
     pub(crate) photon_mapping: PhotonArgs,
+    #[command(flatten)]
+    pub(crate) lighting: LightingAgentArgs,
     /// Let paths go where materials send them, and do not learn beforehand where light comes from.
     #[arg(long, help_heading = "Quality")]
     pub(crate) no_guiding: bool,
@@ -305,6 +309,20 @@ pub(crate) struct RenderArgs {
     pub(crate) quiet: bool,
 }
 
+impl RenderArgs {
+    /// How photons are used, if the picture is one of photons or of lighting agents.
+    ///
+    /// - `bounces`: surfaces that light may come to.
+    pub(crate) fn photons(&self, bounces: u32) -> Option<PhotonSettings> {
+        let photons = self.photon_mapping.settings(bounces);
+        match self.integrator {
+            IntegratorArg::Path => None,
+            IntegratorArg::Photon => Some(photons),
+            IntegratorArg::Ala => Some(self.lighting.settings(photons)),
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
@@ -326,6 +344,19 @@ pub(crate) struct AnalyzeArgs {
     /// Agents that the zones are meant for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
+    /// Show how much photons and lighting agents differ from those near them: their local useful data density by these
+    /// criteria: normal,power,direction,irradiance,importance.
+    #[arg(long, value_name = "CRITERIA", value_delimiter = ',', value_parser = parse_criterion, help_heading = "Useful data density")]
+    pub(crate) ludd: Vec<Criterion>,
+    /// How near, as a share of the radius of the scene.
+    #[arg(long, value_name = "R", default_value_t = 0.05, requires = "ludd", value_parser = parse_share, help_heading = "Useful data density")]
+    pub(crate) ludd_radius: f32,
+    /// Photons that leave the lights.
+    #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
+    pub(crate) photons: u32,
+    /// Lighting agents that the lights cast.
+    #[arg(long, value_name = "N", default_value_t = AgentSettings::default().cast, requires = "ludd", value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Useful data density")]
+    pub(crate) lighting_agents: u32,
 }
 
 #[derive(Debug, Args)]

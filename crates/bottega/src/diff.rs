@@ -17,11 +17,15 @@ struct Difference {
     rel_mse: f64,
     rel_mse_trimmed: f64,
     flip: f64,
+    flip_visible_share: f64,
     mean_ratio: [Option<f64>; 3],
 }
 
 /// Share of the worst pixels that the trimmed relMSE leaves out, so that one firefly does not hide everything else.
 const TRIMMED: f64 = 1e-3;
+
+/// FLIP above which a pixel is seen to be wrong.
+const VISIBLE: f32 = 0.1;
 
 /// Seams are told of when chance would show them less often than this.
 const SIGNIFICANCE: f64 = 1e-3;
@@ -58,7 +62,9 @@ fn compare(args: &DiffArgs, picture: &Picture, reference: &Picture) -> Result<Di
     if let Some(path) = &args.output {
         Canvas::heat_map(picture.width, picture.height, &flip.map, 1.0, ColorMap::Inferno).write_png(path)?;
     }
+    let visible = flip.map.iter().filter(|&&error| error > VISIBLE).count();
     Ok(Difference {
+        flip_visible_share: visible as f64 / flip.map.len().max(1) as f64,
         rmse: rmse(reference, picture)?,
         mae: mae(reference, picture)?,
         rel_mse: rel_mse(reference, picture)?,
@@ -71,6 +77,7 @@ fn compare(args: &DiffArgs, picture: &Picture, reference: &Picture) -> Result<Di
 fn tell(difference: &Difference) {
     let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
     println!("FLIP         {:.5}   mean; 0: equal to the eye, above 0.05: plainly different", difference.flip);
+    println!("FLIP > 0.1   {:.3} %   of the pixels", 100.0 * difference.flip_visible_share);
     println!(
         "relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)",
         difference.rel_mse, difference.rel_mse_trimmed

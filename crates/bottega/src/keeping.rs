@@ -8,12 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{
-    cli::{IntegratorArg, RenderArgs},
-    error::CliError,
-    render::filter,
-    scene::Subject,
-};
+use crate::{cli::RenderArgs, error::CliError, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {
@@ -81,10 +76,7 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("light-samples={}", args.light_samples),
         format!("seed={}", args.seed),
         format!("integrator={:?}", args.integrator),
-        match args.integrator {
-            IntegratorArg::Path => "photons=none".to_owned(),
-            IntegratorArg::Photon => format!("photons={:?}", args.photon_mapping.settings(settings.tunables.max_depth)),
-        },
+        format!("photons={:?}", args.photons(settings.tunables.max_depth)),
         format!("guiding={}", !args.no_guiding),
         format!("filter={:?}", filter(args, subject)),
         format!("optimize={}", settings.optimization),

@@ -1,5 +1,7 @@
 //! `bottega render`: a scene in, a picture out.
 
+mod lighting_agents;
+
 use std::{fs, path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, RenderEngine, Tunables};
@@ -15,7 +17,7 @@ use bottega_render::{Filter, PathSettings};
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
-    cli::{DEPTH_MAX, EncodingArg, FilterArg, IntegratorArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
+    cli::{DEPTH_MAX, EncodingArg, FilterArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     devices::{Crew, costs, incident_line},
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
@@ -114,7 +116,10 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         write_record(path, &record)?;
         reporter.say(&recorded(path));
     }
-    let metadata = metadata(args, &subject, &settings, &crew, &report);
+    let mut metadata = metadata(args, &subject, &settings, &crew, &report);
+    if let Some(swarm) = engine.lighting_agents() {
+        lighting_agents::tell(&swarm, &reporter, &mut metadata);
+    }
     write(args, &args.output, format, &report.film, &metadata)?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
@@ -246,10 +251,7 @@ pub(crate) fn engine(
     subject: &Subject,
     job: &JobSettings,
 ) -> Result<(BuiltinEngine, Crew), CliError> {
-    let photons = match args.integrator {
-        IntegratorArg::Path => None,
-        IntegratorArg::Photon => Some(args.photon_mapping.settings(max_depth(args, subject))),
-    };
+    let photons = args.photons(max_depth(args, subject));
     let settings = PathSettings {
         seed: args.seed,
         max_depth: max_depth(args, subject),

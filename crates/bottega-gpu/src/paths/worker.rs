@@ -107,7 +107,11 @@ impl Worker {
             let block = match work {
                 RenderWork::Block(block) => block,
                 // A look at a few pixels is nothing for a device, nor are photons: they are done here.
-                RenderWork::Probe(_) | RenderWork::Photons(_) | RenderWork::Irradiance(_) => {
+                RenderWork::Probe(_)
+                | RenderWork::Photons(_)
+                | RenderWork::Irradiance(_)
+                | RenderWork::Agents(_)
+                | RenderWork::Sensors(_) => {
                     begun.outcomes[place] = Some(Ok(work.perform()));
                     continue;
                 }
@@ -205,7 +209,12 @@ impl Worker {
             RenderWork::Occlusion { rays, .. } => {
                 self.tracer().and_then(|tracer| tracer.occluded(rays)).map(RenderOutput::Occlusion)
             }
-            RenderWork::Block(_) | RenderWork::Probe(_) | RenderWork::Photons(_) | RenderWork::Irradiance(_) => {
+            RenderWork::Block(_)
+            | RenderWork::Probe(_)
+            | RenderWork::Photons(_)
+            | RenderWork::Irradiance(_)
+            | RenderWork::Agents(_)
+            | RenderWork::Sensors(_) => {
                 return Ok(work.perform());
             }
         };

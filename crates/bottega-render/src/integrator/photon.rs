@@ -5,9 +5,13 @@
 //! its photons. All other light is gathered by rays that are drawn by how the surface scatters; the map says what leaves the
 //! place where one ends (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Where rays are not
 //! gathered, and in progressive pictures, the density of photons at the surface itself stands for all light but the direct.
+//!
+//! With Autonomous Lighting Agents there are photons for caustics alone. Agents are asked which shadow rays must be traced, and
+//! what indirect light comes to matte surfaces; where they do not know, rays are gathered that end where they do.
 
 mod eye;
 mod place;
+mod sense;
 
 use std::{
     ops::Range,
@@ -20,11 +24,14 @@ use bottega_scene::MediumId;
 use super::path::{PathIntegrator, PathRecord};
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    ala::Agents,
     camera::CameraRay,
-    photon::{Nearest, Passes, PhotonMaps, cache::IrradianceCache},
+    photon::{Passes, cache::IrradianceCache},
     sampler::PixelSampler,
 };
 use eye::Eye;
+pub(crate) use eye::{Hands, Known, is_matte};
+pub(crate) use sense::sensing_settings;
 
 /// What the maps of all passes of a progressive picture may take. Samples beyond those that have passes of their own take
 /// the passes again from the first.
@@ -76,6 +83,7 @@ impl<'a> PhotonIntegrator<'a> {
             }
         }
         self.cache();
+        self.agents();
     }
 
     /// The irradiance at some places; the first who asks has it made.
@@ -85,6 +93,19 @@ impl<'a> PhotonIntegrator<'a> {
         self.cache.as_ref().map(|cache| cache.get_or_init(make))
     }
 
+    /// The agents that are asked, if they are wanted; the first who asks has them made.
+    fn agents(&self) -> Option<&Agents> {
+        let settings = self.photons.agents?;
+        let prepared = self.base.prepared();
+        let make = || {
+            prepared.on_threads(|| {
+                let maps = self.passes.of_sample(prepared, 0);
+                Agents::new(prepared, settings, self, maps, self.base.settings().seed)
+            })
+        };
+        Some(self.passes.agents(make))
+    }
+
     pub(crate) fn with_wanted(self, wanted: super::Wanted) -> Self {
         Self { base: self.base.with_wanted(wanted), ..self }
     }
@@ -92,15 +113,24 @@ impl<'a> PhotonIntegrator<'a> {
     /// Paints samples of pixels, one after the other.
     pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
         records.clear();
-        let mut found = Nearest::new(self.photons.gather as usize);
-        let cache = self.cache();
+        let mut hands = Hands::new(self);
+        let (cache, agents) = (self.cache(), self.agents());
         for &(x, y, index) in samples {
             let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
             let (ray, factor) = self.base.camera_ray(&sampler, x, y);
             let maps = self.passes.of_sample(self.base.prepared(), index);
-            let sample = Sample { integrator: self, maps, cache, sampler, ray, found: &mut found };
+            let known = Known { maps, cache, agents };
+            let sample = Sample { integrator: self, known, sampler, ray, hands: &mut hands };
             records.push(compiled::run(sample).scaled(factor));
         }
+        if let Some(agents) = agents {
+            agents.count(&hands.tally);
+        }
+    }
+
+    /// A camera ray through the pixel (x, y).
+    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
+        self.base.camera_ray(sampler, x, y).0
     }
 
     fn camera_medium(&self) -> Option<MediumId> {
@@ -111,11 +141,10 @@ impl<'a> PhotonIntegrator<'a> {
 /// One sample of a pixel.
 struct Sample<'a> {
     integrator: &'a PhotonIntegrator<'a>,
-    maps: &'a PhotonMaps,
-    cache: Option<&'a IrradianceCache>,
+    known: Known<'a>,
     sampler: PixelSampler,
     ray: CameraRay,
-    found: &'a mut Nearest,
+    hands: &'a mut Hands,
 }
 
 impl Task for Sample<'_> {
@@ -123,6 +152,6 @@ impl Task for Sample<'_> {
 
     #[inline(always)]
     fn run(self) -> PathRecord {
-        Eye::new(self.integrator, self.maps, self.cache, self.sampler, self.found).look(&self.ray)
+        Eye::new(self.integrator, self.known, self.sampler, self.hands).look(&self.ray)
     }
 }

@@ -149,8 +149,50 @@ impl Emission {
         let choice = f64::from(u[0]);
         let index = self.sums.partition_point(|&sum| sum <= choice).clamp(1, self.sources.len()) - 1;
         let pmf = (self.sums[index + 1] - self.sums[index]) as f32;
-        let (place, towards) = ([u[2], u[3]], [v[0], v[1]]);
-        let (origin, direction, power) = match &self.sources[index] {
+        let (origin, direction, power) = self.leave(prepared, index, u, [v[0], v[1]])?;
+        let power = power / pmf;
+        let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
+        let is_sound = is_sound && origin.is_finite() && direction.is_finite();
+        is_sound.then_some(Emitted { origin, direction, power, light: self.light_of(index) })
+    }
+
+    /// How many sources there are.
+    pub(crate) fn source_count(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// Where an agent starts: each source sends as many, all over itself, and to all sides alike; one infinitely far away
+    /// as it shines. `power` is what the place sends that way as a photon.
+    ///
+    /// - `u`, `v`: as for [`Self::emit`].
+    pub(crate) fn cast(&self, prepared: &PreparedScene, u: Quad, v: Quad) -> Option<Emitted> {
+        let index = ((u[0] * self.sources.len() as f32) as usize).min(self.sources.len().checked_sub(1)?);
+        let towards = [v[0], v[1]];
+        let (origin, direction, power) = self.leave(prepared, index, u, towards)?;
+        let is_far = self.light_of(index) == NO_LIGHT;
+        let direction = if is_far { direction } else { uniform_sphere(towards) };
+        let is_sound = origin.is_finite() && direction.is_finite();
+        is_sound.then_some(Emitted { origin, direction, power, light: self.light_of(index) })
+    }
+
+    /// The number of a source in the tree of lights.
+    fn light_of(&self, index: usize) -> u32 {
+        match &self.sources[index] {
+            Source::Near(number) | Source::Pictured(number, ..) => *number,
+            Source::Parallel(..) | Source::Environment | Source::Portal(_) => NO_LIGHT,
+        }
+    }
+
+    /// A place and a direction of one source, and the power that they stand for.
+    fn leave(
+        &self,
+        prepared: &PreparedScene,
+        index: usize,
+        u: Quad,
+        towards: [f32; 2],
+    ) -> Option<(Vec3, Vec3, Spectrum)> {
+        let place = [u[2], u[3]];
+        Some(match &self.sources[index] {
             Source::Near(number) => match &prepared.lights().lights[*number as usize] {
                 Light::Surface(surface) => surface.emit(prepared.scene(), u[1], place, towards)?,
                 Light::Sphere(index) => place::emit_from_sphere(prepared.scene(), *index, u[1], place, towards)?,
@@ -176,15 +218,7 @@ impl Emission {
                 (self.on_disc(-wi, place), -wi, radiance * (disc / pdf))
             }
             Source::Portal(portal) => self.through(prepared, portal, place, towards)?,
-        };
-        let power = power / pmf;
-        let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
-        let is_sound = is_sound && origin.is_finite() && direction.is_finite();
-        let light = match &self.sources[index] {
-            Source::Near(number) | Source::Pictured(number, ..) => *number,
-            Source::Parallel(..) | Source::Environment | Source::Portal(_) => NO_LIGHT,
-        };
-        is_sound.then_some(Emitted { origin, direction, power, light })
+        })
     }
 
     /// A direction towards the sky, its radiance and its density.

@@ -12,7 +12,7 @@ use super::{
     trace::{Traced, Tracing},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View, ala::cast_agents,
     integrator::PhotonIntegrator, survey::run,
 };
 
@@ -78,6 +78,9 @@ pub fn cast_photons(
     if !passes.is_made() {
         passes.put(maps(scene, photons, settings.seed, client)?);
     }
+    if photons.agents.is_some() && !passes.has_agents() {
+        passes.put_agents(cast_agents(scene, photons, settings.seed, &passes, client)?);
+    }
     integrator.cast(0..1);
     Ok(())
 }
@@ -113,6 +116,6 @@ fn maps(
 }
 
 /// Cuts a range that begins with 0.
-fn parts(count: u32, size: u32) -> impl Iterator<Item = Range<u32>> {
+pub(crate) fn parts(count: u32, size: u32) -> impl Iterator<Item = Range<u32>> {
     (0..count.div_ceil(size)).map(move |part| part * size..count.min((part + 1).saturating_mul(size)))
 }

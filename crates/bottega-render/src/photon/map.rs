@@ -16,7 +16,7 @@ const DEPTH_MAX: usize = 40;
 pub const NEAREST_MAX: usize = 512;
 
 /// Photons, found by place. The tree depends on them and their order alone, not on who builds it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct PhotonMap {
     /// Inner nodes, the first one being number 1; the children of node i are 2i and 2i + 1.
     nodes: Vec<Node>,
@@ -89,6 +89,13 @@ impl PhotonMap {
     #[inline(always)]
     pub fn mark(&self, index: u32) -> Mark {
         self.marks[index as usize]
+    }
+
+    /// The same places with other tags.
+    #[must_use]
+    pub(crate) fn retagged(mut self, tag: impl Fn(u32) -> u32) -> Self {
+        self.marks.iter_mut().for_each(|mark| *mark = mark.with_tag(tag(mark.tag())));
+        self
     }
 
     /// All photons, in the order of their numbers.

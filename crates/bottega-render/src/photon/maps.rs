@@ -61,11 +61,12 @@ pub(crate) struct Estimator {
 /// What photons of a pass are traced by.
 pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
-    Tracer { prepared, emission: prepared.emission(), seed, pass, bounces, with_shadows }
+    let only_caustics = settings.agents.is_some();
+    Tracer { prepared, emission: prepared.emission(), seed, pass, bounces, with_shadows, only_caustics }
 }
 
 /// All photons of a pass, traced on the threads of the present pool.
-fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
+pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
     let batch = |number: u32| {
         let first = number * BATCH;
         compiled::run(Tracing { tracer, indices: first..count.min(first.saturating_add(BATCH)) })
@@ -103,8 +104,7 @@ impl PhotonMaps {
         let bounds = prepared.accel().bounds();
         let radius = 0.5 * (bounds.max - bounds.min).length();
         let reach = settings.radius.clamp(0.0, 2.0) * if radius.is_finite() { radius } else { 0.0 };
-        let scale = 1.0 / settings.count.max(1) as f32;
-        let estimator = Estimator { scale, filter: settings.filter, gather: settings.gather, reach };
+        let estimator = Estimator::new(settings, reach);
         let mut maps = Self {
             seen: PhotonMap::default(),
             irradiance: PhotonMap::default(),
@@ -114,7 +114,10 @@ impl PhotonMaps {
             irradiance_reach: reach,
         };
         let mut all = None;
-        if settings.final_rays > 0 && !settings.progressive {
+        if settings.agents.is_some() {
+            maps.seen = PhotonMap::new(traced.caustic);
+            maps.reach *= CAUSTIC_REACH;
+        } else if settings.final_rays > 0 && !settings.progressive {
             all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic.clone()].concat()));
             maps.seen = PhotonMap::new(traced.caustic);
             maps.reach *= CAUSTIC_REACH;
@@ -169,6 +172,18 @@ pub(crate) fn irradiance_count(all: &PhotonMap) -> u32 {
 }
 
 impl Estimator {
+    /// - `reach`: how far photons may be.
+    pub(crate) fn new(settings: &PhotonSettings, reach: f32) -> Self {
+        let scale = 1.0 / settings.count.max(1) as f32;
+        Self { scale, filter: settings.filter, gather: settings.gather, reach }
+    }
+
+    /// Irradiance on the side of a surface where a photon arrived, by those near it.
+    pub(crate) fn irradiance(&self, map: &PhotonMap, photon: &Photon, found: &mut Nearest) -> Spectrum {
+        let on_this_side = |_: Vec3, is_before: bool| if is_before { Spectrum::ONE } else { Spectrum::ZERO };
+        self.gather(map, photon.p, photon.mark().normal(), self.reach, found, on_this_side)
+    }
+
     /// What all photons near a point bring to it, each weighed by `scattered`, which is given the direction that it came
     /// from and whether it arrived on the side of the normal: without weights that is the irradiance.
     ///
@@ -276,10 +291,7 @@ impl Task for IrradianceAt<'_> {
         for point in points {
             // Numbers in the tree go from place to place, so that each step takes one photon of a neighbourhood.
             let photon = all.photon(point * IRRADIANCE_STEP);
-            let normal = photon.mark().normal();
-            let on_this_side = |_: Vec3, is_before: bool| if is_before { Spectrum::ONE } else { Spectrum::ZERO };
-            let irradiance = estimator.gather(all, photon.p, normal, estimator.reach, &mut found, on_this_side);
-            known.push(photon.with_power(irradiance));
+            known.push(photon.with_power(estimator.irradiance(all, &photon, &mut found)));
         }
         known
     }

@@ -11,9 +11,11 @@ mod record;
 mod store;
 mod trace;
 
+pub(crate) use cast::parts;
 pub use cast::{IrradianceWork, PhotonWork, cast_photons};
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};
-pub(crate) use maps::PhotonMaps;
+pub(crate) use maps::{Estimator, PhotonMaps, traced, tracer};
 pub use record::{Mark, Photon};
 pub(crate) use store::{Passes, PhotonStore};
 pub use trace::Traced;
+pub(crate) use trace::is_alike;

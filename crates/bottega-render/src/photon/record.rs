@@ -72,6 +72,12 @@ impl Mark {
         unpacked(self.directions >> 20, NORMAL_STEPS, 6)
     }
 
+    /// The same with something else in place of the power.
+    #[must_use]
+    pub(crate) fn with_tag(self, tag: u32) -> Self {
+        Self { power: tag, ..self }
+    }
+
     /// What stands in place of the power.
     #[inline(always)]
     pub(crate) fn tag(self) -> u32 {

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{cache::IrradianceCache, maps::PhotonMaps};
-use crate::{PhotonSettings, View, prepare::PreparedScene};
+use crate::{PhotonSettings, View, ala::Agents, prepare::PreparedScene};
 
 /// Pictures whose maps are kept.
 const PICTURES_MAX: usize = 2;
@@ -17,6 +17,7 @@ pub(crate) struct Passes {
     of: Of,
     maps: Vec<OnceLock<PhotonMaps>>,
     caches: Mutex<Vec<(View, CachePlace)>>,
+    agents: OnceLock<Agents>,
 }
 
 /// Where a cache is put by the first who needs it, while others wait.
@@ -41,6 +42,7 @@ impl PhotonStore {
             of,
             maps: (0..pass_count.max(1)).map(|_| OnceLock::new()).collect(),
             caches: Mutex::default(),
+            agents: OnceLock::new(),
         });
         pictures.push(Arc::clone(&passes));
         passes
@@ -50,7 +52,10 @@ impl PhotonStore {
     pub(crate) fn memory_bytes(&self) -> usize {
         let pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let maps = pictures.iter().flat_map(|passes| passes.maps.iter().filter_map(OnceLock::get));
-        maps.map(PhotonMaps::memory_bytes).sum::<usize>() + pictures.iter().map(|it| it.cache_bytes()).sum::<usize>()
+        let agents = pictures.iter().filter_map(|passes| passes.agents.get());
+        maps.map(PhotonMaps::memory_bytes).sum::<usize>()
+            + agents.map(Agents::memory_bytes).sum::<usize>()
+            + pictures.iter().map(|it| it.cache_bytes()).sum::<usize>()
     }
 }
 
@@ -61,6 +66,26 @@ impl Passes {
         let (settings, seed, _) = &self.of;
         self.maps[pass as usize]
             .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, settings, *seed, pass)))
+    }
+
+    /// The agents of the picture; the first who asks has them made.
+    pub(crate) fn agents(&self, make: impl FnOnce() -> Agents) -> &Agents {
+        self.agents.get_or_init(make)
+    }
+
+    /// Whether the agents are there.
+    pub(crate) fn has_agents(&self) -> bool {
+        self.agents.get().is_some()
+    }
+
+    /// The agents, if they are there.
+    pub(crate) fn known_agents(&self) -> Option<&Agents> {
+        self.agents.get()
+    }
+
+    /// Takes agents that were made as [`Self::agents`] would make them.
+    pub(crate) fn put_agents(&self, agents: Agents) {
+        self.agents.get_or_init(|| agents);
     }
 
     /// Where the irradiance of a view is kept.

@@ -36,6 +36,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) bounces: u32,
     /// Whether it is kept where light arrives and where it does not.
     pub(crate) with_shadows: bool,
+    /// Whether it ends where light is spread, and is kept only if it came there over mirrors or through glass.
+    pub(crate) only_caustics: bool,
 }
 
 /// Photons where they arrived, in the order of their indices. Each carries what it stands for if it is the only one: divide
@@ -125,6 +127,7 @@ impl Tracer<'_> {
                 let normal = if point.front { point.ng } else { -point.ng };
                 let photon = Photon::new(point.p, point.wo, normal, power * arriving);
                 match (is_direct, is_specular) {
+                    (true, _) if self.only_caustics => {}
                     (true, _) => traced.direct.push(photon),
                     (false, true) => traced.caustic.push(photon),
                     (false, false) => traced.indirect.push(photon),
@@ -154,6 +157,9 @@ impl Tracer<'_> {
                 absorption = known.absorption[usize::from(point.front)];
             }
             is_specular &= sample.is_delta();
+            if self.only_caustics && !is_specular {
+                return;
+            }
             is_direct = false;
             (origin, direction) = (point.ray_origin(wi), wi);
         }
@@ -194,7 +200,7 @@ impl Tracer<'_> {
 
 /// Whether a normal may belong to the same surface as another one.
 #[inline(always)]
-pub(super) fn is_alike(a: Vec3, b: Vec3) -> bool {
+pub(crate) fn is_alike(a: Vec3, b: Vec3) -> bool {
     /// Cosine of the angle within which they do.
     const COSINE_MIN: f32 = 0.6;
     a.dot(b) > COSINE_MIN

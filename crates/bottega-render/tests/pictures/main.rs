@@ -4,6 +4,7 @@
 //!
 //! A test that fails leaves what was painted, the reference and the difference in `target/pictures`.
 
+mod agents;
 mod caustic;
 mod compare;
 mod paint;

@@ -15,17 +15,16 @@ const OUTLINE: [u8; 3] = [255, 64, 32];
 /// Share of the cells that may be brighter than white: a few extremes do not make all else black.
 const CLIPPED: f64 = 0.005;
 
-/// Draws everything into `folder`. Returns the name of each file and what it shows.
+/// Draws everything of the importance map and of the zones.
 ///
 /// - `levels`: the analyses of the levels from 1 up.
 /// - `chosen`: that of which the zones' costs are shown.
 pub(super) fn all(
-    folder: &Path,
+    drawn: &mut Drawn<'_>,
     subject: &Analyzed,
     levels: &[Analysis],
     chosen: &Analysis,
-) -> Result<Vec<(String, String)>, CliError> {
-    let mut drawn = Drawn { folder, files: Vec::new() };
+) -> Result<(), CliError> {
     let (columns, rows) = (subject.survey.width, subject.survey.height);
     let gray = |values: &[f32]| enlarged(&Canvas::gray_map(columns, rows, values));
     drawn.put("cost", &gray(&chosen.map.grey()), "the importance map: dark is simple, white is complex")?;
@@ -50,17 +49,18 @@ pub(super) fn all(
         let meaning = format!("the {} zones of level {level} over what the survey saw", analysis.rows.len());
         drawn.put(&format!("zones-{level}"), &zones, &meaning)?;
     }
-    drawn.put("zone-cost", &zone_costs(chosen, subject.frame(), size), "expected time of each zone, dark to bright")?;
-    Ok(drawn.files)
+    drawn.put("zone-cost", &zone_costs(chosen, subject.frame(), size), "expected time of each zone, dark to bright")
 }
 
-struct Drawn<'a> {
-    folder: &'a Path,
-    files: Vec<(String, String)>,
+/// The pictures of a folder.
+pub(super) struct Drawn<'a> {
+    pub(super) folder: &'a Path,
+    /// The name of each file and what it shows.
+    pub(super) files: Vec<(String, String)>,
 }
 
 impl Drawn<'_> {
-    fn put(&mut self, name: &str, canvas: &Canvas, meaning: &str) -> Result<(), CliError> {
+    pub(super) fn put(&mut self, name: &str, canvas: &Canvas, meaning: &str) -> Result<(), CliError> {
         let name = format!("{name}.png");
         canvas.write_png(self.folder.join(&name))?;
         self.files.push((name, meaning.to_owned()));

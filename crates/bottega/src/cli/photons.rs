@@ -51,6 +51,7 @@ impl PhotonArgs {
             irradiance_cache: self.irradiance_cache.unwrap_or(0.0),
             shadow_photons: self.shadow_photons,
             progressive: self.progressive,
+            agents: None,
         }
     }
 }

@@ -4,6 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use bottega_farm::Channel;
 use bottega_image::{Aov, Rect};
+use bottega_render::ala::Criterion;
 use clap::ValueEnum;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -39,6 +40,9 @@ pub(crate) enum IntegratorArg {
     /// Photon mapping: photons from the lights first, then the picture by what they know. Less noise, and light through glass
     /// that paths hardly find; a little blurred. No fog.
     Photon,
+    /// Autonomous Lighting Agents: a few agents look the scene over first, and answer where light is hidden and how much of it
+    /// comes from all around. No fog.
+    Ala,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -160,6 +164,10 @@ pub(super) fn parse_aov(text: &str) -> Result<Aov, String> {
 
 pub(super) fn parse_channel(text: &str) -> Result<Channel, String> {
     text.parse().map_err(|error: bottega_farm::UnknownChannel| error.to_string())
+}
+
+pub(super) fn parse_criterion(text: &str) -> Result<Criterion, String> {
+    text.parse().map_err(|error: bottega_render::ala::UnknownCriterion| error.to_string())
 }
 
 pub(super) fn parse_define(text: &str) -> Result<(String, String), String> {

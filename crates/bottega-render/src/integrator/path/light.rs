@@ -119,7 +119,7 @@ impl Path<'_> {
 
 /// The ray that asks whether a light is seen.
 #[inline(always)]
-pub(in crate::integrator) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
+pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     let origin = point.ray_origin(light.wi);
     if light.distance.is_infinite() {
         return Ray::new(origin, light.wi);

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     PreparedScene,
+    ala::{Agents, Tally},
     bsdf::{Bsdf, BsdfAt, BsdfSample},
     camera::{CameraRay, RayCone},
     interaction::{Interaction, is_there},
@@ -73,6 +74,10 @@ pub(super) struct Spot {
 }
 
 impl Spot {
+    pub(super) fn new(point: Interaction, width: f32) -> Self {
+        Self { point, width }
+    }
+
     pub(super) fn p(&self) -> Vec3 {
         self.point.p
     }
@@ -111,14 +116,40 @@ struct Place<'b> {
     wo: Vec3,
 }
 
+/// What is known of the light in the scene.
+#[derive(Clone, Copy)]
+pub(crate) struct Known<'a> {
+    pub(crate) maps: &'a PhotonMaps,
+    pub(crate) cache: Option<&'a IrradianceCache>,
+    /// Who is asked, if the picture is one of agents; nobody while these are still looking around.
+    pub(crate) agents: Option<&'a Agents>,
+}
+
+/// What a thread works with, sample after sample.
+pub(crate) struct Hands {
+    found: Nearest,
+    /// The irradiance sensors that were found.
+    sensors: Nearest,
+    /// What agents were asked.
+    pub(crate) tally: Tally,
+}
+
+impl Hands {
+    pub(crate) fn new(integrator: &PhotonIntegrator<'_>) -> Self {
+        let found = Nearest::new(integrator.photons.gather as usize);
+        Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default() }
+    }
+}
+
 /// Who looks: one sample of a pixel.
 pub(super) struct Eye<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     prepared: &'a PreparedScene,
     maps: &'a PhotonMaps,
     cache: Option<&'a IrradianceCache>,
+    agents: Option<&'a Agents>,
     sampler: PixelSampler,
-    found: &'a mut Nearest,
+    hands: &'a mut Hands,
     radiance: Spectrum,
     wants_albedo: bool,
     record: PathRecord,
@@ -128,18 +159,19 @@ impl<'a> Eye<'a> {
     #[inline(always)]
     pub(super) fn new(
         integrator: &'a PhotonIntegrator<'a>,
-        maps: &'a PhotonMaps,
-        cache: Option<&'a IrradianceCache>,
+        known: Known<'a>,
         sampler: PixelSampler,
-        found: &'a mut Nearest,
+        hands: &'a mut Hands,
     ) -> Self {
+        let Known { maps, cache, agents } = known;
         Self {
             integrator,
             prepared: integrator.base.prepared(),
             maps,
             cache,
+            agents,
             sampler,
-            found,
+            hands,
             radiance: Spectrum::ZERO,
             wants_albedo: integrator.base.wanted().albedo,
             record: PathRecord::default(),
@@ -223,8 +255,8 @@ impl<'a> Eye<'a> {
     fn meet(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, distance: f32) -> bool {
         let photons = &self.integrator.photons;
         let is_first = matches!(walk.comes, Comes::Camera);
-        let is_gathered = self.is_gathered();
-        if !is_first {
+        let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
+        if !is_first && !has_agents {
             let is_near = distance < NEAR * self.maps.irradiance_reach;
             if is_gathered && is_matte(bsdf) && !is_near {
                 self.add_known(walk, place, bsdf);
@@ -236,11 +268,26 @@ impl<'a> Eye<'a> {
             self.add_photons(walk, place, is_gathered);
         }
         if is_first {
-            let is_cached = self.add_cached(walk, place, bsdf);
+            let is_cached = self.add_interpolated(walk, place, bsdf);
             let is_short = is_cached || !is_gathered;
-            self.gather(walk, place, if is_short { 1 } else { photons.final_rays }, is_short);
+            self.gather(walk, place, if is_short { 1 } else { photons.final_rays.max(1) }, is_short);
+            return true;
         }
-        true
+        !(has_agents && self.add_interpolated(walk, place, bsdf))
+    }
+
+    /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
+    fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+        let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
+        let point = place.point;
+        let normal = if point.front { point.ng } else { -point.ng };
+        let known = is_matte(bsdf).then(|| agents.irradiance_at(point.p, normal, &mut self.hands.sensors)).flatten();
+        self.hands.tally.irradiance_computed += u64::from(known.is_none());
+        self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
+        if let Some(irradiance) = known {
+            self.add_reflected(walk, place, bsdf, irradiance);
+        }
+        known.is_some()
     }
 
     /// Adds what the photons at the place bring.
@@ -259,7 +306,7 @@ impl<'a> Eye<'a> {
         } else {
             // What is brought together by glass is sharper than what is spread all over.
             let reach = if is_gathered { maps.reach } else { maps.irradiance_reach };
-            maps.estimator.gather(&maps.seen, point.p, normal, reach, self.found, scattered)
+            maps.estimator.gather(&maps.seen, point.p, normal, reach, &mut self.hands.found, scattered)
         };
         self.radiance += walk.throughput * light;
     }
@@ -277,10 +324,15 @@ impl<'a> Eye<'a> {
     fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
         let Some(irradiance) = cache.at(place.point.p, place.point.frame[2]) else { return false };
+        self.add_reflected(walk, place, bsdf, irradiance);
+        true
+    }
+
+    /// Adds what a matte surface sends back of indirect irradiance.
+    fn add_reflected(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, irradiance: Spectrum) {
         if walk.depth + 2 <= self.integrator.base.settings().max_depth {
             self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
         }
-        true
     }
 
     /// The first matte surface that is seen from the camera, over mirrors and through glass.
@@ -378,7 +430,7 @@ impl<'a> Eye<'a> {
     /// Whether light is gathered by rays.
     fn is_gathered(&self) -> bool {
         let photons = &self.integrator.photons;
-        photons.final_rays > 0 && !photons.progressive
+        (photons.final_rays > 0 && !photons.progressive) || photons.agents.is_some()
     }
 
     fn record_albedo(&mut self, albedo: Spectrum) {
@@ -390,7 +442,7 @@ impl<'a> Eye<'a> {
 }
 
 /// Whether light leaves a surface the same in all directions, and on one side.
-fn is_matte(bsdf: &Bsdf) -> bool {
+pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
     bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
 }
 

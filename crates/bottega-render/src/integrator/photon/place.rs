@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 use super::{
     PhotonIntegrator,
-    eye::{Eye, Spot},
+    eye::{Eye, Hands, Known, Spot},
 };
 use crate::{
     photon::{
-        Nearest, PhotonMaps,
+        PhotonMaps,
         cache::{IrradianceCache, RAYS, Record, direction},
     },
     sampler::{DimensionSet, PixelSampler, mix},
@@ -84,8 +84,9 @@ impl Task for Search<'_> {
         let Self { integrator, maps, cache, x, y, radius_max } = self;
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
-        let mut found = Nearest::new(integrator.photons.gather as usize);
-        let mut eye = Eye::new(integrator, maps, None, sampler, &mut found);
+        let mut hands = Hands::new(integrator);
+        let known = Known { maps, cache: None, agents: None };
+        let mut eye = Eye::new(integrator, known, sampler, &mut hands);
         let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n()).is_none())?;
         let n: Vec3 = spot.n();
         let looks: Vec<_> = (0..RAYS)

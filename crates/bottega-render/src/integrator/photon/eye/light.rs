@@ -77,7 +77,10 @@ impl Eye<'_> {
             if contribution == Spectrum::ZERO {
                 continue;
             }
-            let is_lit = match self.known_visibility(place.point, light.light) {
+            let known = self.known_visibility(place.point, light.light);
+            self.hands.tally.shadow_spared += u64::from(known.is_some());
+            self.hands.tally.shadow_traced += u64::from(known.is_none());
+            let is_lit = match known {
                 Some(is_lit) => is_lit,
                 None => !self.is_occluded(&shadow_ray(place.point, &light), walk.vertex),
             };
@@ -87,14 +90,18 @@ impl Eye<'_> {
         }
     }
 
-    /// Whether a light is seen, where shadow photons leave no doubt.
+    /// Whether a light is seen, where agents or shadow photons leave no doubt.
     fn known_visibility(&mut self, point: &Interaction, light: u32) -> Option<bool> {
         // Half-transparent surfaces leave half a shadow, and lights far away are not told apart.
         let is_told = light != NO_LIGHT && !self.prepared.has_opacity();
-        if !self.integrator.photons.shadow_photons || !is_told {
-            return None;
-        }
         let normal = if point.front { point.ng } else { -point.ng };
-        self.maps.visibility_at(point.p, normal, light, self.found)
+        match self.agents {
+            _ if !is_told => None,
+            Some(agents) => agents.visibility_at(point.p, normal, light),
+            None if self.integrator.photons.shadow_photons => {
+                self.maps.visibility_at(point.p, normal, light, &mut self.hands.found)
+            }
+            None => None,
+        }
     }
 }

@@ -1,0 +1,101 @@
+//! The agents of a picture, cast and looking around by whatever the allocator has.
+
+use std::{ops::Range, sync::Arc, time::Instant};
+
+use bottega_hra::HraClient;
+use bottega_kernels::compiled;
+
+use super::{
+    agent::{Agent, Casting},
+    map::{Agents, joined},
+    sensing::{Sensed, Sensing},
+    swarm::Swarm,
+};
+use crate::{
+    PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork,
+    integrator::{PhotonIntegrator, sensing_settings},
+    photon::{Passes, parts},
+    survey::run,
+};
+
+/// Agents that one unit of work casts: some milliseconds.
+pub(super) const AGENTS: u32 = 4096;
+/// Agents that look around in one unit of work.
+pub(super) const SENSING: u32 = 512;
+
+/// Agents to be cast.
+#[derive(Clone)]
+pub struct AgentWork {
+    /// The scene.
+    pub scene: Arc<PreparedScene>,
+    /// Another seed gives other agents.
+    pub seed: u64,
+    /// Which of them.
+    pub indices: Range<u32>,
+}
+
+/// Sensors to be deployed.
+#[derive(Clone)]
+pub struct SensorWork {
+    /// The scene.
+    pub(crate) scene: Arc<PreparedScene>,
+    pub(crate) photons: PhotonSettings,
+    pub(crate) seed: u64,
+    pub(crate) passes: Arc<Passes>,
+    pub(crate) swarm: Arc<Swarm>,
+    /// By which agents.
+    pub(crate) indices: Range<u32>,
+}
+
+impl AgentWork {
+    /// Casts them on the calling thread.
+    pub fn perform(self) -> Vec<Agent> {
+        compiled::run(Casting { prepared: &self.scene, seed: self.seed, indices: self.indices })
+    }
+}
+
+impl SensorWork {
+    /// Deploys them on the calling thread.
+    ///
+    /// # Errors
+    /// The scene has no camera, or media.
+    pub fn perform(self) -> Result<Sensed, RenderError> {
+        let Self { scene, photons, seed, passes, swarm, indices } = self;
+        let settings = sensing_settings(&photons, seed);
+        let integrator = PhotonIntegrator::sensing(&scene, &settings, photons, Arc::clone(&passes))?;
+        let maps = passes.of_sample(&scene, 0);
+        Ok(compiled::run(Sensing { integrator: &integrator, maps, swarm: &swarm, seed, indices }))
+    }
+}
+
+/// The agents of a picture whose caustics are known.
+pub(crate) fn cast_agents(
+    scene: &Arc<PreparedScene>,
+    photons: PhotonSettings,
+    seed: u64,
+    passes: &Arc<Passes>,
+    client: &HraClient<RenderWork>,
+) -> Result<Agents, RenderError> {
+    let settings = photons.agents.unwrap_or_default();
+    let begun = Instant::now();
+    let works = parts(settings.cast, AGENTS)
+        .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), seed, indices }));
+    let mut agents = Vec::new();
+    for output in run(client, works.collect())? {
+        let RenderOutput::Agents(mut part) = output else { return Err(RenderError::Unanswered) };
+        agents.append(&mut part);
+    }
+    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents, settings.cast)));
+    let casting = begun.elapsed();
+    let works = parts(swarm.len() as u32, SENSING).map(|indices| {
+        let (scene, passes, swarm) = (Arc::clone(scene), Arc::clone(passes), Arc::clone(&swarm));
+        RenderWork::Sensors(SensorWork { scene, photons, seed, passes, swarm, indices })
+    });
+    let mut found = Vec::new();
+    for output in run(client, works.collect())? {
+        let RenderOutput::Sensors(part) = output else { return Err(RenderError::Unanswered) };
+        found.push(part);
+    }
+    let sensing = begun.elapsed() - casting;
+    Ok(scene.on_threads(|| Agents::of(settings, &swarm, joined(found), [casting, sensing])))
+}

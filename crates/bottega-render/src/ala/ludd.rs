@@ -1,0 +1,400 @@
+//! Local useful data density: how much what is known differs around a place (§3, equations 1 and 2).
+//!
+//! Where all samples say the same, one of them would do: their density of useful data is 0.
+
+use std::{fmt, str::FromStr, sync::Arc};
+
+use bottega_kernels::Ray;
+use bottega_scene::Spectrum;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::Agents;
+use crate::{
+    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    integrator::PhotonIntegrator,
+    luminance,
+    photon::{Estimator, Nearest, Photon, PhotonMap, traced, tracer},
+    sampler::PixelSampler,
+};
+
+/// Places seen by the camera from which the importance of a place is estimated.
+const SEEN: usize = 8;
+/// Photons from which the irradiance at a photon is estimated.
+const GATHERED: usize = 60;
+
+/// What samples may differ in: k of equation 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Criterion {
+    /// Normal of the surface.
+    Normal,
+    /// Power: a photon's, as luminance; of an agent, whether its light arrives.
+    Power,
+    /// Direction that the light comes from.
+    Direction,
+    /// Irradiance: at a photon, as luminance, from the density of photons; of agents, what their sensors measured.
+    Irradiance,
+    /// How densely the camera sees the place.
+    Importance,
+}
+
+/// There is no such criterion.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no criterion; there are normal, power, direction, irradiance and importance")]
+pub struct UnknownCriterion(String);
+
+/// Samples of one map that are compared by some criteria.
+#[derive(Debug)]
+struct Layer {
+    map: PhotonMap,
+    /// By number in the map. Scalars stand in the first coordinate.
+    values: Vec<(Criterion, Vec<Vec3>)>,
+}
+
+/// Samples whose density of useful data is asked for.
+#[derive(Debug)]
+pub struct Samples {
+    layers: Vec<Layer>,
+    /// Radius of the local sphere.
+    radius: f32,
+}
+
+/// δ at a place.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Density {
+    /// Of each criterion, δ_k; `None` where fewer than two samples are near.
+    pub by_criterion: Vec<(Criterion, Option<f32>)>,
+    /// Samples in the local sphere, of the criterion that has most.
+    pub sample_count: u32,
+}
+
+/// δ all over a picture.
+#[derive(Clone, Debug, Default)]
+pub struct Ludd {
+    /// Row-major; `None` where the camera sees nothing.
+    pub pixels: Vec<Option<Density>>,
+    /// How many samples there are in all.
+    pub sample_count: u64,
+}
+
+/// Which samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleSet {
+    /// All photons.
+    Photons,
+    /// Photons that were scattered at least once.
+    IndirectPhotons,
+    /// Lighting agents, and for irradiance their sensors.
+    Agents,
+}
+
+impl Criterion {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Normal, Self::Power, Self::Direction, Self::Irradiance, Self::Importance];
+
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::Power => "power",
+            Self::Direction => "direction",
+            Self::Irradiance => "irradiance",
+            Self::Importance => "importance",
+        }
+    }
+}
+
+impl fmt::Display for Criterion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Criterion {
+    type Err = UnknownCriterion;
+
+    fn from_str(text: &str) -> Result<Self, UnknownCriterion> {
+        let wanted = text.trim();
+        Self::ALL.into_iter().find(|it| it.name() == wanted).ok_or_else(|| UnknownCriterion(wanted.to_owned()))
+    }
+}
+
+/// Sums from which δ_k follows.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    count: u32,
+    sum: DVec3,
+    squares: f64,
+    lengths: f64,
+}
+
+impl Moments {
+    fn add(&mut self, value: Vec3) {
+        let value = value.as_dvec3();
+        self.count += 1;
+        self.sum += value;
+        self.squares += value.length_squared();
+        self.lengths += value.length();
+    }
+
+    fn density(&self) -> Option<f32> {
+        if self.count < 2 {
+            return None;
+        }
+        let count = f64::from(self.count);
+        let variance = (self.squares - self.sum.length_squared() / count).max(0.0) / (count - 1.0);
+        // What is lost to rounding is no difference.
+        let variance = if variance < 1e-12 * self.squares / count { 0.0 } else { variance };
+        let mean = self.lengths / count;
+        Some(if mean > 0.0 { (variance.sqrt() / mean) as f32 } else { 0.0 })
+    }
+}
+
+/// δ_k of equation 1 for samples in one local sphere: their standard deviation over the mean of their lengths, which for
+/// what is never negative is the mean. `None`: fewer than two samples.
+pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
+    let mut moments = Moments::default();
+    values.iter().for_each(|&value| moments.add(value));
+    moments.density()
+}
+
+impl Density {
+    /// δ of equation 2, over the criteria that are known; `None` where none is.
+    pub fn all(&self) -> Option<f32> {
+        let known: Vec<f32> = self.by_criterion.iter().filter_map(|&(_, density)| density).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32)
+    }
+}
+
+impl Samples {
+    /// Samples of a picture's scene, made as for the picture.
+    ///
+    /// - `settings`: of the photons, and of the agents.
+    /// - `radius`: of the local sphere, as a share of the radius of the scene.
+    ///
+    /// # Errors
+    /// There is no such picture, or the scene has media.
+    pub fn new(
+        scene: &Arc<PreparedScene>,
+        view: View,
+        settings: &PathSettings,
+        set: SampleSet,
+        criteria: &[Criterion],
+        radius: f32,
+    ) -> Result<Self, RenderError> {
+        let photons = settings.photons.unwrap_or_default();
+        let photons = PhotonSettings {
+            agents: (set == SampleSet::Agents).then(|| photons.agents.unwrap_or_default()),
+            ..photons
+        };
+        let settings = PathSettings { photons: Some(photons), ..*settings };
+        let integrator = PhotonIntegrator::new(scene, view, &settings, photons)?;
+        let bounds = scene.accel().bounds();
+        let size = 0.5 * (bounds.max - bounds.min).length();
+        let radius = if size.is_finite() { radius * size } else { 0.0 };
+        let importance =
+            criteria.contains(&Criterion::Importance).then(|| scene.on_threads(|| seen(&integrator, view)));
+        let layers = match set {
+            SampleSet::Agents => {
+                integrator.cast(0..1);
+                let known = scene.photons().passes(photons, settings.seed, 1);
+                known.known_agents().map_or_else(Vec::new, |agents| of_agents(agents, criteria, importance.as_ref()))
+            }
+            _ => scene.on_threads(|| {
+                let traced = traced(tracer(scene, &photons, settings.seed, 0), photons.count);
+                let all = PhotonMap::new([&*traced.direct, &traced.indirect, &traced.caustic].concat());
+                let map = match set {
+                    SampleSet::IndirectPhotons => PhotonMap::new(traced.indirect),
+                    _ => all.clone(),
+                };
+                let estimator = Estimator::new(&photons, radius);
+                let irradiance =
+                    |photon: &Photon, found: &mut Nearest| luminance(estimator.irradiance(&all, photon, found));
+                vec![layer(map, criteria, importance.as_ref(), |photon| luminance(photon.mark().power()), irradiance)]
+            }),
+        };
+        Ok(Self { layers, radius })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.layers.iter().map(|layer| layer.map.len()).sum()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// δ in the local sphere around a place.
+    pub fn density_at(&self, p: Vec3) -> Density {
+        let mut density = Density::default();
+        for layer in &self.layers {
+            let mut moments = vec![Moments::default(); layer.values.len()];
+            layer.map.within(p, self.radius * self.radius, |number, _| {
+                for ((_, values), moments) in layer.values.iter().zip(&mut moments) {
+                    moments.add(values[number as usize]);
+                }
+            });
+            for (&(criterion, _), moments) in layer.values.iter().zip(&moments) {
+                density.sample_count = density.sample_count.max(moments.count);
+                density.by_criterion.push((criterion, moments.density()));
+            }
+        }
+        density
+    }
+
+    /// δ at what the camera sees through the middle of each pixel.
+    ///
+    /// # Errors
+    /// There is no such picture.
+    pub fn over(&self, scene: &Arc<PreparedScene>, view: View) -> Result<Ludd, RenderError> {
+        let settings = PathSettings::default();
+        let integrator = PhotonIntegrator::new(scene, view, &settings, PhotonSettings::default())?;
+        let place = |index: u32| {
+            let p = first_place(&integrator, index % view.width, index / view.width)?;
+            Some(self.density_at(p))
+        };
+        let all = 0..view.width * view.height;
+        let pixels = scene.on_threads(|| all.into_par_iter().map(place).collect());
+        Ok(Ludd { pixels, sample_count: self.len() as u64 })
+    }
+}
+
+/// What a camera ray of a pixel meets first.
+fn first_place(integrator: &PhotonIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
+    let ray = integrator.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
+    let hit = integrator.prepared().accel().intersect(&Ray::new(ray.origin, ray.direction));
+    hit.is_some().then(|| ray.origin + ray.direction * hit.t)
+}
+
+/// Places that a camera sees.
+fn seen(integrator: &PhotonIntegrator<'_>, view: View) -> PhotonMap {
+    let all = 0..view.width * view.height;
+    let place = |index: u32| first_place(integrator, index % view.width, index / view.width);
+    let places: Vec<Vec3> = all.into_par_iter().filter_map(place).collect();
+    PhotonMap::new(places.into_iter().map(|p| Photon::new(p, Vec3::Z, Vec3::Z, Spectrum::ZERO)).collect())
+}
+
+/// How densely the camera sees a place: the density of the places next to it that it sees.
+fn importance_at(seen: &PhotonMap, p: Vec3, found: &mut Nearest) -> f32 {
+    seen.nearest(p, f32::INFINITY, found);
+    if found.is_full() { found.len() as f32 / found.farthest().max(f32::MIN_POSITIVE) } else { 0.0 }
+}
+
+/// Samples of a map with what they say by each criterion.
+fn layer(
+    map: PhotonMap,
+    criteria: &[Criterion],
+    seen: Option<&PhotonMap>,
+    power: impl Fn(&Photon) -> f32 + Sync,
+    irradiance: impl Fn(&Photon, &mut Nearest) -> f32 + Sync,
+) -> Layer {
+    let scalar = |value: f32| Vec3::new(value, 0.0, 0.0);
+    let value = |criterion: Criterion, number: u32, found: &mut [Nearest; 2]| {
+        let photon = map.photon(number);
+        let mark = photon.mark();
+        match criterion {
+            Criterion::Normal => mark.normal(),
+            Criterion::Direction => mark.to_light(),
+            Criterion::Power => scalar(power(&photon)),
+            Criterion::Irradiance => scalar(irradiance(&photon, &mut found[1])),
+            Criterion::Importance => scalar(seen.map_or(0.0, |seen| importance_at(seen, photon.p, &mut found[0]))),
+        }
+    };
+    let all = |criterion: Criterion| {
+        let numbers = 0..map.len() as u32;
+        let values = numbers
+            .into_par_iter()
+            .map_init(|| [Nearest::new(SEEN), Nearest::new(GATHERED)], |found, number| value(criterion, number, found));
+        (criterion, values.collect())
+    };
+    let values = criteria.iter().map(|&criterion| all(criterion)).collect();
+    Layer { map, values }
+}
+
+fn of_agents(agents: &Agents, criteria: &[Criterion], seen: Option<&PhotonMap>) -> Vec<Layer> {
+    let (by_sensors, by_agents): (Vec<_>, Vec<_>) =
+        criteria.iter().copied().partition(|&criterion| criterion == Criterion::Irradiance);
+    let [places, sensors] = agents.maps();
+    let mut layers = Vec::new();
+    if !by_agents.is_empty() {
+        layers.push(layer(places.clone(), &by_agents, seen, Agents::lit_share, |_, _| 0.0));
+    }
+    if !by_sensors.is_empty() {
+        let measured = |sensor: &Photon, _: &mut Nearest| luminance(sensor.mark().power());
+        layers.push(layer(sensors.clone(), &by_sensors, seen, |_| 0.0, measured));
+    }
+    layers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn densities_are_those_computed_by_hand() {
+        let of = |values: &[f32]| {
+            let values: Vec<Vec3> = values.iter().map(|&value| Vec3::new(value, 0.0, 0.0)).collect();
+            useful_data_density(&values)
+        };
+        // Mean 4, deviations −2, 0, 2: √(8 ∕ 2) ∕ 4.
+        assert_eq!(of(&[2.0, 4.0, 6.0]), Some(0.5));
+        assert_eq!(of(&[3.0; 9]), Some(0.0));
+        assert_eq!(of(&[0.0; 4]), Some(0.0));
+        assert_eq!((of(&[]), of(&[1.0])), (None, None));
+        // Opposite directions: the mean vector is 0, each is one away from it, √(2 ∕ 1) ∕ 1.
+        let density = useful_data_density(&[Vec3::X, Vec3::NEG_X]).unwrap();
+        assert!((density - 2.0_f32.sqrt()).abs() < 1e-6, "{density}");
+        let halves = Density {
+            by_criterion: vec![
+                (Criterion::Normal, Some(0.5)),
+                (Criterion::Power, Some(0.25)),
+                (Criterion::Direction, None),
+            ],
+            sample_count: 3,
+        };
+        assert_eq!(halves.all(), Some(0.375));
+        assert_eq!(Density::default().all(), None);
+    }
+
+    #[test]
+    fn local_spheres_hold_what_a_search_through_all_finds() {
+        let photons: Vec<Photon> = (0..3000)
+            .map(|i| {
+                let sampler = PixelSampler::new(8, i, 0, 0);
+                let u = [0, 1, 2, 3, 4].map(|key| sampler.hashed(key));
+                let normal = if u[3] < 0.5 { Vec3::X } else { Vec3::Y };
+                Photon::new(Vec3::new(u[0], u[1], u[2]), Vec3::Z, normal, Vec3::splat(u[4]))
+            })
+            .collect();
+        let criteria = [Criterion::Normal, Criterion::Power, Criterion::Irradiance];
+        let by_place = |photon: &Photon, _: &mut Nearest| photon.p.x + 0.5;
+        let power = |photon: &Photon| luminance(photon.mark().power());
+        let layer = layer(PhotonMap::new(photons.clone()), &criteria, None, power, by_place);
+        let samples = Samples { layers: vec![layer], radius: 0.2 };
+        for i in 0..30 {
+            let sampler = PixelSampler::new(9, i, 0, 0);
+            let p = Vec3::new(sampler.hashed(0), sampler.hashed(1), sampler.hashed(2)) * 1.3;
+            let near: Vec<&Photon> = photons.iter().filter(|it| it.p.distance_squared(p) < 0.04).collect();
+            let found = samples.density_at(p);
+            assert_eq!(found.sample_count as usize, near.len());
+            let expected = [
+                near.iter().map(|it| it.mark().normal()).collect::<Vec<_>>(),
+                near.iter().map(|it| Vec3::new(power(it), 0.0, 0.0)).collect(),
+                near.iter().map(|it| Vec3::new(it.p.x + 0.5, 0.0, 0.0)).collect(),
+            ];
+            for ((_, found), expected) in found.by_criterion.iter().zip(&expected) {
+                // By the formula as it stands.
+                let mean = expected.iter().sum::<Vec3>() / expected.len() as f32;
+                let variance: f32 = expected.iter().map(|it| it.distance_squared(mean)).sum::<f32>();
+                let size = expected.iter().map(|it| it.length()).sum::<f32>() / expected.len() as f32;
+                let by_formula = (variance / (expected.len() as f32 - 1.0)).sqrt() / size;
+                match found {
+                    Some(found) => assert!((found - by_formula).abs() < 1e-4, "{found} {by_formula}"),
+                    None => assert!(expected.len() < 2),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Autonomous Lighting Agents: a few agents that find out what a scene is like, and answer while the picture is painted.
+//!
+//! Source: Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*. Where its formulas leave a choice,
+//! `docs/ala.md` says how they are read here. An agent depends on the scene, the settings, the seed and its index alone; what
+//! it senses, on these and on where all agents are.
+
+mod agent;
+mod cast;
+mod ludd;
+mod map;
+mod miner;
+mod network;
+mod report;
+mod sensing;
+mod swarm;
+
+pub use agent::Agent;
+pub(crate) use cast::cast_agents;
+pub use cast::{AgentWork, SensorWork};
+pub use ludd::{Criterion, Density, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
+pub(crate) use map::Agents;
+pub use report::AgentReport;
+pub(crate) use report::Tally;
+pub use sensing::Sensed;

@@ -1,0 +1,88 @@
+//! What an irradiance sensor of an agent measures.
+
+use std::{f32::consts::PI, sync::Arc};
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::{
+    PhotonIntegrator,
+    eye::{Eye, Hands, Known, Spot},
+};
+use crate::{
+    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    bsdf::warp::cosine_hemisphere,
+    integrator::path::PathIntegrator,
+    interaction::Interaction,
+    photon::{Passes, PhotonMaps},
+    sampler::{DimensionSet, PixelSampler},
+    sampling::orthonormal_basis,
+};
+
+/// Rays by which the irradiance at a sensor is found, and those after which it is dark if none found any.
+const RAYS: u32 = 256;
+const RAYS_IN_THE_DARK: u32 = 48;
+
+/// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
+pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSettings {
+    PathSettings {
+        seed,
+        max_depth: photons.bounces,
+        guiding: false,
+        photons: Some(*photons),
+        ..PathSettings::default()
+    }
+}
+
+impl<'a> PhotonIntegrator<'a> {
+    /// One that sensors follow paths with.
+    ///
+    /// - `settings`: by [`sensing_settings`].
+    pub(crate) fn sensing(
+        prepared: &'a PreparedScene,
+        settings: &'a PathSettings,
+        photons: PhotonSettings,
+        passes: Arc<Passes>,
+    ) -> Result<Self, RenderError> {
+        if prepared.needs_volume() {
+            return Err(RenderError::PhotonsInMedia);
+        }
+        // Sensors are no one's view.
+        let view = View { camera: 0, width: 1, height: 1 };
+        let base = PathIntegrator::unguided(prepared, view, settings)?;
+        Ok(Self { base, photons, passes, cache: None, view })
+    }
+
+    pub(crate) fn prepared(&self) -> &'a PreparedScene {
+        self.base.prepared()
+    }
+
+    /// Indirect irradiance at a point, on the side that it was looked at from: light that shines there straight is left out,
+    /// and so is light over mirrors and glass alone, which photons bring.
+    ///
+    /// - `width`: of the surroundings that the sensor stands for.
+    pub(crate) fn irradiance(
+        &self,
+        maps: &PhotonMaps,
+        point: Interaction,
+        width: f32,
+        sampler: PixelSampler,
+        hands: &mut Hands,
+    ) -> Spectrum {
+        let n: Vec3 = point.frame[2];
+        let (s, t) = orthonormal_basis(n);
+        let spot = Spot::new(point, width);
+        let known = Known { maps, cache: None, agents: None };
+        let mut eye = Eye::new(self, known, sampler, hands);
+        let mut sum = Spectrum::ZERO;
+        for index in 0..RAYS {
+            if index == RAYS_IN_THE_DARK && sum == Spectrum::ZERO {
+                return Spectrum::ZERO;
+            }
+            let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, RAYS);
+            let local = cosine_hemisphere([u, v]);
+            sum += eye.look_from(&spot, s * local.x + t * local.y + n * local.z, index).radiance;
+        }
+        sum * (PI / RAYS as f32)
+    }
+}

@@ -1,0 +1,59 @@
+//! The scene of the paper by Autonomous Lighting Agents: what they spare, and what is seen of it.
+
+use std::sync::Arc;
+
+use bottega_image::{AovSet, FlipOptions, Layout, Picture, Rect, Tile, flip, read_picture};
+use bottega_render::{
+    AgentSettings, BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, View,
+    ala::AgentReport,
+};
+use bottega_scene::LoadOptions;
+
+use crate::scenes_folder;
+
+const SCENE: &str = "ala/ala.xml";
+const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
+const SIDE: u32 = 128;
+const SAMPLES: u32 = 16;
+
+/// A picture with agents that decide about shadow rays, or do not.
+fn painted(scene: &Arc<PreparedScene>, decides_shadows: bool) -> (Picture, AgentReport) {
+    let agents = AgentSettings { decides_shadows, ..AgentSettings::default() };
+    let photons = PhotonSettings { count: 200_000, agents: Some(agents), ..PhotonSettings::default() };
+    let settings = PathSettings { photons: Some(photons), filter: Filter::PIXEL, ..PathSettings::default() };
+    let tile = Tile::new(Rect::of_size(SIDE, SIDE), Layout::new(AovSet::NONE));
+    let view = View { camera: 0, width: SIDE, height: SIDE };
+    let work = BlockWork { scene: Arc::clone(scene), view, settings: Arc::new(settings), tile, samples: 0..SAMPLES };
+    let tile = work.perform().expect("a picture").tile;
+    let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);
+    let report = scene.lighting_agents(photons, settings.seed).expect("agents that were asked");
+    (Picture::from_fn(SIDE, SIDE, mean), report)
+}
+
+/// The mean of all pixels, by channel.
+fn mean(picture: &Picture) -> [f64; 3] {
+    [0, 1, 2].map(|channel| {
+        picture.data.iter().map(|color| f64::from(color[channel])).sum::<f64>() / picture.data.len() as f64
+    })
+}
+
+#[test]
+fn agents_spare_most_shadow_rays_and_nobody_sees_it() {
+    let Some(folder) = scenes_folder(SCENE) else { return };
+    let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
+    let loaded = bottega_scene::load(&folder.join(SCENE), &options).expect("a scene");
+    let options = PrepareOptions { threads: 2, ..PrepareOptions::default() };
+    let scene = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options).expect("a sound scene"));
+    let ((traced, _), (spared, report)) = (painted(&scene, false), painted(&scene, true));
+    let AgentReport { tally, .. } = report;
+    let share = tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared) as f64;
+    assert!(share <= 0.15, "{tally:?}");
+    let seen = flip(&traced, &spared, &FlipOptions::default()).expect("pictures of one size");
+    let wrong = seen.map.iter().filter(|&&error| error > 0.1).count();
+    assert!(wrong as f64 <= 1e-3 * f64::from(SIDE * SIDE), "{wrong} pixels");
+    // Interpolation blurs; it adds no light and takes none.
+    let full = read_picture(folder.join(REFERENCE)).expect("a reference picture");
+    for (found, expected) in mean(&spared).into_iter().zip(mean(&full)) {
+        assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+    }
+}
