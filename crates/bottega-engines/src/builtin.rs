@@ -173,12 +173,12 @@ impl RenderEngine for BuiltinEngine {
 
     fn learnt(&self) -> Option<Vec<u8>> {
         let options = &self.shared.options;
-        self.shared.scene.learnt(options.view, options.settings.planned_samples)
+        self.shared.scene.learnt(options.view, &options.settings)
     }
 
     fn learn_from(&self, bytes: &[u8]) -> Result<(), EngineError> {
         let options = &self.shared.options;
-        let learnt = self.shared.scene.learn_from(options.view, options.settings.planned_samples, bytes);
+        let learnt = self.shared.scene.learn_from(options.view, &options.settings, bytes);
         learnt.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
