@@ -34,16 +34,3 @@ pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 pub(crate) fn luminance(color: bottega_scene::Spectrum) -> f32 {
     color.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))
 }
-
-#[doc(hidden)]
-pub static TUNE: [std::sync::atomic::AtomicU32; 8] = {
-    use std::sync::atomic::AtomicU32;
-    const fn a(x: f32) -> AtomicU32 {
-        AtomicU32::new(x.to_bits())
-    }
-    [a(1.0), a(0.7), a(1.4), a(1.8), a(0.1), a(0.0), a(0.2), a(0.0)]
-};
-#[inline(always)]
-pub(crate) fn tune(i: usize) -> f32 {
-    f32::from_bits(TUNE[i].load(std::sync::atomic::Ordering::Relaxed))
-}

@@ -241,6 +241,13 @@ impl PreparedScene {
         Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
+    /// Whether paths of a view can learn beforehand: it has pixels enough, and no media take part.
+    pub fn can_learn(&self, view: View) -> bool {
+        /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
+        const PIXELS_MIN: u64 = 128 * 128;
+        u64::from(view.width) * u64::from(view.height) >= PIXELS_MIN && !self.needs_volume
+    }
+
     /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
     /// yet.
     pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {

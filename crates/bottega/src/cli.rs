@@ -1,5 +1,6 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
+mod guiding;
 mod photons;
 mod values;
 
@@ -10,7 +11,6 @@ use bottega_image::{Aov, Rect};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use self::photons::PhotonArgs;
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_duration,
@@ -19,6 +19,7 @@ use self::values::{
     parse_aov, parse_channel, parse_define, parse_distance, parse_environment, parse_error, parse_factor, parse_rate,
     parse_rect, parse_size, parse_stops, parse_time,
 };
+use self::{guiding::GuideArgs, photons::PhotonArgs};
 use crate::{
     bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
@@ -216,9 +217,8 @@ pub(crate) struct RenderArgs {
     pub(crate) integrator: IntegratorArg,
     #[command(flatten)]
     pub(crate) photon_mapping: PhotonArgs,
-    /// Let paths go where materials send them, and do not learn beforehand where light comes from.
-    #[arg(long, help_heading = "Quality")]
-    pub(crate) no_guiding: bool,
+    #[command(flatten)]
+    pub(crate) guiding: GuideArgs,
     /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
     #[arg(long, value_enum, help_heading = "Quality")]
     pub(crate) filter: Option<FilterArg>,

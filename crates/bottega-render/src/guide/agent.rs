@@ -23,7 +23,7 @@ const PATHS_PER_PART: usize = 64;
 /// Least side of a part, in pixels.
 const SIDE_MIN: f64 = 4.0;
 /// What a part shows counts as no less than this share of what the picture does.
-const DARKEST: f32 = 0.1;
+const DARKEST: f32 = 0.3;
 /// A path whose first region is so many times as noisy as its part of the picture is bright counts as no noisier.
 const NOISE_MAX: f32 = 20.0;
 /// A light that differs from the mean of those next to it by more than this factor is taken for noise.

@@ -1,7 +1,7 @@
 //! A guide as bytes, for others who paint the same view of the same scene.
 //!
 //! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
-//! axis: three each); how many nodes, regions and agents there are; columns and rows of the parts of the picture, and how many
+//! axis: three each); how many nodes, regions and agents there are; whether paths are split; columns and rows of the parts of the picture, and how many
 //! of these are known; of each node its plane and its link; of each region its share; of each agent what it knows; what each
 //! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
 
@@ -25,6 +25,7 @@ impl Guide {
         put(nodes.len() as u32);
         put(regions.len() as u32);
         put(agents.len() as u32);
+        put(u32::from(self.splits()));
         [columns, rows, worth.len() as u32].into_iter().for_each(&mut put);
         nodes.iter().flat_map(|node| node.to_numbers()).for_each(&mut put);
         regions.iter().for_each(|region| put(region.share.to_bits()));
@@ -59,10 +60,11 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     }
     let lattice = Lattice::from_numbers(lattice)?;
     let (nodes, regions, agents) = (number()? as usize, number()? as usize, number()? as usize);
+    let splits = number()? != 0;
     let (columns, rows, parts) = (number()?, number()?, number()? as usize);
     // No more is set aside than there is.
     let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4)];
-    let all = sizes.iter().try_fold(4 * 15_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
+    let all = sizes.iter().try_fold(4 * 16_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
     if all != bytes.len() {
         return None;
     }
@@ -84,7 +86,8 @@ fn read(bytes: &[u8]) -> Option<Guide> {
         (0.0..=1.0).contains(&share).then_some(Region { share, directions })
     };
     let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
-    Guide::from_parts(lattice, nodes, regions, agents, Expected::from_parts(columns, rows, worth)?)
+    let expected = Expected::from_parts(columns, rows, worth)?;
+    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.splitting(splits))
 }
 
 #[cfg(test)]

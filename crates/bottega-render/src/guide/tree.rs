@@ -221,6 +221,8 @@ pub(crate) struct Guide {
     /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
     agents: Vec<Agent>,
     expected: Expected,
+    /// Whether it pays to end and to split paths by what agents say.
+    splits: bool,
 }
 
 impl Guide {
@@ -250,12 +252,22 @@ impl Guide {
             lone.extend(tree.lone);
         }
         agents.extend(lone);
-        Self { entries: lattice.entries(&nodes), lattice, nodes, regions, agents, expected: Expected::default() }
+        Self { entries: lattice.entries(&nodes), lattice, nodes, regions, agents, ..Self::default() }
     }
 
     /// With what the parts of the picture are worth.
     pub(super) fn expecting(self, expected: Expected) -> Self {
         Self { expected, ..self }
+    }
+
+    /// With whether it pays to end and to split paths by what agents say.
+    pub(crate) fn splitting(self, splits: bool) -> Self {
+        Self { splits, ..self }
+    }
+
+    /// Whether it pays to end and to split paths by what agents say.
+    pub(crate) fn splits(&self) -> bool {
+        self.splits
     }
 
     /// What it is made of.
@@ -280,7 +292,15 @@ impl Guide {
             node.as_split().is_none_or(|(_, _, first)| first > number && first + 1 < nodes.len())
         };
         let is_sound = (nodes.is_empty() || nodes.len() >= FACES) && nodes.iter().enumerate().all(leads_on);
-        is_sound.then(|| Self { entries: lattice.entries(&nodes), lattice, nodes, regions, agents, expected })
+        is_sound.then(|| Self {
+            entries: lattice.entries(&nodes),
+            lattice,
+            nodes,
+            regions,
+            agents,
+            expected,
+            splits: false,
+        })
     }
 
     /// Asks memory for what [`Guide::at`] begins with.

@@ -6,6 +6,7 @@
 mod branch;
 pub(super) mod light;
 mod scatter;
+mod trial;
 
 use std::sync::Arc;
 
@@ -48,8 +49,6 @@ const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
 /// samples.
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
-/// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
-const GUIDED_PIXELS_MIN: u64 = 128 * 128;
 /// Growth of the beam after a scattering that spreads over one steradian.
 pub(super) const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -137,15 +136,18 @@ pub struct PathIntegrator<'a> {
     filter: FilterSampler,
     wanted: Wanted,
     guide: Option<Arc<Guide>>,
+    /// Whether agents decide where paths end, and where they go on as several.
+    splits: bool,
 }
 
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
     pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
-        let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
-        if (settings.guiding || settings.agents.any()) && is_worth_it && !prepared.needs_volume() {
-            integrator.guide = Some(prepared.guide(view, settings, || integrator.learn(view)));
+        if (settings.guiding || settings.agents.any()) && prepared.can_learn(view) {
+            let guide = prepared.guide(view, settings, || integrator.learn(view));
+            integrator.splits = settings.agents.roulette && guide.splits();
+            integrator.guide = Some(guide);
         }
         Ok(integrator)
     }
@@ -171,6 +173,7 @@ impl<'a> PathIntegrator<'a> {
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
+            splits: false,
         })
     }
 
@@ -191,14 +194,20 @@ impl<'a> PathIntegrator<'a> {
             lights: self.settings.agents.any().then(|| self.prepared.lights()),
             threads: self.prepared.threads(),
         };
-        train(&training, |guide, index, trail| {
+        let guide = train(&training, |guide, index, trail| {
             // One sequence of samples for the whole picture.
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
             let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
             let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
             (compiled::run(path).values.radiance.into(), [x, y])
-        })
+        });
+        if training.lights.is_none() {
+            return guide;
+        }
+        let guide = Arc::new(guide);
+        let splits = self.prepared.on_threads(|| integrator.splitting_pays(training.samples, &guide));
+        Guide::clone(&guide).splitting(splits)
     }
 
     #[must_use]

@@ -13,7 +13,7 @@ use super::{LightSample, Lights, NO_LIGHT, Receiver, tree::LightTree};
 use crate::{bsdf::warp::ONE_MINUS_EPSILON, prepare::PreparedScene, sampler::Quad};
 
 /// Parts of the tree that a choice tells apart.
-pub(crate) const PARTS: usize = 16;
+pub(crate) const PARTS: usize = 32;
 /// The number of the part that is infinitely far away.
 const FAR: usize = PARTS;
 /// Shares of the choice that a place may choose between: what it has never seen shine is at most ten times as bright as by

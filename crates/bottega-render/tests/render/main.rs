@@ -1,5 +1,6 @@
 //! Pictures held to the yardsticks that their claims deserve: known answers, equal means, equal bits.
 
+mod agents;
 mod determinism;
 mod furnace;
 mod guiding;

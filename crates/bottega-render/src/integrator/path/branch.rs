@@ -1,5 +1,7 @@
 //! Where a path goes on as several, or as none.
 
+use std::ops::RangeInclusive;
+
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
@@ -8,8 +10,10 @@ use crate::{camera::RayCone, guide::Agent, sampler::PixelSampler};
 
 /// Branches of a path that wait, at most.
 pub(in crate::integrator) const BRANCHES_MAX: usize = 32;
-/// Least and greatest number of paths that one goes on as.
+/// Least and greatest number of paths that one goes on as on the average, and numbers that count as one.
+const SURVIVAL_MIN: f32 = 0.3;
 const SPLIT_MAX: f32 = 8.0;
+const ONE: RangeInclusive<f32> = 0.7..=1.4;
 
 /// A path that waits to be followed from where it scattered.
 #[derive(Clone, Copy)]
@@ -75,7 +79,7 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn split(&mut self, agent: Option<&Agent>, u: f32, room: usize) -> u32 {
         let settings = self.integrator.settings;
-        if !settings.agents.roulette {
+        if !self.integrator.splits {
             return 1;
         }
         // As paths do who know no agents.
@@ -86,15 +90,13 @@ impl Path<'_> {
         };
         let many = match agent {
             Some(agent) if self.worth > 0.0 => {
-                let worth = agent.worth(self.throughput.max_element() * self.worth) * crate::tune(0);
-                let worth = if worth > crate::tune(1) && worth < crate::tune(2) {
-                    if crate::tune(5) > 0.0 { usual } else { 1.0 }
-                } else if worth < 1.0 && self.depth == 0 {
+                let worth = agent.worth(self.throughput.max_element() * self.worth);
+                // About one is one: there is little to be won, and what is decided by chance is noise.
+                if ONE.contains(&worth) || worth < 1.0 && self.depth == 0 {
                     1.0
                 } else {
-                    worth
-                };
-                worth.clamp(crate::tune(6), SPLIT_MAX).min(room as f32 + 1.0)
+                    worth.clamp(SURVIVAL_MIN, SPLIT_MAX).min(room as f32 + 1.0)
+                }
             }
             _ => usual,
         };

@@ -14,6 +14,12 @@ use crate::{
     settings::DirectLight,
 };
 
+/// How often to look whether a light is seen, for what it may be more or less and is worth to the pixel: the root of what a
+/// vertex takes over what looking takes, and some caution. Least probability of it: light is then at most nine times as strong
+/// where nearly none was expected, and as much too weak where all of it was.
+const LOOKS: f32 = 3.0;
+const LOOKS_MIN: f32 = 0.1;
+
 impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
@@ -119,7 +125,7 @@ impl Path<'_> {
     fn add_expected(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum, sight: Sight, u: f32) {
         let light_carried = self.throughput * contribution;
         let worth = if self.worth > 0.0 { light_carried.max_element() * self.worth } else { 1.0 };
-        let traced = (sight.doubt * worth * crate::tune(3)).clamp(crate::tune(4), 1.0);
+        let traced = (sight.doubt * worth * LOOKS).clamp(LOOKS_MIN, 1.0);
         let mut seen = sight.seen;
         if u < traced {
             let is_seen = !self.is_occluded(&shadow_ray(point, light));

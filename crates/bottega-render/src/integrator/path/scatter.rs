@@ -60,7 +60,7 @@ impl Path<'_> {
         self.direction = wi;
         self.depth += 1;
         // Where agents say what a path is worth, it is they who end it, at its next vertex.
-        if AGENTS && self.integrator.settings.agents.roulette {
+        if AGENTS && self.integrator.splits {
             return self.throughput.max_element() > 0.0;
         }
         self.survives(u[3])

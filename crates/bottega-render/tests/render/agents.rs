@@ -1,0 +1,196 @@
+//! Whatever agents are asked for, pictures have the mean of those for which nobody is asked; and it takes less.
+
+use std::sync::Arc;
+
+use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_render::{AgentUse, BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_scene::{Environment, Material, Scene};
+use glam::Vec3;
+
+use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, matte, prepare};
+use crate::strategies::{assert_same_mean, moments};
+
+/// Large enough that there is something to learn from.
+const SIDE: u32 = 128;
+const VIEW: View = View { camera: 0, width: SIDE, height: SIDE };
+
+const NOTHING: AgentUse = AgentUse { shadows: false, lights: false, roulette: false };
+const ALL: AgentUse = AgentUse { shadows: true, lights: true, roulette: true };
+
+fn settings(agents: AgentUse, seed: u64, planned_samples: u32) -> PathSettings {
+    PathSettings { seed, filter: Filter::PIXEL, guiding: false, agents, planned_samples, ..PathSettings::default() }
+}
+
+/// Paints a part of the picture, with what it costs.
+fn paint(scene: &Arc<PreparedScene>, settings: &PathSettings, rect: Rect, cuts: &[u32]) -> Tile {
+    let mut tile = Tile::new(rect, Layout::new([Aov::Cost].into_iter().collect::<AovSet>()));
+    for samples in cuts.windows(2) {
+        let settings = Arc::new(*settings);
+        let work = BlockWork { scene: Arc::clone(scene), view: VIEW, settings, tile, samples: samples[0]..samples[1] };
+        tile = work.perform().expect("a picture").tile;
+    }
+    tile
+}
+
+fn whole(scene: &Arc<PreparedScene>, settings: &PathSettings, spp: u32) -> Tile {
+    paint(scene, settings, Rect::of_size(SIDE, SIDE), &[0, spp])
+}
+
+/// Mean over blocks of pixels of their variance, relative to what both pictures show there; no less than a twentieth of the
+/// mean of all.
+fn noises(a: &Tile, b: &Tile) -> [f64; 2] {
+    let all = moments(a, &a.rect()).0;
+    let blocks: Vec<Rect> = a.rect().blocks(4).collect();
+    let relative = |tile: &Tile, block: &Rect| {
+        let shown = (0.5 * (moments(a, block).0 + moments(b, block).0)).max(0.05 * all);
+        moments(tile, block).1 / (shown * shown)
+    };
+    [a, b].map(|tile| blocks.iter().map(|block| relative(tile, block)).sum::<f64>() / blocks.len() as f64)
+}
+
+/// Steps through the scene that a sample took, and what rays towards lights count for.
+fn work(tile: &Tile) -> f64 {
+    let offset = tile.layout().offset(Aov::Cost).expect("it was asked for");
+    tile.rect().pixels().map(|(x, y)| f64::from(tile.pixel(x, y)[offset])).sum()
+}
+
+/// Both pictures have the same mean everywhere. Returns noise and work of the one with agents over those of the other.
+fn compared(what: &str, scene: Scene, agents: AgentUse, spp: u32) -> (f64, f64) {
+    let scene = prepare(scene);
+    let helped = whole(&scene, &settings(agents, 1, spp), spp);
+    let plain = whole(&scene, &settings(NOTHING, 2, spp), spp);
+    assert_same_mean(what, &helped, &plain);
+    let [with, without] = noises(&helped, &plain);
+    let (noise, work) = (with / without, work(&helped) / work(&plain));
+    eprintln!("{what}: noise {noise:.3}, work {work:.3}");
+    (noise, work)
+}
+
+/// A room with small lamps all over its ceiling, most of them above a sheet that keeps their light off, and a sky that nobody
+/// sees.
+fn lamps(along: [u32; 2]) -> Scene {
+    let mut scene =
+        Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(0.0, -0.6, -1.0), 1.0)], ..Scene::default() };
+    let white = matte(Vec3::splat(0.4));
+    add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), &white);
+    add_quad(&mut scene, Vec3::new(-1.2, 0.9, -2.0), Vec3::X * 3.2, Vec3::Z * 4.0, white.clone());
+    add_quad(&mut scene, Vec3::new(-0.9, -0.2, -1.2), Vec3::X * 0.5, Vec3::Z * 0.5, white);
+    let [columns, rows] = along;
+    for i in 0..columns * rows {
+        let at = |i: u32, count: u32| 3.6 * (i as f32 + 0.5) / count as f32 - 1.8;
+        let corner = Vec3::new(at(i % columns, columns), 0.98, at(i / columns, rows));
+        let lamp = Material::lamp(Vec3::splat(2000.0 / (columns * rows) as f32));
+        add_quad(&mut scene, corner, Vec3::X * 0.05, Vec3::Z * 0.05, lamp);
+    }
+    scene.environment = Some(Environment::uniform(Vec3::splat(0.5)));
+    scene
+}
+
+#[test]
+fn shadow_rays_are_spared_behind_walls() {
+    let agents = AgentUse { shadows: true, ..NOTHING };
+    let (noise, work) = compared("shadows", lamps([5, 2]), agents, 32);
+    assert!(work < 0.95 && noise < 1.1, "{noise} {work}");
+}
+
+#[test]
+fn of_many_lights_those_are_chosen_that_are_seen() {
+    let agents = AgentUse { lights: true, ..NOTHING };
+    let (noise, work) = compared("lights", lamps([20, 10]), agents, 32);
+    assert!(noise < 0.6 && work < 1.1, "{noise} {work}");
+}
+
+/// A room that is lit through a gap beside a screen, with a ball of glass in it.
+fn around_a_corner() -> Scene {
+    let mut scene =
+        Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };
+    let white = matte(Vec3::splat(0.75));
+    add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), &white);
+    add_quad(&mut scene, Vec3::new(0.9, -1.0, -2.0), Vec3::Y * 2.0, Vec3::Z * 3.4, white);
+    let lamp = Material::lamp(Vec3::splat(300.0));
+    add_quad(&mut scene, Vec3::new(1.3, 0.99, -0.5), Vec3::X * 0.2, Vec3::Z * 0.2, lamp);
+    add_sphere(&mut scene, Vec3::new(-1.0, -0.6, 0.0), 0.4, crate::scenes::glass());
+    scene
+}
+
+#[test]
+fn paths_end_and_split_where_it_pays() {
+    let agents = AgentUse { roulette: true, ..NOTHING };
+    let (noise, work) = compared("roulette", around_a_corner(), agents, 32);
+    assert!(noise < 0.8 && noise * work < 1.0, "{noise} {work}");
+}
+
+#[test]
+fn all_of_it_in_a_room_with_glass() {
+    let scene = prepare(cornell());
+    let guided = PathSettings { guiding: true, ..settings(ALL, 1, 32) };
+    let helped = whole(&scene, &guided, 32);
+    assert_same_mean("all", &helped, &whole(&scene, &settings(NOTHING, 2, 32), 32));
+}
+
+#[test]
+fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
+    let by = |threads| {
+        let options = PrepareOptions { threads, compensate_environment: true };
+        Arc::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
+    };
+    let settings = PathSettings { guiding: true, ..settings(ALL, 3, 8) };
+    let (one, three) = (by(1), by(3));
+    let expected = whole(&one, &settings, 4);
+    let learnt = one.learnt(VIEW, &settings).expect("it was painted");
+    let told = by(1);
+    told.learn_from(VIEW, &settings, &learnt).expect("what was learnt");
+    assert!(told.learnt(VIEW, &settings).as_ref() == Some(&learnt));
+    assert!(whole(&one, &PathSettings { agents: NOTHING, ..settings }, 4) != expected);
+    for scene in [&three, &told] {
+        for (x0, y0, side) in [(0, 0, 37), (90, 61, 38), (40, 100, 5)] {
+            let part = paint(scene, &settings, Rect::new(x0, y0, x0 + side, y0 + side.min(SIDE - y0)), &[0, 1, 3, 4]);
+            for (x, y) in part.rect().pixels() {
+                assert_eq!(part.pixel(x, y), expected.pixel(x, y));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_sent_damaged_is_refused_or_harmless() {
+    let scene = prepare(lamps([5, 5]));
+    let settings = settings(ALL, 3, 4);
+    whole(&scene, &settings, 1);
+    let learnt = scene.learnt(VIEW, &settings).expect("it was painted");
+    let (mut refused, mut taken) = (0, 0);
+    for i in 0..60 {
+        let mut bytes = learnt.clone();
+        // All over: what leads, nodes, agents, what the parts of the picture are worth.
+        let place = (i * bytes.len() / 60 + 7 * i) % bytes.len();
+        bytes[place] ^= 1 << (i % 8);
+        let options = PrepareOptions { threads: 1, compensate_environment: false };
+        let other = Arc::new(PreparedScene::with_accel(
+            Arc::clone(scene.scene()),
+            bottega_render::build_accel(scene.scene(), &options).expect("a sound scene"),
+            &options,
+        ));
+        if other.learn_from(VIEW, &settings, &bytes).is_err() {
+            refused += 1;
+            continue;
+        }
+        taken += 1;
+        let tile = paint(&other, &settings, Rect::new(40, 40, 60, 60), &[0, 1]);
+        assert!(tile.rect().pixels().all(|(x, y)| tile.pixel(x, y).iter().all(|sum| sum.is_finite())));
+    }
+    assert!(taken > 0 && refused > 0, "{taken} {refused}");
+}
+
+#[test]
+fn black_light_and_no_light_teach_nothing() {
+    let mut dark = cornell();
+    for material in &mut dark.materials {
+        material.emission.factor = Vec3::ZERO;
+    }
+    let mut far = dark.clone();
+    far.environment = Some(Environment::uniform(Vec3::ONE));
+    for (scene, is_lit) in [(dark, false), (far, true)] {
+        let tile = whole(&prepare(scene), &PathSettings { guiding: true, ..settings(ALL, 1, 4) }, 2);
+        assert_eq!(moments(&tile, &tile.rect()).0 > 0.0, is_lit);
+    }
+}
