@@ -83,9 +83,9 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
     let has_paths = args.integrator == IntegratorArg::Path && subject.prepared.can_learn(subject.view);
     if args.guiding.agents().any() && !has_paths {
-        reporter.warn(
-            "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more",
-        );
+        let why =
+            "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more";
+        reporter.warn(why.to_owned());
     }
     started(&reporter, args, &subject, &settings, &crew);
 

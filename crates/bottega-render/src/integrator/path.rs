@@ -207,7 +207,7 @@ impl<'a> PathIntegrator<'a> {
         }
         let guide = Arc::new(guide);
         let splits = self.prepared.on_threads(|| integrator.splitting_pays(training.samples, &guide));
-        Guide::clone(&guide).splitting(splits)
+        Arc::unwrap_or_clone(guide).splitting(splits)
     }
 
     #[must_use]

@@ -101,7 +101,7 @@ impl Path<'_> {
             _ => usual,
         };
         // (Nothing is carried, or what is no number.)
-        if !(many > 0.0) {
+        if many <= 0.0 || many.is_nan() {
             return 0;
         }
         self.throughput /= many;
