@@ -15,7 +15,7 @@ use bottega_hra::{
 };
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
-    BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, ala::AgentReport,
+    AgentUse, BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, ala::AgentReport,
     integrator::PathIntegrator, photon::cast_photons,
 };
 
@@ -101,7 +101,10 @@ impl BuiltinEngine {
         let Devices { lanes, costs } = devices;
         let device_count = lanes.len();
         // Devices are not guided, so nobody needs to learn.
-        options.settings.guiding &= options.threads > 0;
+        if options.threads == 0 {
+            options.settings.guiding = false;
+            options.settings.agents = AgentUse::default();
+        }
         let lanes = processors.into_iter().map(Lane::from).chain(lanes).chain(looker(&options)).collect();
         let costs = costs.unwrap_or_else(|| CostBook::new(""));
         let hra = Hra::with_costs(HraConfig::default(), lanes, &costs);
@@ -184,12 +187,12 @@ impl RenderEngine for BuiltinEngine {
 
     fn learnt(&self) -> Option<Vec<u8>> {
         let options = &self.shared.options;
-        self.shared.scene.learnt(options.view, options.settings.planned_samples)
+        self.shared.scene.learnt(options.view, &options.settings)
     }
 
     fn learn_from(&self, bytes: &[u8]) -> Result<(), EngineError> {
         let options = &self.shared.options;
-        let learnt = self.shared.scene.learn_from(options.view, options.settings.planned_samples, bytes);
+        let learnt = self.shared.scene.learn_from(options.view, &options.settings, bytes);
         learnt.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 

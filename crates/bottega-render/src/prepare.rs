@@ -11,7 +11,7 @@ use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surfac
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    PhotonSettings, RenderError, View,
+    PathSettings, PhotonSettings, RenderError, View,
     ala::{AgentReport, Agents},
     bsdf::{Bsdf, SurfacePoint, scattering},
     guide::{Guide, UnreadGuide},
@@ -58,8 +58,12 @@ pub struct PreparedScene {
     id: DataId,
 }
 
-/// What a guide is for: a view, and samples a pixel.
-type Learnt = (View, u32);
+/// What a guide is for: a view, samples a pixel, and whether agents belong to it.
+type Learnt = (View, u32, bool);
+
+fn learnt_for(view: View, settings: &PathSettings) -> Learnt {
+    (view, settings.planned_samples, settings.agents.any())
+}
 
 /// Where a guide is put by the first who needs it, while others wait.
 type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
@@ -240,14 +244,21 @@ impl PreparedScene {
 
     /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
     /// learns it by `learn`; who asks meanwhile waits.
-    pub(crate) fn guide(&self, view: View, planned_samples: u32, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
-        Arc::clone(self.guide_place((view, planned_samples)).get_or_init(|| Arc::new(learn())))
+    pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+        Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
-    /// What has been learnt of a view that is painted with so many samples a pixel, for others who paint the same; `None`:
-    /// nothing yet.
-    pub fn learnt(&self, view: View, planned_samples: u32) -> Option<Vec<u8>> {
-        Some(self.guide_place((view, planned_samples)).get()?.to_bytes())
+    /// Whether paths of a view can learn beforehand: it has pixels enough, and no media take part.
+    pub fn can_learn(&self, view: View) -> bool {
+        /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
+        const PIXELS_MIN: u64 = 128 * 128;
+        u64::from(view.width) * u64::from(view.height) >= PIXELS_MIN && !self.needs_volume
+    }
+
+    /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
+    /// yet.
+    pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
+        Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes())
     }
 
     /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
@@ -255,9 +266,9 @@ impl PreparedScene {
     ///
     /// # Errors
     /// The bytes are nothing of the kind.
-    pub fn learn_from(&self, view: View, planned_samples: u32, bytes: &[u8]) -> Result<(), UnreadGuide> {
+    pub fn learn_from(&self, view: View, settings: &PathSettings, bytes: &[u8]) -> Result<(), UnreadGuide> {
         let guide = Guide::from_bytes(bytes)?;
-        self.guide_place((view, planned_samples)).get_or_init(|| Arc::new(guide));
+        self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(guide));
         Ok(())
     }
 

@@ -44,6 +44,9 @@ impl DimensionSet {
     }
 }
 
+/// Sets the numbers of branches of paths apart from all others.
+const BRANCH: u64 = 0x6272_616e_6368_6573;
+
 /// The uniform numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelSampler {
@@ -58,6 +61,13 @@ impl PixelSampler {
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
         Self { pixel_key: mix(mixed_seed(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
+    }
+
+    /// The numbers of branch `branch` of a path that goes on as several from its vertex `vertex`.
+    #[inline(always)]
+    pub(crate) fn branch(&self, vertex: u32, branch: u32) -> Self {
+        let key = u64::from(vertex) << 32 | u64::from(branch);
+        Self { pixel_key: mix(self.pixel_key ^ mix(key ^ BRANCH)), ..*self }
     }
 
     /// The four numbers of a dimension set.

@@ -25,6 +25,24 @@ pub enum DirectLight {
     BsdfSampling,
 }
 
+/// What lighting agents are asked for on a path; nothing by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct AgentUse {
+    /// Whether a light is seen, as far as they know: fewer shadow rays.
+    pub shadows: bool,
+    /// Which lights matter.
+    pub lights: bool,
+    /// What a path is worth: whether it ends, goes on, or goes on as several.
+    pub roulette: bool,
+}
+
+impl AgentUse {
+    /// Whether anything is asked.
+    pub fn any(self) -> bool {
+        self.shadows || self.lights || self.roulette
+    }
+}
+
 /// The settings of the path integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSettings {
@@ -42,6 +60,8 @@ pub struct PathSettings {
     pub direct_light: DirectLight,
     /// Whether paths learn beforehand where light comes from. It changes the noise, not the mean.
     pub guiding: bool,
+    /// What lighting agents, who learn beforehand as well, are asked for beside that. It changes the noise, not the mean.
+    pub agents: AgentUse,
     /// Samples a pixel that the picture is to have: the more, the longer paths learn beforehand.
     pub planned_samples: u32,
     /// Photon mapping in place of path tracing.
@@ -140,6 +160,7 @@ impl Default for PathSettings {
             roulette_depth: 3,
             direct_light: DirectLight::Combined,
             guiding: true,
+            agents: AgentUse::default(),
             planned_samples: 64,
             photons: None,
         }

@@ -1,5 +1,6 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
+mod guiding;
 mod lighting_agents;
 mod photons;
 mod values;
@@ -20,7 +21,7 @@ use self::values::{
     parse_aov, parse_channel, parse_criterion, parse_define, parse_distance, parse_environment, parse_error,
     parse_factor, parse_rate, parse_rect, parse_share, parse_size, parse_stops, parse_time,
 };
-use self::{lighting_agents::LightingAgentArgs, photons::PhotonArgs};
+use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
     bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
@@ -220,9 +221,8 @@ pub(crate) struct RenderArgs {
     pub(crate) photon_mapping: PhotonArgs,
     #[command(flatten)]
     pub(crate) lighting: LightingAgentArgs,
-    /// Let paths go where materials send them, and do not learn beforehand where light comes from.
-    #[arg(long, help_heading = "Quality")]
-    pub(crate) no_guiding: bool,
+    #[command(flatten)]
+    pub(crate) guiding: GuideArgs,
     /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
     #[arg(long, value_enum, help_heading = "Quality")]
     pub(crate) filter: Option<FilterArg>,

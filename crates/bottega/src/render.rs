@@ -60,6 +60,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
+    args.guiding.check()?;
     args.preview.as_deref().map(check_preview).transpose()?;
     let (experts, notes) = experts(rule_texts(&args.rules)?)?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
@@ -83,6 +84,12 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
+    let has_paths = args.photons(0).is_none() && subject.prepared.can_learn(subject.view);
+    if args.guiding.agents().any() && !has_paths {
+        let why =
+            "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more";
+        reporter.warn(why.to_owned());
+    }
     started(&reporter, args, &subject, &settings, &crew);
 
     if args.preview.is_some() || dashboard.is_some() {
@@ -257,7 +264,8 @@ pub(crate) fn engine(
         max_depth: max_depth(args, subject),
         light_samples: args.light_samples,
         filter: filter(args, subject),
-        guiding: !args.no_guiding,
+        guiding: args.guiding.directions(),
+        agents: args.guiding.agents(),
         planned_samples: match job.goal {
             Goal::Samples => job.samples,
             Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),

@@ -1,9 +1,11 @@
 //! A guide as bytes, for others who paint the same view of the same scene.
 //!
 //! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
-//! axis: three each); how many nodes and regions there are; of each node its plane and its link; of each region its share.
-//! Then, of each region, the cumulative weights of its cells, two bytes each.
+//! axis: three each); how many nodes, regions and agents there are; whether paths are split; columns and rows of the parts of the picture, and how many
+//! of these are known; of each node its plane and its link; of each region its share; of each agent what it knows; what each
+//! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
 
+use super::agent::{Agent, Expected, NUMBERS};
 use super::directions::{CELLS, Directions};
 use super::tree::{Guide, Lattice, Node, Region};
 
@@ -15,14 +17,20 @@ pub struct UnreadGuide;
 impl Guide {
     /// As bytes.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
-        let (lattice, nodes, regions) = self.parts();
+        let (lattice, nodes, regions, agents) = self.parts();
+        let (columns, rows, worth) = self.expected().parts();
         let mut bytes = Vec::new();
         let mut put = |number: u32| bytes.extend(number.to_le_bytes());
         lattice.to_numbers().into_iter().for_each(&mut put);
         put(nodes.len() as u32);
         put(regions.len() as u32);
+        put(agents.len() as u32);
+        put(u32::from(self.splits()));
+        [columns, rows, worth.len() as u32].into_iter().for_each(&mut put);
         nodes.iter().flat_map(|node| node.to_numbers()).for_each(&mut put);
         regions.iter().for_each(|region| put(region.share.to_bits()));
+        agents.iter().flat_map(|agent| agent.to_numbers()).for_each(&mut put);
+        worth.iter().for_each(|worth| put(worth.to_bits()));
         regions
             .iter()
             .flat_map(|region| region.directions.cumulative())
@@ -51,13 +59,26 @@ fn read(bytes: &[u8]) -> Option<Guide> {
         *it = number()?;
     }
     let lattice = Lattice::from_numbers(lattice)?;
-    let (nodes, regions) = (number()? as usize, number()? as usize);
+    let (nodes, regions, agents) = (number()? as usize, number()? as usize, number()? as usize);
+    let splits = number()? != 0;
+    let (columns, rows, parts) = (number()?, number()?, number()? as usize);
     // No more is set aside than there is.
-    if nodes.checked_mul(8)?.checked_add(regions.checked_mul(4 + 2 * (CELLS + 1))?)? != bytes.len() - 4 * 11 {
+    let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4)];
+    let all = sizes.iter().try_fold(4 * 16_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
+    if all != bytes.len() {
         return None;
     }
     let nodes = (0..nodes).map(|_| Some(Node::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;
     let shares = (0..regions).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;
+    let agent = |_| {
+        let mut numbers = [0; NUMBERS];
+        for it in &mut numbers {
+            *it = number()?;
+        }
+        Agent::from_numbers(&numbers)
+    };
+    let agents = (0..agents).map(agent).collect::<Option<Vec<_>>>()?;
+    let worth = (0..parts).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;
     let weights = rest.chunks_exact(2 * (CELLS + 1));
     let region = |(share, weights): (f32, &[u8])| {
         let mut of_cells = weights.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
@@ -65,7 +86,8 @@ fn read(bytes: &[u8]) -> Option<Guide> {
         (0.0..=1.0).contains(&share).then_some(Region { share, directions })
     };
     let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
-    Guide::from_parts(lattice, nodes, regions)
+    let expected = Expected::from_parts(columns, rows, worth)?;
+    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.splitting(splits))
 }
 
 #[cfg(test)]

@@ -5,8 +5,10 @@ use std::{cmp::Ordering, ops::Range};
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::agent::{Agent, Left};
 use super::directions::{Directions, Pyramid, solid_angle};
-use super::tree::{FACES, Guide, Lattice, Node, Region, Tree};
+use super::tree::{FACES, Guide, LONE, Lattice, Node, Region, Tree};
+use crate::lights::{Asked, Lights};
 
 /// Vertices from which one region learns, at most.
 const VERTICES_PER_REGION: usize = 3000;
@@ -41,6 +43,12 @@ pub(super) struct Vertex {
     pub(super) emitted: f32,
     /// The direction taken; `None`: the path ended.
     pub(super) taken: Option<Taken>,
+    /// The greatest channel of what leaves for each unit of what the path carried there.
+    pub(super) brightness: f32,
+    /// Vertices from here to the end of the path, this one among them.
+    pub(super) work: f32,
+    /// The light that was asked for, if any.
+    pub(super) asked: Option<Asked>,
 }
 
 /// A direction taken.
@@ -83,7 +91,9 @@ struct Grown {
 }
 
 /// Learns from the vertices of paths, each path's in its order.
-pub(super) fn learn(vertices: &[Vertex]) -> Guide {
+///
+/// - `lights`: of the scene, if agents are wanted.
+pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
     let mut of_face: [Vec<Place>; FACES] = Default::default();
     for (vertex, index) in vertices.iter().zip(0..) {
         of_face[usize::from(vertex.face)].push(Place { p: vertex.p, vertex: index });
@@ -109,7 +119,13 @@ pub(super) fn learn(vertices: &[Vertex]) -> Guide {
         let square = found * found * taken.pdf;
         square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
     };
-    Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample)).collect())
+    let agent = |places: &[Place]| {
+        let all = || places.iter().map(|place| &vertices[place.vertex as usize]);
+        let asked: Vec<Asked> = all().filter_map(|vertex| vertex.asked).collect();
+        let left = all().map(|vertex| Left { brightness: vertex.brightness, work: vertex.work });
+        Agent::new(left, lights?.learn(&asked))
+    };
+    Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample, agent)).collect())
 }
 
 impl Grown {
@@ -173,10 +189,14 @@ impl Grown {
     }
 
     /// Makes the regions, each from its own samples and from what is known around it.
-    fn filled(mut self, sample: impl Fn(&Place) -> Option<Sample>) -> Tree {
+    fn filled(mut self, sample: impl Fn(&Place) -> Option<Sample>, agent: impl Fn(&[Place]) -> Option<Agent>) -> Tree {
         if self.nodes.is_empty() {
             return Tree::default();
         }
+        let leaves = self.nodes.iter().zip(&self.ranges);
+        let agents = leaves
+            .map(|(node, range)| if node.as_split().is_none() { agent(&self.places[range.clone()]) } else { None })
+            .collect();
         // How many samples there are up to each place.
         let (mut samples, mut counts) = (Vec::with_capacity(self.places.len()), vec![0]);
         for place in &self.places {
@@ -186,22 +206,47 @@ impl Grown {
         for range in &mut self.ranges {
             *range = counts[range.start]..counts[range.end];
         }
-        let mut regions = Vec::new();
-        self.fill(0, &samples, &Learnt::nothing(), &mut regions);
-        Tree { nodes: self.nodes, regions }
+        let mut filling = Filling { agents, tree: Tree::default() };
+        self.fill(0, &samples, &Learnt::nothing(), &mut filling);
+        Tree { nodes: self.nodes, ..filling.tree }
     }
 
     /// `ranges` are those of the samples by now.
-    fn fill(&mut self, at: usize, samples: &[Sample], around: &Learnt, regions: &mut Vec<Region>) {
+    fn fill(&mut self, at: usize, samples: &[Sample], around: &Learnt, filling: &mut Filling) {
         let seen = &samples[self.ranges[at].clone()];
         // In the heap: trees may be deep.
         let here = Box::new(around.within(seen));
         if let Some((_, _, first)) = self.nodes[at].as_split() {
-            self.fill(first, samples, &here, regions);
-            self.fill(first + 1, samples, &here, regions);
-        } else if let Some(region) = region(&here, seen) {
-            self.nodes[at] = Node::region(regions.len());
-            regions.push(region);
+            self.fill(first, samples, &here, filling);
+            self.fill(first + 1, samples, &here, filling);
+        } else {
+            self.nodes[at] = filling.leaf(at, region(&here, seen));
+        }
+    }
+}
+
+/// A tree whose leaves are made.
+struct Filling {
+    /// By node.
+    agents: Vec<Option<Agent>>,
+    tree: Tree,
+}
+
+impl Filling {
+    /// What stands for a node that is a leaf.
+    fn leaf(&mut self, at: usize, region: Option<Region>) -> Node {
+        let (agent, tree) = (self.agents[at], &mut self.tree);
+        match (region, agent) {
+            (Some(region), agent) => {
+                tree.regions.push(region);
+                tree.agents.push(agent.unwrap_or_default());
+                Node::region(tree.regions.len() - 1)
+            }
+            (None, Some(agent)) => {
+                tree.lone.push(agent);
+                Node::region(LONE + tree.lone.len() - 1)
+            }
+            (None, None) => Node::UNGUIDED,
         }
     }
 }
@@ -289,20 +334,32 @@ pub(super) mod tests {
                 let pdf = 0.25 * std::f32::consts::FRAC_1_PI;
                 let emitted = if p.x < 0.0 && w.dot(to) > 0.9 { 1.0 / pdf } else { 0.01 };
                 let taken = Some(Taken { cell, cube, pdf, bsdf_pdf: pdf });
-                Vertex { p, face: 2, has_next: false, leaving: 0.0, weight: 0.0, emitted, taken }
+                let dark = Vertex {
+                    p,
+                    face: 2,
+                    has_next: false,
+                    leaving: 0.0,
+                    weight: 0.0,
+                    emitted: 0.0,
+                    taken: None,
+                    brightness: 0.0,
+                    work: 1.0,
+                    asked: None,
+                };
+                Vertex { emitted, taken, ..dark }
             })
             .collect()
     }
 
     /// A guide that has learnt from some thousand directions on a floor.
     pub(in super::super) fn example(to: Vec3) -> Guide {
-        learn(&vertices(to))
+        learn(&vertices(to), None)
     }
 
     #[test]
     fn directions_are_learnt_where_light_comes_from_them() {
         let to = Vec3::new(0.48, 0.8, 0.36);
-        let guide = learn(&vertices(to));
+        let guide = learn(&vertices(to), None);
         let lit = guide.at(Vec3::new(-0.8, 0.0, 0.3), Vec3::Y).expect("a region");
         assert!(lit.share() >= 0.5 && lit.pdf(to) > 20.0 * lit.pdf(-to), "{} {}", lit.pdf(to), lit.pdf(-to));
         assert!(guide.at(Vec3::new(0.8, 0.0, 0.3), Vec3::Y).is_none(), "uniform light needs no guide");
@@ -311,10 +368,10 @@ pub(super) mod tests {
 
     #[test]
     fn nothing_is_learnt_from_nothing() {
-        assert!(learn(&[]).at(Vec3::ZERO, Vec3::Y).is_none());
+        assert!(learn(&[], None).at(Vec3::ZERO, Vec3::Y).is_none());
         let dark = vertices(Vec3::Y).into_iter().map(|vertex| Vertex { emitted: 0.0, ..vertex });
-        assert!(learn(&dark.collect::<Vec<_>>()).at(Vec3::ZERO, Vec3::Y).is_none());
+        assert!(learn(&dark.collect::<Vec<_>>(), None).at(Vec3::ZERO, Vec3::Y).is_none());
         let one_place = vertices(Vec3::Y).into_iter().map(|vertex| Vertex { p: Vec3::ONE, ..vertex });
-        learn(&one_place.collect::<Vec<_>>());
+        learn(&one_place.collect::<Vec<_>>(), None);
     }
 }

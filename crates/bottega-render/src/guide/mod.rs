@@ -14,6 +14,7 @@
 //! learning in passes that double); Rath et al. 2020, *Variance-Aware Path Guiding* (the root of the mean square as
 //! target); Müller 2019, *Path Guiding in Production*, section 10.5 (a learnt share of the BSDF).
 
+mod agent;
 mod bytes;
 mod directions;
 mod learn;
@@ -21,6 +22,7 @@ pub(crate) mod octahedron;
 mod train;
 mod tree;
 
+pub(crate) use agent::Agent;
 pub use bytes::UnreadGuide;
-pub(crate) use train::{Trail, train};
+pub(crate) use train::{Trail, Training, train};
 pub(crate) use tree::{Guide, Region};

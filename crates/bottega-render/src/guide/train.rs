@@ -4,10 +4,14 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::agent::{Expected, Seen};
 use super::directions::place_of;
 use super::learn::{Taken, Vertex, learn};
 use super::tree::{Guide, face_of};
-use crate::luminance;
+use crate::{
+    lights::{Asked, Lights},
+    luminance,
+};
 
 /// Paths of the last pass, at most and for each sample of the picture; each pass before has half as many as the next.
 const PATHS_MAX: u64 = 1 << 18;
@@ -33,6 +37,7 @@ struct Step {
     throughput: Spectrum,
     radiance: Spectrum,
     went: Option<Went>,
+    asked: Option<Asked>,
 }
 
 /// Where a path went on.
@@ -49,7 +54,14 @@ impl Trail {
     /// A path comes to a point with a normal, carries `throughput` and has gathered `radiance`.
     pub(crate) fn come(&mut self, p: Vec3, normal: Vec3, throughput: Spectrum, radiance: Spectrum) {
         if self.steps.len() < VERTICES_MAX {
-            self.steps.push(Step { p, normal, throughput, radiance, went: None });
+            self.steps.push(Step { p, normal, throughput, radiance, went: None, asked: None });
+        }
+    }
+
+    /// It asks for light at the point where it came last.
+    pub(crate) fn ask(&mut self, asked: Asked) {
+        if let Some(step) = self.steps.last_mut() {
+            step.asked.get_or_insert(asked);
         }
     }
 
@@ -80,6 +92,11 @@ impl Trail {
                 weight: finite(next.map_or(0.0, |next| luminance(next.throughput) / carried)),
                 emitted: finite(step.went.map_or(0.0, emitted)),
                 taken: step.went.map(taken),
+                brightness: finite(
+                    ((radiance - step.radiance) / step.throughput.max(Spectrum::splat(1e-9))).max_element(),
+                ),
+                work: (self.steps.len() - index) as f32,
+                asked: step.asked.filter(|asked| asked.found.is_finite()),
             });
         }
         self.steps.clear();
@@ -91,48 +108,66 @@ fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
+/// How a guide is learnt.
+pub(crate) struct Training<'a> {
+    /// Samples of the picture, all pixels together. Few are not worth much learning.
+    pub(crate) samples: u64,
+    /// Of the picture, in pixels.
+    pub(crate) size: [u32; 2],
+    /// Of the scene, if agents are wanted beside directions.
+    pub(crate) lights: Option<&'a Lights>,
+    /// To trace with. The guide does not depend on it.
+    pub(crate) threads: usize,
+}
+
 /// Learns by tracing: `trace` takes the guide so far, the index of a path, and the trail to leave, and returns the
-/// radiance found.
-///
-/// - `samples`: of the picture, all pixels together. Few are not worth much learning.
-/// - `threads`: to trace with. The guide does not depend on it.
+/// radiance found, and where in the picture, in [0, 1)².
 pub(crate) fn train(
-    samples: u64,
-    threads: usize,
-    trace: impl Fn(Option<&Guide>, u32, &mut Trail) -> Spectrum + Sync,
+    training: &Training<'_>,
+    trace: impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync,
 ) -> Guide {
     let all_passes = || {
-        let last = ((samples as f64 * PATHS_PER_SAMPLE) as u64).clamp(1, PATHS_MAX) as u32;
-        let (mut vertices, mut guide, mut first) = (Vec::new(), None, 0);
+        let last = ((training.samples as f64 * PATHS_PER_SAMPLE) as u64).clamp(1, PATHS_MAX) as u32;
+        let (mut vertices, mut seen, mut guide, mut first) = (Vec::new(), Vec::new(), None, 0);
         for pass in (0..PASSES).rev() {
             let end = first + (last >> pass);
-            vertices.extend(traced(first..end, guide.as_ref(), &trace).into_iter().flatten());
-            guide = Some(learn(&vertices));
+            for (of_chunk, seen_by) in traced(first..end, guide.as_ref(), &trace) {
+                vertices.extend(of_chunk);
+                seen.extend(seen_by);
+            }
+            guide = Some(learn(&vertices, training.lights.filter(|_| pass == 0)));
             first = end;
         }
-        guide.unwrap_or_default()
+        let guide = guide.unwrap_or_default();
+        if training.lights.is_none() {
+            return guide;
+        }
+        let expected = Expected::new(training.size, &seen, &guide);
+        guide.expecting(expected)
     };
-    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(training.threads).build() {
         Ok(pool) => pool.install(all_passes),
         Err(_) => all_passes(),
     }
 }
 
-/// The vertices of a range of paths, in their order.
+/// The vertices of a range of paths, in their order, and what each path saw.
 fn traced(
     paths: std::ops::Range<u32>,
     guide: Option<&Guide>,
-    trace: &(impl Fn(Option<&Guide>, u32, &mut Trail) -> Spectrum + Sync),
-) -> Vec<Vec<Vertex>> {
+    trace: &(impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync),
+) -> Vec<(Vec<Vertex>, Vec<Seen>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
-        let (mut vertices, mut trail) = (Vec::new(), Trail::default());
+        let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let radiance = trace(guide, path, &mut trail);
+            let (radiance, place) = trace(guide, path, &mut trail);
+            let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
+            seen.push(Seen { place, brightness: finite(radiance.max_element()), first });
             trail.finish(radiance, &mut vertices);
         }
-        vertices
+        (vertices, seen)
     };
     (0..chunks).into_par_iter().map(of_chunk).collect()
 }

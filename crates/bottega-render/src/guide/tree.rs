@@ -3,7 +3,10 @@
 use bottega_kernels::prefetch;
 use glam::Vec3;
 
-use super::directions::Directions;
+use super::{
+    agent::{Agent, Expected},
+    directions::Directions,
+};
 
 /// Ways that a surface may face.
 pub(super) const FACES: usize = 6;
@@ -166,10 +169,17 @@ struct Entry([u16; 8]);
 /// All surfaces that face one way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    /// The root first; none where nothing is known.
+    /// The root first; none where nothing is known. Leaves are regions by their number, or [lone](Self::lone).
     pub(super) nodes: Vec<Node>,
     pub(super) regions: Vec<Region>,
+    /// Of the regions, if agents are wanted.
+    pub(super) agents: Vec<Agent>,
+    /// Where the BSDF is as good a guide; a leaf is such by its number beyond [`LONE`].
+    pub(super) lone: Vec<Agent>,
 }
+
+/// Numbers of leaves without directions that have an agent begin here.
+pub(super) const LONE: usize = 1 << 29;
 
 /// The directions of one region. What is asked first lies in one line of the cache.
 #[derive(Clone, Debug)]
@@ -208,6 +218,11 @@ pub(crate) struct Guide {
     /// Of all trees: the roots first.
     nodes: Vec<Node>,
     regions: Vec<Region>,
+    /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
+    agents: Vec<Agent>,
+    expected: Expected,
+    /// Whether it pays to end and to split paths by what agents say.
+    splits: bool,
 }
 
 impl Guide {
@@ -215,11 +230,16 @@ impl Guide {
     pub(super) fn new(lattice: Lattice, trees: Vec<Tree>) -> Self {
         let mut nodes = vec![Node::UNGUIDED; FACES];
         let mut regions = Vec::new();
+        let region_count: usize = trees.iter().map(|tree| tree.regions.len()).sum();
+        let (mut agents, mut lone) = (Vec::new(), Vec::new());
         for (root, tree) in trees.into_iter().enumerate() {
             // Only a root moves: all others keep their order, behind those of the trees before.
             let moved = |node: Node| match node.as_split() {
                 Some((axis, plane, first)) => Node::split(axis, plane, first + nodes.len() - 1),
                 None if node.number() < tree.regions.len() => Node::region(node.number() + regions.len()),
+                None if node.number().wrapping_sub(LONE) < tree.lone.len() => {
+                    Node::region(node.number() - LONE + region_count + lone.len())
+                }
                 None => Node::UNGUIDED,
             };
             let mut tree_nodes = tree.nodes.into_iter().map(moved).collect::<Vec<_>>().into_iter();
@@ -228,22 +248,59 @@ impl Guide {
             }
             nodes.extend(tree_nodes);
             regions.extend(tree.regions);
+            agents.extend(tree.agents);
+            lone.extend(tree.lone);
         }
-        Self { entries: lattice.entries(&nodes), lattice, nodes, regions }
+        agents.extend(lone);
+        Self { entries: lattice.entries(&nodes), lattice, nodes, regions, agents, ..Self::default() }
+    }
+
+    /// With what the parts of the picture are worth.
+    pub(super) fn expecting(self, expected: Expected) -> Self {
+        Self { expected, ..self }
+    }
+
+    /// With whether it pays to end and to split paths by what agents say.
+    pub(crate) fn splitting(self, splits: bool) -> Self {
+        Self { splits, ..self }
+    }
+
+    /// Whether it pays to end and to split paths by what agents say.
+    pub(crate) fn splits(&self) -> bool {
+        self.splits
     }
 
     /// What it is made of.
-    pub(super) fn parts(&self) -> (Lattice, &[Node], &[Region]) {
-        (self.lattice, &self.nodes, &self.regions)
+    pub(super) fn parts(&self) -> (Lattice, &[Node], &[Region], &[Agent]) {
+        (self.lattice, &self.nodes, &self.regions, &self.agents)
+    }
+
+    /// What the parts of the picture are worth.
+    pub(crate) fn expected(&self) -> &Expected {
+        &self.expected
     }
 
     /// The other way round. `None`: ways through the nodes would not end, or lead nowhere.
-    pub(super) fn from_parts(lattice: Lattice, nodes: Vec<Node>, regions: Vec<Region>) -> Option<Self> {
+    pub(super) fn from_parts(
+        lattice: Lattice,
+        nodes: Vec<Node>,
+        regions: Vec<Region>,
+        agents: Vec<Agent>,
+        expected: Expected,
+    ) -> Option<Self> {
         let leads_on = |(number, node): (usize, &Node)| {
             node.as_split().is_none_or(|(_, _, first)| first > number && first + 1 < nodes.len())
         };
         let is_sound = (nodes.is_empty() || nodes.len() >= FACES) && nodes.iter().enumerate().all(leads_on);
-        is_sound.then(|| Self { entries: lattice.entries(&nodes), lattice, nodes, regions })
+        is_sound.then(|| Self {
+            entries: lattice.entries(&nodes),
+            lattice,
+            nodes,
+            regions,
+            agents,
+            expected,
+            splits: false,
+        })
     }
 
     /// Asks memory for what [`Guide::at`] begins with.
@@ -256,16 +313,38 @@ impl Guide {
     /// BSDF.
     #[inline(always)]
     pub(crate) fn at(&self, p: Vec3, normal: Vec3) -> Option<&Region> {
+        self.region(self.leaf(p, normal)?)
+    }
+
+    /// The number of the leaf of such a point.
+    #[inline(always)]
+    pub(crate) fn leaf(&self, p: Vec3, normal: Vec3) -> Option<usize> {
         let Entry(roots) = self.entries.get(self.lattice.cell(p))?;
         let mut node = *self.nodes.get(usize::from(roots[face_of(normal)]))?;
         while let Some((axis, plane, first)) = node.as_split() {
             node = *self.nodes.get(first + usize::from(p[axis] >= plane))?;
         }
-        self.regions.get(node.number())
+        Some(node.number())
+    }
+
+    /// The region of a leaf. `None`: follow the BSDF.
+    #[inline(always)]
+    pub(crate) fn region(&self, leaf: usize) -> Option<&Region> {
+        self.regions.get(leaf)
+    }
+
+    /// The agent of a leaf.
+    #[inline(always)]
+    pub(crate) fn agent(&self, leaf: usize) -> Option<&Agent> {
+        self.agents.get(leaf)
     }
 
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.entries) + size_of_val(&*self.nodes) + size_of_val(&*self.regions)
+        size_of_val(&*self.entries)
+            + size_of_val(&*self.nodes)
+            + size_of_val(&*self.regions)
+            + size_of_val(&*self.agents)
+            + self.expected.memory_bytes()
     }
 }

@@ -3,8 +3,10 @@
 //! Sources: Kajiya 1986, *The Rendering Equation*; Veach 1997, *Robust Monte Carlo Methods for Light Transport
 //! Simulation*, chapters 8 to 10.
 
+mod branch;
 pub(super) mod light;
 mod scatter;
+mod trial;
 
 use std::sync::Arc;
 
@@ -17,19 +19,20 @@ use bottega_kernels::{
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
-use super::volume;
+use super::{turns::Painting, volume};
 use crate::{
     PathSettings, PreparedScene, RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
-    guide::{Guide, Trail, train},
+    guide::{Guide, Trail, Training, train},
     interaction::{Interaction, is_there},
-    lights::Receiver,
+    lights::{Choice, Receiver},
     luminance,
     prepare::PreparedMaterial,
     sampler::{DimensionSet, PixelSampler},
 };
+pub(super) use branch::{BRANCHES_MAX, Branch};
 
 /// Greatest probability with which a path survives Russian roulette.
 pub(super) const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
@@ -46,8 +49,6 @@ const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
 /// samples.
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
-/// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
-const GUIDED_PIXELS_MIN: u64 = 128 * 128;
 /// Growth of the beam after a scattering that spreads over one steradian.
 pub(super) const SCATTERED_SPREAD: f32 = 0.05;
 
@@ -129,19 +130,24 @@ pub struct PathIntegrator<'a> {
     prepared: &'a PreparedScene,
     settings: &'a PathSettings,
     camera: CameraRays,
+    /// Of the picture, in pixels.
+    size: Vec2,
     camera_medium: Option<MediumId>,
     filter: FilterSampler,
     wanted: Wanted,
     guide: Option<Arc<Guide>>,
+    /// Whether agents decide where paths end, and where they go on as several.
+    splits: bool,
 }
 
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
     pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
-        let is_worth_it = u64::from(view.width) * u64::from(view.height) >= GUIDED_PIXELS_MIN;
-        if settings.guiding && is_worth_it && !prepared.needs_volume() {
-            integrator.guide = Some(prepared.guide(view, settings.planned_samples, || integrator.learn(view)));
+        if (settings.guiding || settings.agents.any()) && prepared.can_learn(view) {
+            let guide = prepared.guide(view, settings, || integrator.learn(view));
+            integrator.splits = settings.agents.roulette && guide.splits();
+            integrator.guide = Some(guide);
         }
         Ok(integrator)
     }
@@ -162,10 +168,12 @@ impl<'a> PathIntegrator<'a> {
             prepared,
             settings,
             camera: CameraRays::new(camera, view.width, view.height),
+            size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
+            splits: false,
         })
     }
 
@@ -179,16 +187,27 @@ impl<'a> PathIntegrator<'a> {
             guide: None,
             ..*self
         };
-        let size = Vec2::new(view.width as f32, view.height as f32);
-        let pixels = u64::from(view.width) * u64::from(view.height);
-        train(pixels * u64::from(self.settings.planned_samples), self.prepared.threads(), |guide, index, trail| {
+        let size = self.size;
+        let training = Training {
+            samples: u64::from(view.width) * u64::from(view.height) * u64::from(self.settings.planned_samples),
+            size: [view.width, view.height],
+            lights: self.settings.agents.any().then(|| self.prepared.lights()),
+            threads: self.prepared.threads(),
+        };
+        let guide = train(&training, |guide, index, trail| {
             // One sequence of samples for the whole picture.
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
             let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
             let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
-            compiled::run(path).values.radiance.into()
-        })
+            (compiled::run(path).values.radiance.into(), [x, y])
+        });
+        if training.lights.is_none() {
+            return guide;
+        }
+        let guide = Arc::new(guide);
+        let splits = self.prepared.on_threads(|| integrator.splitting_pays(training.samples, &guide));
+        Arc::unwrap_or_clone(guide).splitting(splits)
     }
 
     #[must_use]
@@ -198,7 +217,9 @@ impl<'a> PathIntegrator<'a> {
 
     /// One sample of the pixel (x, y). Radiance that is not finite counts as 0.
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
-        self.trace(x, y, sample_index).values
+        let mut records = Vec::new();
+        compiled::run(Painting { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
+        records.first().copied().unwrap_or_default().values
     }
 
     pub(super) fn prepared(&self) -> &'a PreparedScene {
@@ -226,22 +247,29 @@ impl<'a> PathIntegrator<'a> {
         (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
-    #[inline(always)]
-    pub(crate) fn trace(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
+    /// One sample in which media take part.
+    pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings.seed, x, y, sample_index);
         let (ray, factor) = self.camera_ray(&sampler, x, y);
-        let record = if self.prepared.needs_volume() {
-            volume::trace(self, sampler, &ray)
-        } else {
-            self.follow(sampler, &ray, self.guide(), None)
-        };
-        record.scaled(factor)
+        volume::trace(self, sampler, &ray).scaled(factor)
+    }
+
+    /// Where the middle of a pixel is in the picture, in [0, 1)².
+    #[inline(always)]
+    pub(super) fn place(&self, x: u32, y: u32) -> [f32; 2] {
+        [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
     }
 
     /// Whether paths cannot be followed in turn: those through media are followed to their end in one go.
     #[inline(always)]
     pub(super) fn goes_alone(&self) -> bool {
         self.prepared.needs_volume()
+    }
+
+    /// Whether agents are asked for more than directions.
+    #[inline(always)]
+    pub(super) fn asks_agents(&self) -> bool {
+        self.settings.agents.any() && self.guide.is_some()
     }
 
     #[inline(always)]
@@ -260,7 +288,7 @@ impl<'a> PathIntegrator<'a> {
         let mut path = self.begin(sampler, ray, guide, trail);
         loop {
             let hit = path.intersect();
-            if !path.meet(&hit) {
+            if !path.meet::<false>(&hit, &mut Vec::new()) {
                 return path.finish();
             }
         }
@@ -287,7 +315,8 @@ impl<'a> PathIntegrator<'a> {
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
-            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None },
+            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
+            worth: 0.0,
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
         }
@@ -319,7 +348,12 @@ struct Previous {
     receiver: Receiver,
     /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
     pdf: Option<f32>,
+    /// The leaf of the guide whose agent chose among lights there; [`NO_LEAF`]: none did.
+    leaf: u32,
 }
+
+/// See [`Previous`].
+const NO_LEAF: u32 = u32::MAX;
 
 /// A path under way.
 pub(super) struct Path<'a> {
@@ -340,17 +374,21 @@ pub(super) struct Path<'a> {
     direction: Vec3,
     cone: RayCone,
     previous: Previous,
+    /// What a unit of light is worth to the pixel; 0: nobody knows.
+    worth: f32,
     wants_albedo: bool,
     record: PathRecord,
 }
 
 impl Path<'_> {
     /// Comes to the next surface and scatters there. False when the path is at its end.
+    ///
+    /// - `AGENTS`: whether agents are asked; paths may then go on as several, of which all but one wait in `branches`.
     #[inline(always)]
-    pub(super) fn meet(&mut self, hit: &Hit) -> bool {
+    pub(super) fn meet<const AGENTS: bool>(&mut self, hit: &Hit, branches: &mut Vec<Branch>) -> bool {
         let prepared = self.integrator.prepared;
         if hit.is_none() {
-            self.add_environment();
+            self.add_environment::<AGENTS>();
             return false;
         }
         self.record.vertex_count += 1;
@@ -370,7 +408,7 @@ impl Path<'_> {
             return false;
         }
         if known.shines && material.emission_sides.has(point.front) {
-            self.add_emission(&point);
+            self.add_emission::<AGENTS>(&point);
         }
         if self.depth == 1 && self.integrator.wanted.cost {
             self.record.mark_direct(self.radiance);
@@ -393,23 +431,55 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        let bsdf = bsdf.at_carrying(wo, self.throughput);
-        let [u_light, u_scattering] =
+        let [mut u_light, mut u_scattering] =
             self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
-        let mut region = None;
+        let (mut region, mut agent, mut leaf) = (None, None, NO_LEAF);
+        if AGENTS
+            && !is_delta_only
+            && let Some(guide) = self.guide
+            && let Some(number) = guide.leaf(point.p, point.frame[2])
+        {
+            if self.integrator.settings.guiding && !known.transmits {
+                region = guide.region(number);
+            }
+            agent = guide.agent(number);
+            leaf = number as u32;
+        }
+        let count = if AGENTS { self.split(agent, u_scattering[3], BRANCHES_MAX - branches.len()) } else { 1 };
+        if count == 0 {
+            return false;
+        }
+        let bsdf = bsdf.at_carrying(wo, self.throughput);
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         if !is_delta_only {
             // (Closures are not compiled for the vector unit: there are none where it is busy.)
-            if let (Some(guide), false) = (self.guide, known.transmits) {
+            if let (Some(guide), false, false) = (self.guide, known.transmits, AGENTS) {
                 region = guide.at(point.p, point.frame[2]);
             }
             if let Some(trail) = &mut self.trail {
                 trail.come(point.p, point.frame[2], self.throughput, self.radiance);
             }
-            self.add_direct_light(&point, &receiver, &bsdf, region, u_light);
         }
-        self.scatter(&point, receiver, &bsdf, region, u_scattering)
+        let here = self.branch();
+        let mut branch = 0;
+        loop {
+            if !is_delta_only {
+                self.add_direct_light::<AGENTS>(&point, &receiver, &bsdf, region, agent, u_light);
+            }
+            let goes_on = self.scatter::<AGENTS>(&point, receiver, &bsdf, region, leaf, u_scattering);
+            branch += 1;
+            if !AGENTS || branch >= count {
+                return goes_on;
+            }
+            if goes_on {
+                branches.push(self.branch());
+            }
+            self.go_back(&here);
+            self.sampler = here.sampler().branch(self.depth, branch);
+            [u_light, u_scattering] =
+                self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
+        }
     }
 
     /// Asks memory for what the guide knows of a hit.
@@ -481,6 +551,12 @@ impl Path<'_> {
             self.record.values.albedo = albedo.to_array();
             self.wants_albedo = false;
         }
+    }
+
+    /// What is known of the lights where the path comes from.
+    #[inline(always)]
+    fn previous_choice(&self) -> Option<&Choice> {
+        self.guide?.agent(self.previous.leaf as usize)?.lights()
     }
 
     #[inline(always)]

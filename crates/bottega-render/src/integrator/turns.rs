@@ -2,7 +2,7 @@
 
 use bottega_kernels::{Hit, compiled::Task};
 
-use super::path::{Path, PathIntegrator, PathRecord};
+use super::path::{BRANCHES_MAX, Branch, Path, PathIntegrator, PathRecord};
 use crate::{interaction, sampler::PixelSampler};
 
 /// Paths under way at a time.
@@ -24,6 +24,8 @@ struct Lane<'a> {
     sample: usize,
     factor: f32,
     hit: Hit,
+    /// Parts of it that wait.
+    branches: Vec<Branch>,
 }
 
 impl Task for Painting<'_> {
@@ -34,40 +36,64 @@ impl Task for Painting<'_> {
         let Self { integrator, samples, records } = self;
         records.clear();
         if integrator.goes_alone() {
-            records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace(x, y, sample)));
-            return;
+            records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace_volume(x, y, sample)));
+        } else if integrator.asks_agents() {
+            in_turn::<true>(integrator, samples, records);
+        } else {
+            in_turn::<false>(integrator, samples, records);
         }
-        records.resize(samples.len(), PathRecord::default());
-        let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
-            let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
-            let (ray, factor) = integrator.camera_ray(&sampler, x, y);
-            Lane { path: integrator.begin(sampler, &ray, integrator.guide(), None), sample, factor, hit: Hit::NONE }
-        });
-        let mut lanes: Vec<Lane<'_>> = Vec::with_capacity(LANES);
-        lanes.extend(waiting.by_ref().take(LANES));
-        while !lanes.is_empty() {
-            for lane in &mut lanes {
-                lane.hit = lane.path.intersect();
-                interaction::request_triangle(integrator.prepared(), &lane.hit);
+    }
+}
+
+/// Follows the paths of all samples.
+#[inline(always)]
+fn in_turn<const AGENTS: bool>(
+    integrator: &PathIntegrator<'_>,
+    samples: &[(u32, u32, u32)],
+    records: &mut Vec<PathRecord>,
+) {
+    records.resize(samples.len(), PathRecord::default());
+    let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
+        let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
+        let (ray, factor) = integrator.camera_ray(&sampler, x, y);
+        let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
+        if AGENTS {
+            path.expect(integrator.place(x, y));
+        }
+        (path, sample, factor)
+    });
+    let mut lanes: Vec<Lane<'_>> = Vec::with_capacity(LANES);
+    for (path, sample, factor) in waiting.by_ref().take(LANES) {
+        let branches = if AGENTS { Vec::with_capacity(BRANCHES_MAX) } else { Vec::new() };
+        lanes.push(Lane { path, sample, factor, hit: Hit::NONE, branches });
+    }
+    while !lanes.is_empty() {
+        for lane in &mut lanes {
+            lane.hit = lane.path.intersect();
+            interaction::request_triangle(integrator.prepared(), &lane.hit);
+        }
+        for lane in &lanes {
+            interaction::request_vertices(integrator.prepared(), &lane.hit);
+            lane.path.request_guide(&lane.hit);
+        }
+        let mut i = 0;
+        while i < lanes.len() {
+            let lane = &mut lanes[i];
+            if lane.path.meet::<AGENTS>(&lane.hit, &mut lane.branches) {
+                i += 1;
+                continue;
             }
-            for lane in &lanes {
-                interaction::request_vertices(integrator.prepared(), &lane.hit);
-                lane.path.request_guide(&lane.hit);
+            if AGENTS && let Some(branch) = lane.branches.pop() {
+                lane.path.go_back(&branch);
+                i += 1;
+                continue;
             }
-            let mut i = 0;
-            while i < lanes.len() {
-                let lane = &mut lanes[i];
-                if lane.path.meet(&lane.hit) {
-                    i += 1;
-                    continue;
-                }
-                records[lane.sample] = lane.path.finish().scaled(lane.factor);
-                if let Some(next) = waiting.next() {
-                    *lane = next;
-                    i += 1;
-                } else {
-                    lanes.swap_remove(i);
-                }
+            records[lane.sample] = lane.path.finish().scaled(lane.factor);
+            if let Some((path, sample, factor)) = waiting.next() {
+                (lane.path, lane.sample, lane.factor) = (path, sample, factor);
+                i += 1;
+            } else {
+                lanes.swap_remove(i);
             }
         }
     }

@@ -5,6 +5,7 @@
 //! directions, and so is left to BSDF sampling with full weight.
 
 mod bounds;
+mod choice;
 mod distribution;
 mod emission;
 mod environment;
@@ -32,6 +33,7 @@ use crate::{
     sampler::Quad,
 };
 use bounds::LightBounds;
+pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS, Sight};
 pub(crate) use emission::{Emission, Emitted};
 use environment::EnvironmentLight;
 use surface::{Grid, Panel, Shape, SurfaceLight};
@@ -382,8 +384,24 @@ impl Lights {
 
     /// Density per solid angle with which [`Self::sample`] draws the place `p` that was hit on a surface that shines.
     pub(crate) fn hit_pdf(&self, prepared: &PreparedScene, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
+        self.hit_pdf_by(prepared, hit, receiver, p, None)
+    }
+
+    /// The same with which light is drawn by a choice that was learnt, or as nobody has learnt.
+    #[inline(always)]
+    pub(crate) fn hit_pdf_by(
+        &self,
+        prepared: &PreparedScene,
+        hit: &Hit,
+        receiver: &Receiver,
+        p: Vec3,
+        choice: Option<&Choice>,
+    ) -> f32 {
         let Some(light) = self.light_of(prepared, hit) else { return 0.0 };
-        let pmf = self.pmf(receiver, light);
+        let pmf = match choice {
+            None => self.pmf(receiver, light),
+            Some(choice) => self.pmf_by(receiver, choice, light),
+        };
         if pmf > 0.0 { pmf * self.place_pdf(prepared.scene(), light, receiver.p, p) } else { 0.0 }
     }
 

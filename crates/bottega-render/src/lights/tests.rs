@@ -315,3 +315,77 @@ fn time_and_noise_of_a_light_sample() {
         );
     }
 }
+
+/// Groups of lights next to each other, of which every third is seen.
+fn is_seen(light: u32) -> bool {
+    (light / 8).is_multiple_of(3)
+}
+
+/// What rays found that asked for light at a place from which some lights are seen.
+fn asked(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<Asked> {
+    let one = |i: u32| {
+        let mut next = numbers(20_000 + i);
+        let sample = prepared.lights().sample(prepared, receiver, [next(), next(), next(), next()])?;
+        let found = illuminance(receiver, &sample) as f32;
+        Some(Asked { light: sample.light, found, is_seen: found > 0.0 && is_seen(sample.light) })
+    };
+    (0..count).filter_map(one).collect()
+}
+
+#[test]
+fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
+    let mut scene = of_all_kinds(90);
+    scene.environment = Some(Environment::uniform(Vec3::splat(0.1)));
+    let prepared = prepare(scene);
+    let lights = prepared.lights();
+    let count = lights.lights.len() as u32;
+    let (mut learnt, mut by_choice, mut by_tree) = (0, 0.0, 0.0);
+    for receiver in receivers() {
+        let Some(choice) = lights.learn(&asked(&prepared, &receiver, 2000)) else { continue };
+        assert_eq!(Choice::from_numbers(&choice.to_numbers()), Some(choice));
+        learnt += 1;
+        // Each light is drawn with the probability that is told, and light from far away with what is left.
+        let sum: f32 = (0..count).map(|light| lights.pmf_by(&receiver, &choice, light)).sum();
+        assert!(sum < 1.0001, "{sum}");
+        let (mut drawn, mut far) = (vec![0.0_f64; count as usize], 0.0);
+        let draws = 40_000;
+        let seen = |sample: &LightSample| if is_seen(sample.light) { illuminance(&receiver, sample) } else { 0.0 };
+        let (mut found, mut expected) = (Vec::new(), Vec::new());
+        for i in 0..draws {
+            let mut next = numbers(100_000 + i);
+            let u = [next(), next(), next(), next()];
+            let sample = lights.sample_by(&prepared, &receiver, &choice, u);
+            if let Some(sample) = sample {
+                match drawn.get_mut(sample.light as usize) {
+                    Some(times) => {
+                        *times += 1.0 / f64::from(draws);
+                        let pmf = lights.pmf_by(&receiver, &choice, sample.light);
+                        assert!((pmf / sample.pmf - 1.0).abs() < 1e-5);
+                    }
+                    None => {
+                        far += 1.0 / f64::from(draws);
+                        let pdf = lights.environment_pdf_by(&receiver, &choice, sample.wi);
+                        assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{pdf} {}", sample.pdf);
+                    }
+                }
+            }
+            found.push(sample.as_ref().map_or(0.0, seen));
+            expected.push(lights.sample(&prepared, &receiver, u).as_ref().map_or(0.0, seen));
+        }
+        for (light, &times) in (0..).zip(&drawn) {
+            let pmf = f64::from(lights.pmf_by(&receiver, &choice, light));
+            // (A sample of a light that turns out to send nothing is none.)
+            let error = 5.0 * (pmf / f64::from(draws)).sqrt() + 1e-4;
+            assert!(times < pmf + error, "{light}: {times} {pmf}");
+        }
+        let share = f64::from(lights.far_share(&receiver));
+        assert!(choice.sight(NO_LIGHT).seen < 0.1 || far > 0.2 * share, "{far} {share}");
+        let [(found, variance), (expected, other)] = [found, expected].map(|all| moments(all.into_iter()));
+        let z = (found - expected) / (variance + other).sqrt().max(1e-9);
+        assert!(z.abs() < 4.5, "{receiver:?}: {found} {expected}, z = {z}");
+        by_choice += variance / expected.powi(2).max(1e-12);
+        by_tree += other / expected.powi(2).max(1e-12);
+    }
+    eprintln!("variance {:.2} of the tree's", by_choice / by_tree);
+    assert!(learnt > 6 && by_choice < 0.8 * by_tree, "{learnt} {by_choice} {by_tree}");
+}

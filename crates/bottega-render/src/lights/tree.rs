@@ -263,14 +263,33 @@ impl LightTree {
 
     /// A light, by a number in [0, 1), and its probability.
     #[inline(always)]
-    pub(super) fn sample(&self, receiver: &impl Importance, mut u: f32) -> Option<(u32, f32)> {
+    pub(super) fn sample(&self, receiver: &impl Importance, u: f32) -> Option<(u32, f32)> {
         if self.light_count <= 1 {
             // One light needs no choice.
             return (self.light_count == 1).then_some((0, 1.0));
         }
+        self.descend(receiver, &self.nodes[0], 0, u)
+    }
+
+    /// A light below a node, by a number in [0, 1); a part without a node is its first light.
+    #[inline(always)]
+    pub(super) fn sample_below(&self, receiver: &impl Importance, node: u32, first: u32, u: f32) -> Option<u32> {
+        if node == NO_LIGHT {
+            return Some(first);
+        }
+        Some(self.descend(receiver, self.nodes.get(node as usize)?, first, u)?.0)
+    }
+
+    /// A light below a node whose first light is given, and its probability there.
+    #[inline(always)]
+    fn descend<'a>(
+        &'a self,
+        receiver: &impl Importance,
+        mut node: &'a Node,
+        mut first_light: u32,
+        mut u: f32,
+    ) -> Option<(u32, f32)> {
         let mut pmf = 1.0;
-        let mut node = &self.nodes[0];
-        let mut first_light = 0;
         loop {
             let importance = receiver.of(&Children(node));
             let total: f32 = importance.iter().sum();
@@ -329,6 +348,50 @@ impl LightTree {
             }
             node = &self.nodes[node.child[chosen] as usize];
         }
+    }
+
+    /// The probability with which [`Self::sample`] draws a light, and that with which it is drawn below the node `top`, which
+    /// is above it; 1 where there is no such node.
+    #[inline(always)]
+    pub(super) fn pmfs(&self, receiver: &impl Importance, light: u32, top: u32) -> (f32, f32) {
+        if self.light_count <= 1 {
+            return (1.0, 1.0);
+        }
+        let (mut whole, mut below) = (1.0, 1.0);
+        let mut number = 0;
+        loop {
+            if number == top {
+                below = 1.0;
+            }
+            let node = &self.nodes[number as usize];
+            let importance = receiver.of(&Children(node));
+            let chosen = node.end.iter().position(|&end| light < end).unwrap_or(WIDTH - 1);
+            let total: f32 = importance.iter().sum();
+            if importance[chosen] <= 0.0 || !total.is_finite() {
+                return (0.0, 0.0);
+            }
+            let part = importance[chosen] / total;
+            whole *= part;
+            below *= part;
+            number = node.child[chosen];
+            if number == NO_LIGHT {
+                return (whole, if top == NO_LIGHT { 1.0 } else { below });
+            }
+        }
+    }
+
+    /// The node of all lights, and their numbers: the first, and where they end. A light alone has no node.
+    pub(super) fn root(&self) -> Option<(u32, u32, u32)> {
+        let node = if self.light_count > 1 { 0 } else { NO_LIGHT };
+        (self.light_count > 0).then_some((node, 0, self.light_count))
+    }
+
+    /// The same of each child of a node, whose first light is `first`.
+    pub(super) fn children(&self, node: u32, first: u32) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
+        let node = &self.nodes[node as usize];
+        let firsts = std::iter::once(first).chain(node.end);
+        let all = firsts.zip(node.end).zip(node.child).map(|((first, end), child)| (child, first, end));
+        all.filter(|&(_, first, end)| first < end)
     }
 }
 

@@ -5,6 +5,7 @@ mod determinism;
 mod furnace;
 mod guiding;
 mod known_answers;
+mod lighting_agents;
 mod media;
 mod photons;
 mod scenes;

@@ -6,28 +6,39 @@ use bottega_scene::Spectrum;
 use super::{Path, SHADOW_MARGIN, scatter::mixed};
 use crate::{
     bsdf::BsdfAt,
-    guide::Region,
+    guide::{Agent, Region},
     interaction::{Interaction, emitted, sphere_uv},
-    lights::{LightSample, Receiver},
+    lights::{Asked, LightSample, Receiver, Sight},
+    luminance,
     sampler::{DimensionSet, Quad},
     settings::DirectLight,
 };
 
+/// How often to look whether a light is seen, for what it may be more or less and is worth to the pixel: the root of what a
+/// vertex takes over what looking takes, and some caution. Least probability of it: light is then at most nine times as strong
+/// where nearly none was expected, and as much too weak where all of it was.
+const LOOKS: f32 = 3.0;
+const LOOKS_MIN: f32 = 0.1;
+
 impl Path<'_> {
     #[inline(always)]
-    pub(super) fn add_environment(&mut self) {
+    pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
         let prepared = self.integrator.prepared;
         let from = self.previous.receiver.p;
         let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
         if radiance != Spectrum::ZERO {
-            let weight = self.found_by_bsdf(|from| prepared.lights().environment_pdf(from, self.direction));
+            let lights = prepared.lights();
+            let weight = self.found_by_bsdf(|from| match if AGENTS { self.previous_choice() } else { None } {
+                None => lights.environment_pdf(from, self.direction),
+                Some(choice) => lights.environment_pdf_by(from, choice, self.direction),
+            });
             self.radiance += self.throughput * radiance * weight;
         }
     }
 
     /// Adds what a surface emits towards the path.
     #[inline(always)]
-    pub(super) fn add_emission(&mut self, point: &Interaction) {
+    pub(super) fn add_emission<const AGENTS: bool>(&mut self, point: &Interaction) {
         let prepared = self.integrator.prepared;
         let scene = &**prepared.scene();
         let hit = &point.hit;
@@ -41,7 +52,10 @@ impl Path<'_> {
         if radiance == Spectrum::ZERO {
             return;
         }
-        let weight = self.found_by_bsdf(|from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
+        let weight = self.found_by_bsdf(|from| {
+            let choice = if AGENTS { self.previous_choice() } else { None };
+            prepared.lights().hit_pdf_by(prepared, hit, from, point.p, choice)
+        });
         self.radiance += self.throughput * radiance * weight;
     }
 
@@ -62,12 +76,13 @@ impl Path<'_> {
 
     /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
     #[inline(always)]
-    pub(super) fn add_direct_light(
+    pub(super) fn add_direct_light<const AGENTS: bool>(
         &mut self,
         point: &Interaction,
         receiver: &Receiver,
         bsdf: &BsdfAt<'_>,
         region: Option<&Region>,
+        agent: Option<&Agent>,
         first: Quad,
     ) {
         let settings = self.integrator.settings;
@@ -79,11 +94,54 @@ impl Path<'_> {
         for part in 0..count {
             let set = DimensionSet::light(self.depth);
             let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
-            let Some(light) = prepared.lights().sample(prepared, receiver, u) else { continue };
+            let choice = agent.filter(|_| AGENTS).and_then(Agent::lights);
+            let drawn = match choice.filter(|_| settings.agents.lights) {
+                Some(choice) => prepared.lights().sample_by(prepared, receiver, choice, u),
+                None => prepared.lights().sample(prepared, receiver, u),
+            };
+            let Some(light) = drawn else { continue };
             let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
-            if contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, &light)) {
+            if self.trail.is_some() {
+                self.add_asked(point, &light, contribution);
+                continue;
+            }
+            if contribution == Spectrum::ZERO {
+                continue;
+            }
+            if AGENTS
+                && settings.agents.shadows
+                && let Some(choice) = choice
+            {
+                self.add_expected(point, &light, contribution, choice.sight(light.light), u[3]);
+            } else if !self.is_occluded(&shadow_ray(point, &light)) {
                 self.radiance += self.throughput * contribution;
             }
+        }
+    }
+
+    /// Adds light by what is known of how much of it is seen: that share of it always, and what it is more or less now and
+    /// then, the more often the more it may be.
+    #[inline(always)]
+    fn add_expected(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum, sight: Sight, u: f32) {
+        let light_carried = self.throughput * contribution;
+        let worth = if self.worth > 0.0 { light_carried.max_element() * self.worth } else { 1.0 };
+        let traced = (sight.doubt * worth * LOOKS).clamp(LOOKS_MIN, 1.0);
+        let mut seen = sight.seen;
+        if u < traced {
+            let is_seen = !self.is_occluded(&shadow_ray(point, light));
+            seen += (f32::from(u8::from(is_seen)) - seen) / traced;
+        }
+        self.radiance += light_carried * seen;
+    }
+
+    /// Adds light, and writes down what came of asking for it.
+    fn add_asked(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
+        let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
+        if is_seen {
+            self.radiance += self.throughput * contribution;
+        }
+        if let Some(trail) = &mut self.trail {
+            trail.ask(Asked { light: light.light, found: luminance(contribution), is_seen });
         }
     }
 

@@ -2,7 +2,7 @@
 
 use bottega_scene::Spectrum;
 
-use super::{Path, Previous, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
+use super::{NO_LEAF, Path, Previous, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, warp::ONE_MINUS_EPSILON},
     guide::Region,
@@ -14,12 +14,13 @@ use crate::{
 impl Path<'_> {
     /// Chooses where the path goes on. False when it ends here.
     #[inline(always)]
-    pub(super) fn scatter(
+    pub(super) fn scatter<const AGENTS: bool>(
         &mut self,
         point: &Interaction,
         receiver: Receiver,
         bsdf: &BsdfAt<'_>,
         region: Option<&Region>,
+        leaf: u32,
         u: Quad,
     ) -> bool {
         let drawn = match region {
@@ -53,10 +54,15 @@ impl Path<'_> {
                 self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }
         }
-        self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf) };
+        let leaf = if AGENTS && self.integrator.settings.agents.lights { leaf } else { NO_LEAF };
+        self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf), leaf };
         self.origin = point.ray_origin(wi);
         self.direction = wi;
         self.depth += 1;
+        // Where agents say what a path is worth, it is they who end it, at its next vertex.
+        if AGENTS && self.integrator.splits {
+            return self.throughput.max_element() > 0.0;
+        }
         self.survives(u[3])
     }
 

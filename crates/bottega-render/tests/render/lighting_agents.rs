@@ -1,0 +1,198 @@
+//! Pictures by Autonomous Lighting Agents, held to those by paths.
+
+use std::sync::Arc;
+
+use bottega_hra::{Hra, HraConfig, VirtualCpu};
+use bottega_image::{AovSet, Layout, Rect, Tile};
+use bottega_render::{
+    AgentSettings, BlockWork, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
+    ala::{AgentReport, Criterion, Density, SampleSet, Samples},
+    photon::cast_photons,
+};
+use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene};
+use glam::{Affine3A, Vec3};
+
+use crate::scenes::{add_quad, add_room, add_sphere, camera, color, cornell, lamp, matte, mean_color, paint, prepare};
+
+const SIZE: (u32, u32) = (24, 24);
+
+fn few() -> AgentSettings {
+    AgentSettings { cast: 3_000, ..AgentSettings::default() }
+}
+
+fn by(agents: AgentSettings, seed: u64) -> PathSettings {
+    let photons = PhotonSettings { count: 20_000, agents: Some(agents), ..PhotonSettings::default() };
+    PathSettings { photons: Some(photons), seed, guiding: false, ..PathSettings::default() }
+}
+
+fn report(scene: &PreparedScene, settings: &PathSettings) -> AgentReport {
+    scene.lighting_agents(settings.photons.unwrap(), settings.seed).expect("agents that were asked")
+}
+
+/// The room with a spherical light, as the scene of the paper has it.
+fn room_with_sphere() -> Scene {
+    let mut scene = cornell();
+    scene.meshes.pop();
+    scene.instances.pop();
+    add_sphere(&mut scene, Vec3::new(0.0, 0.7, 0.0), 0.12, lamp(Vec3::new(22.0, 20.0, 17.0)));
+    scene
+}
+
+#[test]
+fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
+    let scene = prepare(room_with_sphere());
+    let settings = by(AgentSettings { cast: 20_000, ..few() }, 1);
+    let found = paint(&scene, SIZE, 64, settings);
+    let report = report(&scene, &settings);
+    let tally = report.tally;
+    let share = tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared) as f64;
+    assert!(share < 0.35, "{tally:?}");
+    assert!(tally.irradiance_interpolated > 10 * tally.irradiance_computed, "{tally:?}");
+    let expected = paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
+    let (found_mean, expected_mean) = (mean_color(&found), mean_color(&expected));
+    assert!(((found_mean - expected_mean) / expected_mean).abs().max_element() < 0.03, "{found_mean} {expected_mean}");
+    assert!(report.clones > 0 && report.links > report.agents && report.sensors.iter().all(|&count| count > 0));
+}
+
+#[test]
+fn who_is_not_asked_decides_nothing() {
+    let scene = prepare(room_with_sphere());
+    let nothing = AgentSettings { decides_shadows: false, decides_irradiance: false, ..few() };
+    let shadows = AgentSettings { decides_irradiance: false, ..few() };
+    let settings = [by(nothing, 1), by(shadows, 1)];
+    let [alone, asked] = settings.map(|settings| paint(&scene, SIZE, 32, settings));
+    let [none, some] = settings.map(|settings| report(&scene, &settings).tally);
+    assert_eq!((none.shadow_spared, none.irradiance_interpolated, some.irradiance_interpolated), (0, 0, 0));
+    assert!(some.shadow_spared > some.shadow_traced, "{some:?}");
+    // The same samples: they differ where an agent was wrong alone.
+    let differs = |&(x, y): &(u32, u32)| {
+        let (a, b) = (color(&alone, x, y), color(&asked, x, y));
+        (a - b).abs().max_element() > 0.1 * a.max_element()
+    };
+    let wrong = alone.rect().pixels().filter(differs).count();
+    assert!(wrong <= 6, "{wrong} of 576 pixels");
+}
+
+#[test]
+fn neither_threads_nor_cuts_nor_the_allocator_change_a_bit() {
+    let mut room = room_with_sphere();
+    let kind = LightKind::Point { position: Vec3::new(-0.5, 0.5, 0.5), intensity: Vec3::splat(0.3) };
+    room.lights.push(Light { name: String::new(), kind });
+    let room = Arc::new(room);
+    let settings = Arc::new(by(few(), 5));
+    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+    let painted = |threads: usize, lanes: usize, cuts: &[u32], blocks: u32| {
+        let options = PrepareOptions { threads, ..PrepareOptions::default() };
+        let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
+        if lanes > 0 {
+            let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
+            cast_photons(&scene, view, &settings, &hra.client()).unwrap();
+            assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 6);
+        }
+        let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
+        for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
+            let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
+            for range in cuts.windows(2) {
+                let (scene, settings) = (Arc::clone(&scene), Arc::clone(&settings));
+                let work = BlockWork { scene, view, settings, tile, samples: range[0]..range[1] };
+                tile = work.perform().unwrap().tile;
+            }
+            whole.copy_from(&tile);
+        }
+        let AgentReport { sensors, answers, links, tally, .. } = report(&scene, &settings);
+        (whole.sums().to_vec(), sensors, answers, links, tally)
+    };
+    let expected = painted(1, 0, &[0, 3], 24);
+    assert_eq!(expected, painted(2, 0, &[0, 1, 3], 7));
+    assert_eq!(expected, painted(2, 2, &[0, 2, 3], 5));
+}
+
+fn is_sound(name: &str, scene: Scene, agents: AgentSettings) -> Vec3 {
+    let scene = prepare(scene);
+    let tile = paint(&scene, (12, 12), 4, by(agents, 0));
+    assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{name}");
+    mean_color(&tile)
+}
+
+#[test]
+fn hard_cases_end_in_the_right_picture() {
+    let room = |material: &Material| {
+        let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
+        add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), material);
+        scene
+    };
+    let mirror = Layered {
+        metallic: 1.0.into(),
+        roughness: 0.0.into(),
+        base_color: Vec3::splat(0.9).into(),
+        ..Layered::default()
+    };
+    for cast in [0, 1, 500] {
+        let agents = AgentSettings { cast, ..few() };
+        let grey = matte(Vec3::splat(0.5));
+        assert_eq!(is_sound("no light", room(&grey), agents), Vec3::ZERO);
+        let mut black = room(&grey);
+        add_sphere(&mut black, Vec3::ZERO, 0.1, lamp(Vec3::ZERO));
+        assert_eq!(is_sound("black light", black, agents), Vec3::ZERO);
+        let mut closed = room(&grey);
+        add_sphere(&mut closed, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
+        let kind = LightKind::Point { position: Vec3::new(0.5, 0.0, -0.5), intensity: Vec3::ONE };
+        closed.lights.push(Light { name: String::new(), kind });
+        assert_eq!(is_sound("light inside a closed object", closed, agents), Vec3::ZERO);
+        let mut mirrors = room(&mirror.clone().into());
+        add_sphere(&mut mirrors, Vec3::new(0.5, 0.0, -0.5), 0.2, lamp(Vec3::ONE));
+        assert!(is_sound("mirrors alone", mirrors, agents) != Vec3::ZERO);
+        let mut nothing = Scene { cameras: room(&grey).cameras, ..Scene::default() };
+        nothing.environment = Some(Environment::uniform(Vec3::ONE));
+        assert_eq!(is_sound("nothing but sky", nothing, agents), Vec3::ONE);
+        let mut outside = room(&grey);
+        outside.meshes.truncate(4);
+        outside.instances.truncate(4);
+        outside.environment = Some(Environment::uniform(Vec3::ONE));
+        let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..grey.clone() };
+        add_quad(&mut outside, Vec3::new(-0.5, -0.5, 0.8), Vec3::X, Vec3::Y, veil);
+        assert!(is_sound("a sky and a veil", outside, agents) != Vec3::ZERO);
+        assert!(is_sound("cornell", cornell(), agents) != Vec3::ZERO);
+    }
+}
+
+#[test]
+fn the_size_of_a_scene_does_not_matter() {
+    let of_size = |size: f32| {
+        let mut scene = room_with_sphere();
+        let grown = Affine3A::from_scale(Vec3::splat(size));
+        scene.instances.iter_mut().for_each(|instance| instance.world_from_object = grown * instance.world_from_object);
+        for sphere in &mut scene.spheres {
+            (sphere.center, sphere.radius) = (sphere.center * size, sphere.radius * size);
+        }
+        scene.cameras[0].world_from_camera.translation *= size;
+        let scene = prepare(scene);
+        let tile = paint(&scene, SIZE, 8, by(few(), 0));
+        assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{size}");
+        let tally = report(&scene, &by(few(), 0)).tally;
+        (mean_color(&tile), tally.shadow_spared as f32 / (tally.shadow_spared + tally.shadow_traced) as f32)
+    };
+    let expected = of_size(1.0);
+    for size in [1e-4, 1e6] {
+        let found = of_size(size);
+        assert!(((found.0 - expected.0) / expected.0).abs().max_element() < 0.05, "{size}: {found:?} {expected:?}");
+        assert!((found.1 - expected.1).abs() < 0.05, "{size}: {found:?} {expected:?}");
+    }
+}
+
+#[test]
+fn a_few_sensors_differ_as_much_as_many_photons() {
+    let scene = prepare(room_with_sphere());
+    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+    let mean = |set: SampleSet| {
+        let criteria = [Criterion::Irradiance];
+        let samples = Samples::new(&scene, view, &by(few(), 2), set, &criteria, 0.1).unwrap();
+        let ludd = samples.over(&scene, view).unwrap();
+        let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
+        assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
+        (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
+    };
+    let ((by_photons, photons), (by_agents, sensors)) = (mean(SampleSet::IndirectPhotons), mean(SampleSet::Agents));
+    assert!(sensors < photons, "{sensors} {photons}");
+    assert!(by_agents > 0.5 * by_photons, "{by_agents} {by_photons}");
+}
