@@ -44,7 +44,7 @@ pub(super) fn tell(swarm: &AgentReport, reporter: &Reporter, metadata: &mut Meta
         irradiance_computed: tally.irradiance_computed,
         irradiance_interpolated: tally.irradiance_interpolated,
     };
-    if let Ok(serde_json::Value::Object(figures)) = serde_json::to_value(&event) {
+    if let Ok(serde_json::Value::Object(figures)) = serde_json::to_value(event) {
         for (name, value) in figures {
             metadata.set(&format!("lighting_agents_{name}"), value.to_string());
         }
