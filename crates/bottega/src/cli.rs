@@ -13,6 +13,7 @@ use bottega_render::{AgentSettings, PhotonSettings, ala::Criterion};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
+pub(crate) use self::guiding::GuideArg;
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_duration,
@@ -445,6 +446,9 @@ pub(crate) struct PeersArgs {
     /// once.
     #[arg(long, value_name = "NAME")]
     pub(crate) peer: Vec<String>,
+    /// What our paths learn beforehand; the time for it counts.
+    #[arg(long, value_enum, default_value_t = GuideArg::Directions)]
+    pub(crate) guide: GuideArg,
     /// Numbers of threads to paint with. Default: one, and as many as there are processors.
     #[arg(long, value_delimiter = ',', value_parser = parse_threads)]
     pub(crate) threads: Vec<usize>,

@@ -28,7 +28,7 @@ use scene::NeutralScene;
 use serde_json::{Value, json};
 
 use crate::{
-    cli::{BenchArgs, BenchCommand},
+    cli::{BenchArgs, BenchCommand, GuideArg},
     devices::processors,
     error::CliError,
     scene::shown,
@@ -119,7 +119,14 @@ fn paint(scene: &Arc<PreparedScene>, threads: usize) -> Result<Duration, CliErro
 }
 
 /// Paints a neutral scene as its peers do, and how long that took.
-fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Result<(Picture, Duration), CliError> {
+fn paint_ours(
+    scene: &NeutralScene,
+    threads: usize,
+    spp: u32,
+    seed: u64,
+    guide: GuideArg,
+) -> Result<(Picture, Duration), CliError> {
+    let (guiding, agents) = guide.whole();
     // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
@@ -129,6 +136,8 @@ fn paint_ours(scene: &NeutralScene, threads: usize, spp: u32, seed: u64) -> Resu
         max_depth: scene.max_bounces + 1,
         filter: Filter::PIXEL,
         planned_samples: spp,
+        guiding,
+        agents,
         ..PathSettings::default()
     };
     let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;

@@ -167,7 +167,7 @@ fn row(
 
 fn ours(scene: &NeutralScene, threads: usize, args: &PeersArgs, seed: u16) -> Result<Painted, CliError> {
     let before = processor_seconds();
-    let (picture, time) = paint_ours(scene, threads, args.spp, seed.into())?;
+    let (picture, time) = paint_ours(scene, threads, args.spp, seed.into(), args.guide)?;
     let seconds = match (args.processor_time, before.zip(processor_seconds())) {
         (false, _) => time.as_secs_f64(),
         (true, Some((before, after))) => after - before,
@@ -371,6 +371,7 @@ mod tests {
             spp: 1,
             repeat: 1,
             peer: vec!["mitsuba".to_owned()],
+            guide: crate::cli::GuideArg::Directions,
             threads: vec![1],
             python: "no such python".to_owned(),
             processor_time: true,

@@ -41,6 +41,14 @@ pub(crate) struct GuideArgs {
     pub(crate) no_guiding: bool,
 }
 
+impl GuideArg {
+    /// Whether paths learn where light comes from, and what else agents are asked for, if it is all of it.
+    pub(crate) fn whole(self) -> (bool, AgentUse) {
+        let all = GuideArgs { guide: self, ala: Vec::new(), no_guiding: false };
+        (all.directions(), all.agents())
+    }
+}
+
 impl GuideArgs {
     /// # Errors
     /// Agents are told what to do, and nobody asks them.
