@@ -2,7 +2,8 @@
 
 use std::{
     collections::BTreeSet,
-    thread,
+    sync::atomic::{AtomicBool, Ordering},
+    thread::{self, Thread},
     time::{Duration, Instant},
 };
 
@@ -154,12 +155,13 @@ impl Worker {
     }
 
     fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, CliError> {
-        let Member { board, stop, .. } = &self.member;
+        let Member { board, stop, name, threads, .. } = &self.member;
+        let seat = Seat { takes_orders: self.only.is_none(), ..Seat::new(name, *threads, Some(number)) };
         if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
             let open = || Studio::open(&self.member, job, &self.cache, &self.own);
-            self.studio = Some(patiently(stop, &self.say, open)?);
+            self.studio = Some(sitting(board, &seat, || patiently(stop, &self.say, open))?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };
         let before = studio.samples_done();
@@ -195,6 +197,29 @@ impl Worker {
             is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
         }
     }
+}
+
+/// Says that a machine is there while it does what takes long: opens a scene, has kernels compiled.
+fn sitting<T>(board: &JobBoard, seat: &Seat, work: impl FnOnce() -> T) -> T {
+    /// Ends the thread that says so, whatever becomes of the work.
+    struct Done<'a>(&'a AtomicBool, Thread);
+    impl Drop for Done<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+            self.1.unpark();
+        }
+    }
+    let is_done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let keeper = scope.spawn(|| {
+            while !is_done.load(Ordering::Relaxed) {
+                board.sit(seat);
+                thread::park_timeout(RENEW_EVERY);
+            }
+        });
+        let _done = Done(&is_done, keeper.thread().clone());
+        work()
+    })
 }
 
 fn may(only: &Option<BTreeSet<u32>>, refused: &BTreeSet<u32>, number: u32) -> bool {
