@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use bottega_hra::{Failed, Link, Primitive, PrimitiveSet, RayQuery, RayWork, Resource, ResourceDescriptor};
 use bottega_kernels::{Hit, InstanceGeometry, MeshGeometry, Ray, SphereGeometry};
+use bottega_render::SceneGeometry;
 use bottega_scene::{AlphaMode, Scene};
 use wgpu::Adapter;
 
@@ -55,18 +56,7 @@ impl GpuRays {
         if let Some(material) = cut_out(scene).filter(|_| !options.ignore_alpha) {
             return Err(GpuError::AlphaTested(material));
         }
-        let meshes: Vec<_> = scene
-            .meshes
-            .iter()
-            .map(|mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles })
-            .collect();
-        let place = |instance: &bottega_scene::Instance| InstanceGeometry {
-            mesh: instance.mesh,
-            world_from_object: instance.world_from_object,
-        };
-        let instances: Vec<_> = scene.instances.iter().map(place).collect();
-        let sphere = |sphere: &bottega_scene::Sphere| SphereGeometry { center: sphere.center, radius: sphere.radius };
-        let spheres: Vec<_> = scene.spheres.iter().map(sphere).collect();
+        let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);
         Self::from_geometry(&meshes, &instances, &spheres, options)
     }
 

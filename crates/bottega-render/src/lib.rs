@@ -26,7 +26,7 @@ mod work;
 pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;
-pub use prepare::{PrepareOptions, PreparedScene, build_accel};
+pub use prepare::{PrepareOptions, PreparedScene, SceneGeometry, build_accel};
 pub use settings::{AgentSettings, AgentUse, DirectLight, Oracle, PathSettings, PhotonFilter, PhotonSettings, View};
 pub use survey::survey;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};

@@ -7,7 +7,7 @@ use std::sync::{
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface};
+use bottega_scene::{AlphaMode, Instance, Material, MediumId, Mesh, Scene, Spectrum, Sphere, Surface};
 use glam::{Affine3A, Mat3};
 
 use crate::{
@@ -303,21 +303,35 @@ impl PreparedScene {
     }
 }
 
+/// The shapes of a scene as those take them who build trees over them; numbered as in the scene.
+#[derive(Debug)]
+pub struct SceneGeometry<'a> {
+    /// Of [`Scene::meshes`].
+    pub meshes: Vec<MeshGeometry<'a>>,
+    /// Of [`Scene::instances`].
+    pub instances: Vec<InstanceGeometry>,
+    /// Of [`Scene::spheres`].
+    pub spheres: Vec<SphereGeometry>,
+}
+
+impl<'a> SceneGeometry<'a> {
+    /// All shapes of `scene`.
+    pub fn of(scene: &'a Scene) -> Self {
+        let mesh = |mesh: &'a Mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles };
+        let instance = |it: &Instance| InstanceGeometry { mesh: it.mesh, world_from_object: it.world_from_object };
+        let sphere = |it: &Sphere| SphereGeometry { center: it.center, radius: it.radius };
+        Self {
+            meshes: scene.meshes.iter().map(mesh).collect(),
+            instances: scene.instances.iter().map(instance).collect(),
+            spheres: scene.spheres.iter().map(sphere).collect(),
+        }
+    }
+}
+
 /// Checks a scene and builds its acceleration structures: the long part of preparing one of many triangles.
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
-    let meshes: Vec<_> = scene
-        .meshes
-        .iter()
-        .map(|mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles })
-        .collect();
-    let instances: Vec<_> = scene
-        .instances
-        .iter()
-        .map(|instance| InstanceGeometry { mesh: instance.mesh, world_from_object: instance.world_from_object })
-        .collect();
-    let spheres: Vec<_> =
-        scene.spheres.iter().map(|sphere| SphereGeometry { center: sphere.center, radius: sphere.radius }).collect();
+    let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };
     Ok(Accel::build(&meshes, &instances, &spheres, &build)?)
 }

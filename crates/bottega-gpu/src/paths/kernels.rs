@@ -14,6 +14,7 @@ const MATH: &str = include_str!("../wgsl/math.wgsl");
 const COMMON: &str = concat!(
     include_str!("../wgsl/words.wgsl"),
     include_str!("../wgsl/functions.wgsl"),
+    include_str!("../wgsl/control.wgsl"),
     include_str!("../wgsl/state.wgsl"),
     include_str!("../wgsl/sampler.wgsl"),
 );
@@ -30,7 +31,7 @@ const SHADING: &str = concat!(
     include_str!("../wgsl/lights.wgsl"),
     include_str!("../wgsl/shade.wgsl"),
 );
-const PLAN: &str = include_str!("../wgsl/plan.wgsl");
+const PLAN: &str = concat!(include_str!("../wgsl/control.wgsl"), include_str!("../wgsl/plan.wgsl"));
 
 /// What kernels are made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +97,10 @@ impl Kernels {
         let paths = make.layout("paths", &[&scene_layout, &state_layout]);
         let plan = make.layout("plan", &[&plan_layout]);
         let [generate, accumulate] = make.pipelines(&make.module(&camera_source()), &paths, ["generate", "accumulate"]);
-        let traversal = traversal::module(&context.device, "traversal", &traversal_source(variant));
+        // What asks materials and textures, which come from files, stays guarded.
+        let source = traversal_source(variant);
+        let unguarded = || traversal::module(&context.device, "traversal", &source);
+        let traversal = if variant.has_opacity { make.module(&source) } else { unguarded() };
         let [extend, shadow] = make.pipelines(&traversal, &paths, ["extend", "shadow"]);
         let [miss, shade] = make.pipelines(&make.module(&shading_source(variant)), &paths, ["miss", "shade"]);
         let [plan_extend, plan_shade, plan_next] =

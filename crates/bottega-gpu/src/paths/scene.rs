@@ -1,8 +1,7 @@
 //! A scene as the kernels of paths read it.
 
-use bottega_kernels::{InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_render::PreparedScene;
 use bottega_render::flat::FlatScene;
+use bottega_render::{PreparedScene, SceneGeometry};
 
 use crate::GpuError;
 use crate::geometry::Geometry;
@@ -68,18 +67,6 @@ impl PathScene {
 }
 
 fn geometry_of(prepared: &PreparedScene, limit: u64, adapter: &str) -> Result<Geometry, GpuError> {
-    let scene = prepared.scene();
-    let meshes: Vec<_> = scene
-        .meshes
-        .iter()
-        .map(|mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles })
-        .collect();
-    let instances: Vec<_> = scene
-        .instances
-        .iter()
-        .map(|instance| InstanceGeometry { mesh: instance.mesh, world_from_object: instance.world_from_object })
-        .collect();
-    let spheres: Vec<_> =
-        scene.spheres.iter().map(|sphere| SphereGeometry { center: sphere.center, radius: sphere.radius }).collect();
+    let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(prepared.scene());
     Geometry::build(&meshes, &instances, &spheres, limit, adapter)
 }

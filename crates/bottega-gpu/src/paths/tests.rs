@@ -282,21 +282,3 @@ fn rays_are_answered_beside_paths() {
         }
     }
 }
-
-#[test]
-#[ignore = "temporary"]
-fn temporary() {
-    let load = bottega_scene::LoadOptions { allow_outside: true, ..Default::default() };
-    let path = std::env::var("SCENE").unwrap();
-    let loaded = bottega_scene::load(std::path::Path::new(&path), &load).unwrap();
-    let scene = prepare(loaded.scene);
-    let start = std::time::Instant::now();
-    let Some(mut worker) = worker(&scene, 1 << 14) else { return };
-    eprintln!("open {:?}, {} lights", start.elapsed(), bottega_render::flat::FlatScene::new(&scene).unwrap().words[3]);
-    for max_depth in [0, 1, 2, 3, 4, 8] {
-        let settings = PathSettings { max_depth, ..settings() };
-        let start = std::time::Instant::now();
-        let single = paint(&mut worker, &scene, settings, 5..6);
-        eprintln!("depth {max_depth}: {:.2} % of the paths differ {:?}", 100.0 * single.differing(), start.elapsed());
-    }
-}

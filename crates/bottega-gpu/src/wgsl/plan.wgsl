@@ -4,14 +4,6 @@
 @group(0) @binding(1) var<storage, read_write> groups: array<u32>;
 
 const GROUP_SIZE: u32 = 64u;
-// Words of `control`, as in state.wgsl.
-const DEPTH: u32 = 0u;
-const ACTIVE: u32 = 1u;
-const NEXT: u32 = 2u;
-const MISSED: u32 = 3u;
-const LIT: u32 = 4u;
-const LIT_NOW: u32 = 5u;
-const MET: u32 = 8u;
 // Places in `groups`, three words each.
 const EXTEND: u32 = 0u;
 const MISS: u32 = 1u;

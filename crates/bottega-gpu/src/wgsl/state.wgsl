@@ -67,16 +67,6 @@ const NORMAL: u32 = 10u;
 const SHADOW: u32 = 11u;
 const SHADOW_FIELDS: u32 = 3u;
 
-// Words of `control`.
-const DEPTH: u32 = 0u;
-const ACTIVE: u32 = 1u;
-const NEXT: u32 = 2u;
-const MISSED: u32 = 3u;
-const LIT: u32 = 4u;
-const LIT_NOW: u32 = 5u;
-// One for each class of materials.
-const MET: u32 = 8u;
-
 // Queues, each as long as there is room for paths. Paths under way are in the first or the second by turns.
 const ACTIVE_QUEUE: u32 = 0u;
 const MISSED_QUEUE: u32 = 2u;

@@ -9,9 +9,11 @@ use bottega_render::{
     View, photon::cast_photons,
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 
-use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, glass, lamp, matte, mean_color, paint, prepare};
+use crate::scenes::{
+    add_quad, add_room, add_sphere, camera, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
+};
 
 const SIZE: (u32, u32) = (24, 24);
 
@@ -228,12 +230,7 @@ fn hard_cases_end_in_the_right_picture() {
 fn the_size_of_a_scene_does_not_matter() {
     let of_size = |size: f32| {
         let mut scene = cornell();
-        let grown = Affine3A::from_scale(Vec3::splat(size));
-        scene.instances.iter_mut().for_each(|instance| instance.world_from_object = grown * instance.world_from_object);
-        for sphere in &mut scene.spheres {
-            (sphere.center, sphere.radius) = (sphere.center * size, sphere.radius * size);
-        }
-        scene.cameras[0].world_from_camera.translation *= size;
+        grow(&mut scene, size);
         is_sound("cornell", scene, few())
     };
     let expected = of_size(1.0);

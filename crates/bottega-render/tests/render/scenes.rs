@@ -107,3 +107,13 @@ pub(crate) fn color(tile: &Tile, x: u32, y: u32) -> Spectrum {
 pub(crate) fn mean_color(tile: &Tile) -> Spectrum {
     tile.rect().pixels().map(|(x, y)| color(tile, x, y)).sum::<Vec3>() / tile.rect().area() as f32
 }
+
+/// Makes a scene so many times as large, the way from its camera with it.
+pub(crate) fn grow(scene: &mut Scene, size: f32) {
+    let grown = Affine3A::from_scale(Vec3::splat(size));
+    scene.instances.iter_mut().for_each(|instance| instance.world_from_object = grown * instance.world_from_object);
+    for sphere in &mut scene.spheres {
+        (sphere.center, sphere.radius) = (sphere.center * size, sphere.radius * size);
+    }
+    scene.cameras[0].world_from_camera.translation *= size;
+}
