@@ -25,7 +25,7 @@ pub enum DirectLight {
     BsdfSampling,
 }
 
-/// What lighting agents are asked for on a path; nothing by default.
+/// What lighting agents are asked for on a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
     /// Whether a light is seen, as far as they know: fewer shadow rays.
@@ -37,6 +37,9 @@ pub struct AgentUse {
 }
 
 impl AgentUse {
+    /// All that they can tell.
+    pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
+
     /// Whether anything is asked.
     pub fn any(self) -> bool {
         self.shadows || self.lights || self.roulette
@@ -160,7 +163,7 @@ impl Default for PathSettings {
             roulette_depth: 3,
             direct_light: DirectLight::Combined,
             guiding: true,
-            agents: AgentUse::default(),
+            agents: AgentUse::ALL,
             planned_samples: 64,
             photons: None,
         }

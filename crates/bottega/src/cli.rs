@@ -447,7 +447,7 @@ pub(crate) struct PeersArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) peer: Vec<String>,
     /// What our paths learn beforehand; the time for it counts.
-    #[arg(long, value_enum, default_value_t = GuideArg::Directions)]
+    #[arg(long, value_enum, default_value_t = GuideArg::Ala)]
     pub(crate) guide: GuideArg,
     /// Numbers of threads to paint with. Default: one, and as many as there are processors.
     #[arg(long, value_delimiter = ',', value_parser = parse_threads)]

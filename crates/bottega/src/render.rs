@@ -85,7 +85,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
     let has_paths = args.photons(0).is_none() && subject.prepared.can_learn(subject.view);
-    if args.guiding.agents().any() && !has_paths {
+    if args.guiding.asks_for_agents() && !has_paths {
         let why =
             "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more";
         reporter.warn(why.to_owned());

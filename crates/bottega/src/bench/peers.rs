@@ -371,7 +371,7 @@ mod tests {
             spp: 1,
             repeat: 1,
             peer: vec!["mitsuba".to_owned()],
-            guide: crate::cli::GuideArg::Directions,
+            guide: crate::cli::GuideArg::Ala,
             threads: vec![1],
             python: "no such python".to_owned(),
             processor_time: true,

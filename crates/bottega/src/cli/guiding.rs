@@ -9,9 +9,10 @@ use crate::error::CliError;
 pub(crate) enum GuideArg {
     /// Nothing: paths go where materials send them.
     None,
-    /// Where light comes from. The default.
+    /// Where light comes from.
     Directions,
-    /// All that lighting agents can tell: as well which lights matter, whether they are seen, and what a path is worth.
+    /// All that lighting agents can tell: as well which lights matter, whether they are seen, and what a path is worth. The
+    /// default.
     Ala,
 }
 
@@ -31,20 +32,20 @@ pub(crate) enum AlaArg {
 pub(crate) struct GuideArgs {
     /// What paths learn of the light before the first sample. It changes the noise, and not what the picture shows. GPUs paint
     /// the same without.
-    #[arg(long, value_enum, default_value_t = GuideArg::Directions, help_heading = "Quality")]
-    pub(crate) guide: GuideArg,
-    /// What lighting agents are asked for, with --guide ala; default: all of it.
+    #[arg(long, value_enum, help_heading = "Quality")]
+    guide: Option<GuideArg>,
+    /// What lighting agents are asked for; default: all of it.
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', help_heading = "Quality")]
-    pub(crate) ala: Vec<AlaArg>,
+    ala: Vec<AlaArg>,
     /// The same as --guide none.
     #[arg(long, conflicts_with_all = ["guide", "ala"], help_heading = "Quality")]
-    pub(crate) no_guiding: bool,
+    no_guiding: bool,
 }
 
 impl GuideArg {
     /// Whether paths learn where light comes from, and what else agents are asked for, if it is all of it.
     pub(crate) fn whole(self) -> (bool, AgentUse) {
-        let all = GuideArgs { guide: self, ala: Vec::new(), no_guiding: false };
+        let all = GuideArgs { guide: Some(self), ala: Vec::new(), no_guiding: false };
         (all.directions(), all.agents())
     }
 }
@@ -53,16 +54,15 @@ impl GuideArgs {
     /// # Errors
     /// Agents are told what to do, and nobody asks them.
     pub(crate) fn check(&self) -> Result<(), CliError> {
-        if self.ala.is_empty() || self.guide == GuideArg::Ala {
+        if self.ala.is_empty() || self.guide() == GuideArg::Ala {
             return Ok(());
         }
-        Err(CliError::usage("--ala says what lighting agents are asked for, and nobody asks them", "add --guide ala"))
+        Err(CliError::usage("--ala says what lighting agents are asked for, and nobody asks them", "leave --guide away, or say --guide ala"))
     }
 
     /// Whether paths learn where light comes from.
     pub(crate) fn directions(&self) -> bool {
-        match self.guide {
-            _ if self.no_guiding => false,
+        match self.guide() {
             GuideArg::None => false,
             GuideArg::Directions => true,
             GuideArg::Ala => self.has(AlaArg::Directions),
@@ -71,7 +71,7 @@ impl GuideArgs {
 
     /// What lighting agents are asked for beside that.
     pub(crate) fn agents(&self) -> AgentUse {
-        if self.no_guiding || self.guide != GuideArg::Ala {
+        if self.guide() != GuideArg::Ala {
             return AgentUse::default();
         }
         AgentUse {
@@ -79,6 +79,15 @@ impl GuideArgs {
             lights: self.has(AlaArg::Lights),
             roulette: self.has(AlaArg::Roulette),
         }
+    }
+
+    /// Whether somebody said that lighting agents are to help.
+    pub(crate) fn asks_for_agents(&self) -> bool {
+        self.guide == Some(GuideArg::Ala) || !self.ala.is_empty()
+    }
+
+    fn guide(&self) -> GuideArg {
+        if self.no_guiding { GuideArg::None } else { self.guide.unwrap_or(GuideArg::Ala) }
     }
 
     fn has(&self, what: AlaArg) -> bool {
