@@ -100,7 +100,7 @@ pub struct PhotonSettings {
 }
 
 /// The settings of Autonomous Lighting Agents.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSettings {
     /// Agents cast from all lights together. Their clones behind what they meet come on top.
     pub cast: u32,
@@ -110,19 +110,51 @@ pub struct AgentSettings {
     pub decides_shadows: bool,
     /// Whether it is asked where indirect light may be interpolated; else it is gathered everywhere.
     pub decides_irradiance: bool,
+    /// With [`Oracle::Error`]: greatest relative error of indirect light that is interpolated.
+    pub error: f32,
+    /// With [`Oracle::Error`]: bytes that all the agents may take. Where they are too few, more is computed while the picture is
+    /// painted.
+    pub memory_bytes: u64,
+}
+
+impl AgentSettings {
+    /// How far from where they were measured values are taken, as a share of the distance to other things (Ward's a).
+    pub(crate) fn tolerance(&self) -> f32 {
+        0.3
+    }
+
+    /// How many agents are kept.
+    pub(crate) fn agents_max(&self) -> usize {
+        /// What an agent takes where it is found by place.
+        const AGENT_BYTES: u64 = 26;
+        match self.oracle {
+            Oracle::Paper => usize::MAX,
+            // Half of the memory is for the light.
+            Oracle::Error => usize::try_from(self.memory_bytes / (2 * AGENT_BYTES)).unwrap_or(usize::MAX),
+        }
+    }
 }
 
 /// By which rules agents answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Oracle {
-    /// Those of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.
+    /// By the error that is to be expected.
     #[default]
+    Error,
+    /// Those of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.
     Paper,
 }
 
 impl Default for AgentSettings {
     fn default() -> Self {
-        Self { cast: 50_000, oracle: Oracle::Paper, decides_shadows: true, decides_irradiance: true }
+        Self {
+            cast: 50_000,
+            oracle: Oracle::default(),
+            decides_shadows: true,
+            decides_irradiance: true,
+            error: 0.1,
+            memory_bytes: 64 << 20,
+        }
     }
 }
 

@@ -207,7 +207,7 @@ impl Work for RenderWork {
             Self::Photons(work) => work.indices.len() as u64,
             Self::Irradiance(work) => work.points.len() as u64,
             Self::Agents(work) => work.indices.len() as u64,
-            Self::Sensors(work) => work.indices.len() as u64,
+            Self::Sensors(work) => work.agent_count(),
         }
     }
 

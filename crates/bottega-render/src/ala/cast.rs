@@ -8,7 +8,8 @@ use bottega_kernels::compiled;
 use super::{
     agent::{Agent, Casting},
     map::{Agents, joined},
-    sensing::{Sensed, Sensing},
+    network::Network,
+    sensing::{Errand, Sensed, Sensing},
     swarm::Swarm,
 };
 use crate::{
@@ -22,6 +23,8 @@ use crate::{
 pub(super) const AGENTS: u32 = 4096;
 /// Agents that look around in one unit of work.
 pub(super) const SENSING: u32 = 512;
+/// Those that measure indirect light by our own rules: fewer, since each that must follows hundreds of paths.
+pub(super) const MEASURING: u32 = 16;
 
 /// Agents to be cast.
 #[derive(Clone)]
@@ -43,8 +46,9 @@ pub struct SensorWork {
     pub(crate) seed: u64,
     pub(crate) passes: Arc<Passes>,
     pub(crate) swarm: Arc<Swarm>,
-    /// By which agents.
-    pub(crate) indices: Range<u32>,
+    pub(crate) network: Arc<Network>,
+    /// By whom, and what for.
+    pub(crate) errand: Errand,
 }
 
 impl AgentWork {
@@ -55,16 +59,21 @@ impl AgentWork {
 }
 
 impl SensorWork {
+    /// Agents on the errand.
+    pub(crate) fn agent_count(&self) -> u64 {
+        self.errand.agents().len() as u64
+    }
+
     /// Deploys them on the calling thread.
     ///
     /// # Errors
     /// The scene has no camera, or media.
     pub fn perform(self) -> Result<Sensed, RenderError> {
-        let Self { scene, photons, seed, passes, swarm, indices } = self;
+        let Self { scene, photons, seed, passes, swarm, network, errand } = self;
         let settings = sensing_settings(&photons, seed);
         let integrator = PhotonIntegrator::sensing(&scene, &settings, photons, Arc::clone(&passes))?;
         let maps = passes.of_sample(&scene, 0);
-        Ok(compiled::run(Sensing { integrator: &integrator, maps, swarm: &swarm, seed, indices }))
+        Ok(compiled::run(Sensing { integrator: &integrator, maps, swarm: &swarm, network: &network, seed, errand }))
     }
 }
 
@@ -85,17 +94,21 @@ pub(crate) fn cast_agents(
         let RenderOutput::Agents(mut part) = output else { return Err(RenderError::Unanswered) };
         agents.append(&mut part);
     }
-    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents, settings.cast)));
+    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents, &settings)));
     let casting = begun.elapsed();
-    let works = parts(swarm.len() as u32, SENSING).map(|indices| {
-        let (scene, passes, swarm) = (Arc::clone(scene), Arc::clone(passes), Arc::clone(&swarm));
-        RenderWork::Sensors(SensorWork { scene, photons, seed, passes, swarm, indices })
-    });
-    let mut found = Vec::new();
-    for output in run(client, works.collect())? {
-        let RenderOutput::Sensors(part) = output else { return Err(RenderError::Unanswered) };
-        found.push(part);
-    }
-    let sensing = begun.elapsed() - casting;
-    Ok(scene.on_threads(|| Agents::of(settings, &swarm, joined(found), [casting, sensing])))
+    let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
+    let work = |errand| {
+        let (scene, passes) = (Arc::clone(scene), Arc::clone(passes));
+        let (swarm, network) = (Arc::clone(&swarm), Arc::clone(&network));
+        RenderWork::Sensors(SensorWork { scene, photons, seed, passes, swarm, network, errand })
+    };
+    let run = |errands: Vec<Errand>| {
+        let mut found = Vec::new();
+        for output in run(client, errands.into_iter().map(work).collect())? {
+            let RenderOutput::Sensors(part) = output else { return Err(RenderError::Unanswered) };
+            found.push(part);
+        }
+        Ok(joined(found))
+    };
+    Agents::sense(scene, settings, &swarm, &network, run, [casting, begun.elapsed() - casting])
 }

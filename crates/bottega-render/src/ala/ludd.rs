@@ -319,11 +319,11 @@ fn of_agents(agents: &Agents, criteria: &[Criterion], seen: Option<&PhotonMap>) 
     let [places, sensors] = agents.maps();
     let mut layers = Vec::new();
     if !by_agents.is_empty() {
-        layers.push(layer(places.clone(), &by_agents, seen, Agents::lit_share, |_, _| 0.0));
+        layers.push(layer(places, &by_agents, seen, Agents::lit_share, |_, _| 0.0));
     }
     if !by_sensors.is_empty() {
         let measured = |sensor: &Photon, _: &mut Nearest| luminance(sensor.mark().power());
-        layers.push(layer(sensors.clone(), &by_sensors, seen, |_| 0.0, measured));
+        layers.push(layer(sensors, &by_sensors, seen, |_| 0.0, measured));
     }
     layers
 }

@@ -8,11 +8,14 @@ mod agent;
 mod cast;
 mod ludd;
 mod map;
-mod miner;
 mod network;
+mod own;
+mod paper;
+mod probe;
 mod report;
 mod sensing;
 mod swarm;
+mod visibility;
 
 pub use agent::Agent;
 pub(crate) use cast::cast_agents;

@@ -1,88 +1,64 @@
-//! The four sensors of table 1, and the agents that deploy them (§4.3).
-//!
-//! Lengths are measured in mean distances between objects, so that a scene's unit of length does not matter.
+//! What agents are sent out to find, and what they bring back.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
-use bottega_kernels::{Ray, compiled::Task, math};
-use bottega_scene::Spectrum;
-use glam::Vec3;
+use bottega_kernels::compiled::Task;
 
 use super::{
-    agent::{Agent, meets},
-    miner::{Miner, Tool},
-    swarm::{NEAREST, Swarm, is_told},
+    agent::Agent,
+    map::Agents,
+    network::Network,
+    own::{self, Candidate},
+    paper,
+    probe::Probe,
+    swarm::Swarm,
 };
 use crate::{
-    camera::RayCone,
-    integrator::{Hands, PhotonIntegrator, shadow_ray},
-    interaction::Interaction,
-    luminance,
-    photon::{Nearest, Photon, PhotonMaps, is_alike},
+    integrator::PhotonIntegrator,
+    photon::{Photon, PhotonMaps, cache::Record},
     prepare::PreparedScene,
-    sampler::{DimensionSet, PixelSampler, Quad},
-    sampling::{orthonormal_basis, uniform_sphere},
 };
 
-/// Sets the numbers of sensors apart from those of agents.
-const SENSOR_SEED: u64 = 0x7365_6e73_6f72_7321;
-/// Median values of table 1: of the geometry gradient, and of the penumbra.
-const GEOMETRY_MEDIAN: f32 = 2.0 / 3.0;
-const PENUMBRA_MEDIAN: f32 = 1.0;
-/// Median of the proximity, as a share of the agents that one light casts; and the radius of the disc, as a share of the
-/// distance to the light, that so many agents meet when it faces the light: 1 % of all directions.
-const PROXIMITY_MEDIAN: f32 = 0.01;
-const PROXIMITY_DISC: f32 = 0.2;
-/// Sensors are looked for so far above and below the plane of an agent, as a share of how far they are from it, and at
-/// least as a share of how far it looks around.
-const SLOPE: f32 = 0.5;
-const HEIGHT_MIN: f32 = 0.02;
-/// What every sensor takes from an agent's stimulation.
-const TOIL: f32 = -0.25;
-/// Interest in a place where a sensor finds no surface: an edge.
-const EDGE: f32 = 0.5;
-/// Nearest distance that the geometry gradient tells from 0, in mean distances between objects.
-const NEAR: f32 = 1e-3;
-/// An agent measures irradiance when none with a lower number lies so near, in local distances between objects; and the
-/// bounds of that, in reaches and in mean distances between objects.
-const IRRADIANCE_SPACING: f32 = 0.05;
-const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
-/// Cosine between normals of agents of which one measures irradiance for both.
-const SAME_WAY: f32 = 0.9;
-/// Relative difference between irradiances that is interesting.
-const IRRADIANCE_GRADIENT: f32 = 0.12;
-/// Least number of penumbra sensors whose agreement counts.
-const PENUMBRA_MIN: u32 = 4;
-/// Surfaces in the way that are counted.
-const SURFACES_MAX: u32 = 4;
-/// Most parts into which numbers of sensors of one kind are stratified.
-const PARTS: u32 = 64;
-
-/// The kinds of sensors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Geometry,
-    Proximity,
-    Penumbra,
-    Irradiance,
+/// What some agents are to do.
+#[derive(Clone)]
+pub(crate) enum Errand {
+    /// To dig as the gold miners of the paper: all four kinds of sensors.
+    Dig(Range<u32>),
+    /// To look for the light: agents from a list, each by the sensors with these numbers.
+    Look { who: Arc<[u32]>, part: Range<u32>, numbers: Range<u32> },
+    /// To measure the indirect light wherever the others do not know it well enough.
+    Measure { who: Arc<[Candidate]>, part: Range<u32>, others: Arc<Agents> },
 }
 
-/// Sensors to be deployed by some agents.
+impl Errand {
+    /// Which of its agents go.
+    pub(super) fn agents(&self) -> Range<u32> {
+        match self {
+            Self::Dig(part) | Self::Look { part, .. } | Self::Measure { part, .. } => part.clone(),
+        }
+    }
+}
+
+/// Agents on an errand.
 pub(crate) struct Sensing<'a> {
     pub(crate) integrator: &'a PhotonIntegrator<'a>,
     pub(crate) maps: &'a PhotonMaps,
     pub(crate) swarm: &'a Swarm,
+    pub(crate) network: &'a Network,
     pub(crate) seed: u64,
-    pub(crate) indices: Range<u32>,
+    pub(crate) errand: Errand,
 }
 
-/// What agents found out, in the order of their indices.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What agents found out, in the order of the errand.
+#[derive(Clone, Debug, Default)]
 pub struct Sensed {
+    /// Of each agent.
     pub(super) discoveries: Vec<Discovery>,
-    /// Irradiance sensors; in place of a power the indirect irradiance.
+    /// Irradiance sensors of the paper; in place of a power the indirect irradiance.
     pub(super) irradiance: Vec<Photon>,
-    /// Sensors by kind, in the order of [`Kind`].
+    /// Our own irradiance sensors.
+    pub(super) records: Vec<Record>,
+    /// Sensors by kind: geometry, proximity, penumbra, irradiance.
     pub(super) sensors: [u64; 4],
 }
 
@@ -92,16 +68,8 @@ pub(super) struct Discovery {
     /// Penumbra sensors that see it, and that do not.
     pub(super) lit: u32,
     pub(super) shaded: u32,
-    /// How far it looked around.
-    pub(super) reach: f32,
-}
-
-/// What the penumbra sensors of one agent say together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Response {
-    Lit,
-    Shaded,
-    Doubtful,
+    /// Those that found no surface to stand on, by our own rules.
+    pub(super) lost: u32,
 }
 
 impl Sensed {
@@ -109,22 +77,27 @@ impl Sensed {
     pub(super) fn append(&mut self, mut later: Self) {
         self.discoveries.append(&mut later.discoveries);
         self.irradiance.append(&mut later.irradiance);
+        self.records.append(&mut later.records);
         self.sensors.iter_mut().zip(later.sensors).for_each(|(sum, part)| *sum += part);
     }
 }
 
-impl Discovery {
-    /// Share of its penumbra sensors that do not see the light; `None` without any.
-    pub(super) fn shaded_share(&self) -> Option<f32> {
-        let count = self.lit + self.shaded;
-        (count > 0).then(|| self.shaded as f32 / count as f32)
+impl<'a> Sensing<'a> {
+    pub(super) fn prepared(&self) -> &'a PreparedScene {
+        self.integrator.prepared()
     }
 
-    pub(super) fn response(&self) -> Response {
-        match (self.lit, self.shaded) {
-            (PENUMBRA_MIN.., 0) => Response::Lit,
-            (0, PENUMBRA_MIN..) => Response::Shaded,
-            _ => Response::Doubtful,
+    pub(super) fn agent(&self, index: u32) -> &'a Agent {
+        &self.swarm.agents[index as usize]
+    }
+
+    /// Where the sensors of an agent go.
+    pub(super) fn probe(&self, index: u32) -> Probe<'a> {
+        Probe {
+            prepared: self.prepared(),
+            agent: self.agent(index),
+            seed: self.seed,
+            reach: self.network.reach(index),
         }
     }
 }
@@ -134,237 +107,11 @@ impl Task for Sensing<'_> {
 
     #[inline(always)]
     fn run(self) -> Sensed {
-        let mut sensed = Sensed::default();
-        let mut found = Nearest::new(2 * NEAREST);
-        let mut hands = Hands::new(self.integrator);
-        for index in self.indices.clone() {
-            let near = self.swarm.neighbors(index, &mut found);
-            let reach = self.swarm.reach(&near);
-            let mut scout = Scout {
-                sensing: &self,
-                prepared: self.integrator.prepared(),
-                agent: &self.swarm.agents[index as usize],
-                index,
-                reach,
-                found: &mut found,
-                hands: &mut hands,
-                sensed: &mut sensed,
-            };
-            let discovery = scout.look_around();
-            sensed.discoveries.push(discovery);
-        }
-        sensed
-    }
-}
-
-/// An agent that looks around.
-struct Scout<'a, 'b> {
-    sensing: &'a Sensing<'a>,
-    prepared: &'a PreparedScene,
-    agent: &'a Agent,
-    index: u32,
-    reach: f32,
-    found: &'b mut Nearest,
-    hands: &'b mut Hands,
-    sensed: &'b mut Sensed,
-}
-
-impl Scout<'_, '_> {
-    fn look_around(&mut self) -> Discovery {
-        let gradient = self.sense_geometry();
-        let crowd = self.sense_proximity();
-        // Planarity discourages, and so does a place where all is as everywhere.
-        let excitement = TOIL + 0.25 * (gradient - GEOMETRY_MEDIAN).clamp(-1.0, 1.0) + 0.25 * crowd.max(0.0);
-        let [lit, shaded] = self.sense_penumbra(excitement);
-        if self.agent.is_matte {
-            let local = self.sensing.swarm.object_distance / gradient.max(NEAR);
-            self.sense_irradiance(excitement, local);
-        }
-        Discovery { lit, shaded, reach: self.reach }
-    }
-
-    /// Lets the miner dig: `deploy` is given the number of a sensor and how far from the agent it goes, and returns its
-    /// coefficient of interest.
-    fn dig(&mut self, kind: Kind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
-        let mut miner = Miner::new(tool);
-        while let Some((number, distance)) = miner.next() {
-            let sigma = deploy(self, number, distance);
-            miner.take(sigma);
-        }
-        self.sensed.sensors[kind as usize] += u64::from(miner.count());
-    }
-
-    /// Mean geometry gradient: 1 where things are as far as they are on the mean.
-    fn sense_geometry(&mut self) -> f32 {
-        let tool = Tool { few: 2, many: 6, most: 8, step: self.reach / 8.0, excitement: TOIL };
-        let (mut sum, mut count) = (0.0, 0.0_f32);
-        self.dig(Kind::Geometry, tool, |scout, number, distance| {
-            let Some(point) = scout.place(Kind::Geometry, number, distance, scout.agent.normal) else { return EDGE };
-            let gradient = scout.geometry_at(&point, number);
-            sum += gradient;
-            count += 1.0;
-            gradient - GEOMETRY_MEDIAN
-        });
-        if count > 0.0 { sum / count } else { GEOMETRY_MEDIAN }
-    }
-
-    /// (1/3) Σ 1/d over three directions.
-    fn geometry_at(&self, point: &Interaction, number: u32) -> f32 {
-        let n = side(point);
-        let inverse = |part: u32| {
-            let [u, v, ..] = self.numbers(Kind::Geometry, 1, 3 * number + part);
-            let w = uniform_sphere([u, v]);
-            let w = if w.dot(n) < 0.0 { -w } else { w };
-            let hit = meets(self.prepared, &Ray::new(point.ray_origin(w), w));
-            (self.sensing.swarm.object_distance / hit.t).min(1.0 / NEAR)
-        };
-        (0..3).map(inverse).sum::<f32>() / 3.0
-    }
-
-    /// How unusual the density of agents is: below 0 where it is usual.
-    fn sense_proximity(&mut self) -> f32 {
-        let tool = Tool { few: 1, many: 3, most: 4, step: self.reach / 4.0, excitement: TOIL };
-        let (mut sum, mut count) = (0.0, 0.0);
-        self.dig(Kind::Proximity, tool, |scout, number, distance| {
-            let value = scout.proximity_at(scout.beside(Kind::Proximity, number, distance, scout.agent.normal));
-            let median = PROXIMITY_MEDIAN * scout.sensing.swarm.cast_by_light;
-            let sigma = 0.25 * math::ln((value / median).max(1e-6)).abs() - 0.5;
-            sum += sigma.clamp(-1.0, 1.0);
-            count += 1.0;
-            sigma
-        });
-        if count > 0.0 { sum / count } else { 0.0 }
-    }
-
-    /// Agents of the same light on a disc that 1 % of them would meet if it faced it.
-    fn proximity_at(&mut self, p: Vec3) -> f32 {
-        let swarm = self.sensing.swarm;
-        swarm.tree.nearest(p, f32::INFINITY, self.found);
-        let is_like = |number: u32| {
-            let (_, other) = swarm.by_number(number);
-            other.light == self.agent.light && is_alike(other.normal, self.agent.normal)
-        };
-        let count = self.found.iter().filter(|&(number, _)| is_like(number)).count();
-        let from = if is_told(self.agent.light) { self.agent.distance } else { swarm.object_distance };
-        let radius = PROXIMITY_DISC * from;
-        count as f32 * radius * radius / self.found.farthest().max(f32::MIN_POSITIVE)
-    }
-
-    /// How many sensors see the light and how many do not.
-    fn sense_penumbra(&mut self, excitement: f32) -> [u32; 2] {
-        let mut counts = [0; 2];
-        if !is_told(self.agent.light) || self.prepared.has_opacity() {
-            return counts;
-        }
-        let tool = Tool { few: 4, many: 16, most: 24, step: self.reach / 12.0, excitement };
-        self.dig(Kind::Penumbra, tool, |scout, number, distance| {
-            let Some(point) = scout.place(Kind::Penumbra, number, distance, scout.agent.normal) else { return 0.0 };
-            let Some((value, is_lit)) = scout.penumbra_at(&point, number) else { return 0.0 };
-            counts[usize::from(!is_lit)] += 1;
-            (value - PENUMBRA_MEDIAN).abs()
-        });
-        counts
-    }
-
-    /// Surfaces between a sensor and a place on the light, that of the light among them, over the distance; and whether
-    /// there is none but the light. `None`: the light does not shine there at all.
-    fn penumbra_at(&self, point: &Interaction, number: u32) -> Option<(f32, bool)> {
-        let lights = self.prepared.lights();
-        let [u, v, ..] = self.numbers(Kind::Penumbra, 1, number);
-        let sample = lights.sample_place(self.prepared, self.agent.light, point.p_outside, [u, v])?;
-        let mut count = 1;
-        if sample.wi.dot(side(point)) <= 0.0 {
-            // Its own surface is in the way.
-            count += 1;
-        } else {
-            let mut ray = shadow_ray(point, &sample);
-            while count <= SURFACES_MAX {
-                let hit = meets(self.prepared, &ray);
-                if hit.is_none() {
-                    break;
-                }
-                count += 1;
-                ray.t_min = hit.t * 1.0001;
-            }
-        }
-        let distance = sample.distance / self.agent.distance.max(f32::MIN_POSITIVE);
-        Some((count as f32 / distance.max(NEAR), count == 1))
-    }
-
-    /// Measures indirect irradiance on both sides of the surface, unless another agent near by does so.
-    ///
-    /// - `local`: distance to other things, on the harmonic mean.
-    fn sense_irradiance(&mut self, excitement: f32, local: f32) {
-        let swarm = self.sensing.swarm;
-        let [least, most] = [SPACING_BOUNDS[0] * self.reach, SPACING_BOUNDS[1] * swarm.object_distance];
-        let spacing = (IRRADIANCE_SPACING * local).min(most).max(least);
-        let agent = self.agent;
-        let is_before = |number: u32| {
-            let (index, other) = swarm.by_number(number);
-            let is_same = other.normal.dot(agent.normal).abs() > SAME_WAY;
-            index < self.index && other.is_matte && is_same
-        };
-        if swarm.tree.nearest_where(agent.p, spacing * spacing, is_before).is_some() {
-            return;
-        }
-        for normal in [agent.normal, -agent.normal] {
-            let tool = Tool { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
-            let (mut sum, mut count) = (0.0, 0.0);
-            self.dig(Kind::Irradiance, tool, |scout, number, distance| {
-                let Some(point) = scout.place(Kind::Irradiance, number, distance, normal) else { return -1.0 };
-                let brightness = scout.irradiance_at(point, number, spacing);
-                sum += brightness;
-                count += 1.0;
-                let mean = sum / count;
-                if mean > 0.0 { (brightness - mean).abs() / (mean * IRRADIANCE_GRADIENT) - 1.0 } else { -1.0 }
-            });
+        let part_of = |part: &Range<u32>| part.start as usize..part.end as usize;
+        match &self.errand {
+            Errand::Dig(indices) => paper::dig(&self, indices.clone()),
+            Errand::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
+            Errand::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
         }
     }
-
-    /// Keeps the irradiance at a sensor, and returns its luminance.
-    fn irradiance_at(&mut self, point: Interaction, number: u32, width: f32) -> f32 {
-        let Agent { cast, clone, .. } = *self.agent;
-        let (p, n) = (point.p, side(&point));
-        let side_number = u32::from(n.dot(self.agent.normal) < 0.0);
-        let sampler =
-            PixelSampler::new(self.sensing.seed ^ SENSOR_SEED, cast, clone | (2 * number + side_number) << 16, 1);
-        let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
-        // Behind a wall where nobody ever comes there is no light, and nothing to be kept.
-        if side_number == 0 || irradiance != Spectrum::ZERO {
-            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance));
-        }
-        luminance(irradiance)
-    }
-
-    /// The surface where a sensor goes; `None` where there is none that faces the same way.
-    fn place(&self, kind: Kind, number: u32, distance: f32, normal: Vec3) -> Option<Interaction> {
-        let height = (SLOPE * distance).max(HEIGHT_MIN * self.reach);
-        let origin = self.beside(kind, number, distance, normal) + normal * height;
-        let ray = Ray { t_max: 2.0 * height, ..Ray::new(origin, -normal) };
-        let hit = meets(self.prepared, &ray);
-        if hit.is_none() {
-            return None;
-        }
-        let point = Interaction::new(self.prepared, &hit, origin, -normal, RayCone::default());
-        (is_alike(side(&point), normal) && point.p.is_finite()).then_some(point)
-    }
-
-    /// A place on the plane of the agent, in a direction of the sensor's own.
-    fn beside(&self, kind: Kind, number: u32, distance: f32, normal: Vec3) -> Vec3 {
-        let (sin, cos) = math::sin_cos_of_turns(self.numbers(kind, 0, number)[0]);
-        let (s, t) = orthonormal_basis(normal);
-        self.agent.p + (s * cos + t * sin) * distance
-    }
-
-    /// The numbers of a sensor: those of all sensors of a kind are stratified.
-    fn numbers(&self, kind: Kind, what: u32, number: u32) -> Quad {
-        let Agent { cast, clone, .. } = *self.agent;
-        let sampler = PixelSampler::new(self.sensing.seed ^ SENSOR_SEED, cast, clone, 0);
-        sampler.split_quad(DimensionSet::scattering(2 * kind as u32 + what), number % PARTS, PARTS)
-    }
-}
-
-/// Normal of the real surface on the side that it was looked at from.
-fn side(point: &Interaction) -> Vec3 {
-    if point.front { point.ng } else { -point.ng }
 }

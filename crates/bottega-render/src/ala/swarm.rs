@@ -2,6 +2,7 @@
 
 use super::agent::Agent;
 use crate::{
+    AgentSettings,
     lights::NO_LIGHT,
     photon::{Nearest, Photon, PhotonMap, is_alike},
     prepare::PreparedScene,
@@ -29,14 +30,15 @@ impl Swarm {
     /// Builds the tree on the threads of the present pool.
     ///
     /// - `agents`: in the order of their identities.
-    /// - `cast`: how many were sent out.
-    pub(crate) fn new(prepared: &PreparedScene, agents: Vec<Agent>, cast: u32) -> Self {
+    ///   Those for whom there is no memory are left out.
+    pub(crate) fn new(prepared: &PreparedScene, mut agents: Vec<Agent>, settings: &AgentSettings) -> Self {
+        agents.truncate(settings.agents_max());
         let gaps: f64 = agents.iter().map(|agent| f64::from(agent.gap)).sum();
         let mean = (gaps / agents.len().max(1) as f64) as f32;
         let object_distance = if mean > 0.0 && mean.is_finite() { mean } else { f32::MIN_POSITIVE };
         let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
         let tree = PhotonMap::new(agents.iter().zip(0..).map(place).collect());
-        let cast_by_light = cast as f32 / prepared.emission().source_count().max(1) as f32;
+        let cast_by_light = settings.cast as f32 / prepared.emission().source_count().max(1) as f32;
         Self { agents, tree, object_distance, cast_by_light }
     }
 

@@ -101,6 +101,7 @@ impl<'a> PhotonIntegrator<'a> {
             prepared.on_threads(|| {
                 let maps = self.passes.of_sample(prepared, 0);
                 Agents::new(prepared, settings, self, maps, self.base.settings().seed)
+                    .unwrap_or_else(|_| unreachable!("errands on this machine are run"))
             })
         };
         Some(self.passes.agents(make))

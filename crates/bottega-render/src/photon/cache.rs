@@ -9,7 +9,8 @@ use bottega_kernels::math;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use crate::sampling::orthonormal_basis;
+use super::record::Photon;
+use crate::{luminance, sampling::orthonormal_basis};
 
 /// Rings of directions, from the normal to the horizon, and directions in each.
 const RINGS: usize = 10;
@@ -30,6 +31,18 @@ pub(crate) struct Record {
     moving: [Vec3; 3],
     /// Distance to other surfaces, on the harmonic mean.
     radius: f32,
+    /// Variance of the luminance of the irradiance, by how much rays next to each other differ.
+    variance: f32,
+}
+
+/// What records say of a place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimate {
+    pub(crate) irradiance: Spectrum,
+    /// Expected relative error: by how noisy they are, and by how much they differ.
+    pub(crate) error: f32,
+    /// How many say so, as far as they count alike.
+    pub(crate) count: f32,
 }
 
 /// What a ray found.
@@ -41,7 +54,7 @@ pub(crate) struct Look {
 }
 
 /// Records, found by place.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct IrradianceCache {
     records: Vec<Record>,
     /// Each with eight children, which follow one another; 0: none.
@@ -50,6 +63,8 @@ pub(crate) struct IrradianceCache {
     side: f32,
     /// Greatest error, as a share (Ward's a).
     tolerance: f32,
+    /// Sum of the luminances of all records.
+    brightness: f32,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -115,15 +130,25 @@ impl Record {
                 add(&mut moving, edge_across, (here.radiance - before.radiance) * by);
             }
         }
-        Self { p, n, irradiance, turning, moving, radius: radius.clamp(reach[0], reach[1].max(reach[0])) }
+        let difference = |i: usize| luminance(looks[i].radiance) - luminance(look(i / SECTORS, i + 1).radiance);
+        let variance = (0..looks.len()).map(|i| 0.5 * difference(i) * difference(i)).sum::<f32>() * cell * cell;
+        Self { p, n, irradiance, turning, moving, radius: radius.clamp(reach[0], reach[1].max(reach[0])), variance }
     }
 
     /// How much it counts at another place; nothing where it is too far off, or before that place.
     fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
+        match self.nearness(p, n, tolerance) {
+            0.0 => 0.0,
+            nearness => 1.0 / (tolerance * (1.0 - nearness)).max(1e-6) - 1.0 / tolerance,
+        }
+    }
+
+    /// 1 where it was measured, 0 where it counts nothing.
+    fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         let cosine = n.dot(self.n);
         let error = (p - self.p).length() / self.radius + (1.0 - cosine).max(0.0).sqrt();
         let is_before = (p - self.p).dot(n + self.n) < -0.1 * self.radius;
-        if error >= tolerance || is_before { 0.0 } else { 1.0 / error.max(1e-6) - 1.0 / tolerance }
+        if is_before { 0.0 } else { (1.0 - error / tolerance).max(0.0) }
     }
 
     /// What it says of another place.
@@ -139,7 +164,7 @@ impl IrradianceCache {
     ///
     /// - `low`, `side`: a cube around the scene.
     pub(crate) fn new(low: Vec3, side: f32, tolerance: f32) -> Self {
-        Self { records: Vec::new(), nodes: vec![Node::default()], low, side, tolerance }
+        Self { records: Vec::new(), nodes: vec![Node::default()], low, side, tolerance, brightness: 0.0 }
     }
 
     #[cfg(test)]
@@ -165,6 +190,69 @@ impl IrradianceCache {
         (weights > 0.0).then(|| sum / weights)
     }
 
+    /// The irradiance at a place, and how far those who say so differ; `None`: no record is near enough.
+    #[inline(always)]
+    pub(crate) fn estimate(&self, p: Vec3, n: Vec3) -> Option<Estimate> {
+        let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
+        let (mut weights_squared, mut noise) = (0.0, 0.0);
+        self.visit(p, |record| {
+            // Smoother than Ward's, whose weight has a peak at every record.
+            let weight = record.nearness(p, n, self.tolerance);
+            let weight = weight * weight;
+            if weight > 0.0 {
+                let value = record.at(p, n);
+                sum += value * weight;
+                squares += luminance(value) * luminance(value) * weight;
+                weights += weight;
+                weights_squared += weight * weight;
+                noise += record.variance * weight * weight;
+            }
+        });
+        if weights <= 0.0 {
+            return None;
+        }
+        let irradiance = sum / weights;
+        let mean = luminance(irradiance);
+        let spread = (squares / weights - mean * mean).max(0.0) * weights_squared / (weights * weights);
+        let variance = spread.max(noise / (weights * weights));
+        let error = if variance > 0.0 { variance.sqrt() / mean.max(self.faint()) } else { 0.0 };
+        Some(Estimate { irradiance, error, count: weights * weights / weights_squared })
+    }
+
+    /// Irradiance of which nobody sees the difference, beside what there is on the mean.
+    fn faint(&self) -> f32 {
+        const FAINT: f32 = 0.05;
+        FAINT * self.brightness / self.records.len().max(1) as f32
+    }
+
+    /// Adds a record; it and those that say otherwise of its place than it has found lose so much of their radius that they
+    /// say nothing of each other.
+    ///
+    /// - `error`: greatest relative difference that is borne.
+    pub(crate) fn add_within(&mut self, mut record: Record, error: f32) {
+        let mut near = Vec::new();
+        self.visit_numbers(record.p, |number| near.push(number));
+        let faint = self.faint();
+        for &number in &near {
+            let other = self.records[number as usize];
+            if other.weight(record.p, record.n, self.tolerance) <= 0.0 {
+                continue;
+            }
+            let (here, said) = (luminance(record.irradiance), luminance(other.at(record.p, record.n)));
+            if (here - said).abs() > 2.0 * error * here.max(said).max(faint) {
+                let distance = (other.p - record.p).length() / self.tolerance;
+                record.radius = record.radius.min(distance);
+                self.records[number as usize].radius = other.radius.min(distance);
+            }
+        }
+        self.add(record);
+    }
+
+    /// Where it was measured, and what.
+    pub(crate) fn as_photons(&self) -> impl Iterator<Item = Photon> + '_ {
+        self.records.iter().map(|record| Photon::new(record.p, record.n, record.n, record.irradiance))
+    }
+
     /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
     /// far from it a little farther on.
     pub(crate) fn add(&mut self, mut record: Record) {
@@ -177,6 +265,7 @@ impl IrradianceCache {
             other.radius = other.radius.min(record.radius + distance);
         }
         let number = self.records.len() as u32;
+        self.brightness += luminance(record.irradiance);
         self.records.push(record);
         let reach = self.tolerance * record.radius;
         self.insert(0, self.low, self.side, 0, number, record.p, reach);

@@ -4,7 +4,7 @@ use std::{fmt::Write, fs};
 
 use bottega_image::{Canvas, ColorMap};
 use bottega_render::{
-    AgentSettings, PathSettings, PhotonSettings,
+    AgentSettings, Oracle, PathSettings, PhotonSettings,
     ala::{Criterion, Density, Ludd, SampleSet, Samples},
 };
 use serde_json::{Value, json};
@@ -64,7 +64,7 @@ pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>)
 }
 
 fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Ludd, CliError> {
-    let agents = AgentSettings { cast: args.lighting_agents, ..AgentSettings::default() };
+    let agents = AgentSettings { cast: args.lighting_agents, oracle: Oracle::Paper, ..AgentSettings::default() };
     let bounces = subject.settings.tunables.max_depth;
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };

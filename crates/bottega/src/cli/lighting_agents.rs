@@ -9,7 +9,7 @@ pub(crate) struct LightingAgentArgs {
     #[arg(long, value_name = "N", default_value_t = AgentSettings::default().cast, value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Lighting agents")]
     pub(crate) lighting_agents: u32,
     /// By which rules lighting agents answer.
-    #[arg(long, value_enum, default_value_t = OracleArg::Paper, help_heading = "Lighting agents")]
+    #[arg(long, value_enum, default_value_t = OracleArg::Error, help_heading = "Lighting agents")]
     pub(crate) oracle: OracleArg,
     /// What lighting agents are asked: which shadow rays must be traced, and where indirect light may be interpolated. What
     /// they are not asked is computed everywhere.
@@ -22,10 +22,19 @@ pub(crate) struct LightingAgentArgs {
         help_heading = "Lighting agents"
     )]
     pub(crate) oracle_decides: Vec<QuestionArg>,
+    /// Greatest relative error of indirect light that is interpolated, with --oracle error.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = parse_error, help_heading = "Lighting agents")]
+    pub(crate) oracle_error: f64,
+    /// Megabytes that lighting agents may take, with --oracle error. Where they are too few, more is computed while the picture is
+    /// painted.
+    #[arg(long, value_name = "MB", default_value_t = AgentSettings::default().memory_bytes >> 20, value_parser = clap::value_parser!(u64).range(0..=1 << 20), help_heading = "Lighting agents")]
+    pub(crate) oracle_memory: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OracleArg {
+    /// By the error that is to be expected: they look around more where it is great, and answer where it is small.
+    Error,
     /// Those of Herubel, Biri and Deverly 2009.
     Paper,
 }
@@ -38,13 +47,22 @@ pub(crate) enum QuestionArg {
     Irradiance,
 }
 
+fn parse_error(text: &str) -> Result<f64, String> {
+    let error: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.001..=1.0).contains(&error) { Ok(error) } else { Err("from 0.001 to 1".to_owned()) }
+}
+
 impl LightingAgentArgs {
     /// - `photons`: of the caustics; what else photons may do is left to the agents.
     pub(crate) fn settings(&self, photons: PhotonSettings) -> PhotonSettings {
-        let OracleArg::Paper = self.oracle;
         let agents = AgentSettings {
             cast: self.lighting_agents,
-            oracle: Oracle::Paper,
+            oracle: match self.oracle {
+                OracleArg::Error => Oracle::Error,
+                OracleArg::Paper => Oracle::Paper,
+            },
+            error: self.oracle_error as f32,
+            memory_bytes: self.oracle_memory << 20,
             decides_shadows: self.oracle_decides.contains(&QuestionArg::Shadows),
             decides_irradiance: self.oracle_decides.contains(&QuestionArg::Irradiance),
         };

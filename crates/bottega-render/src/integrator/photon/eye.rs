@@ -280,8 +280,8 @@ impl<'a> Eye<'a> {
     fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
         let point = place.point;
-        let normal = if point.front { point.ng } else { -point.ng };
-        let known = is_matte(bsdf).then(|| agents.irradiance_at(point.p, normal, &mut self.hands.sensors)).flatten();
+        let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
+        let known = is_matte(bsdf).then(|| agents.irradiance_at(point.p, normals, &mut self.hands.sensors)).flatten();
         self.hands.tally.irradiance_computed += u64::from(known.is_none());
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
         if let Some(irradiance) = known {

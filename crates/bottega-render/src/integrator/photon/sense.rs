@@ -11,10 +11,14 @@ use super::{
 };
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    ala::Agents,
     bsdf::warp::cosine_hemisphere,
     integrator::path::PathIntegrator,
     interaction::Interaction,
-    photon::{Passes, PhotonMaps},
+    photon::{
+        Passes, PhotonMaps,
+        cache::{self, Look, Record},
+    },
     sampler::{DimensionSet, PixelSampler},
     sampling::orthonormal_basis,
 };
@@ -22,6 +26,9 @@ use crate::{
 /// Rays by which the irradiance at a sensor is found, and those after which it is dark if none found any.
 const RAYS: u32 = 256;
 const RAYS_IN_THE_DARK: u32 = 48;
+/// The same of our own sensors, and how far from one direction the next one is: without a common divisor with their number.
+const LOOKS_IN_THE_DARK: u32 = 40;
+const LOOK_STRIDE: u32 = 131;
 
 /// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
 pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSettings {
@@ -84,5 +91,43 @@ impl<'a> PhotonIntegrator<'a> {
             sum += eye.look_from(&spot, s * local.x + t * local.y + n * local.z, index).radiance;
         }
         sum * (PI / RAYS as f32)
+    }
+
+    /// What a sensor that goes by our own rules measures: the same, with how it changes around.
+    ///
+    /// - `reach`: least and greatest radius within which it may count.
+    /// - `others`: stand for the light of all surfaces that they know.
+    #[expect(clippy::too_many_arguments, reason = "a place, what is known and what is worked with")]
+    pub(crate) fn record(
+        &self,
+        maps: &PhotonMaps,
+        point: Interaction,
+        width: f32,
+        reach: [f32; 2],
+        sampler: PixelSampler,
+        others: &Agents,
+        hands: &mut Hands,
+    ) -> Record {
+        let spot = Spot::new(point, width);
+        let known = Known { maps, cache: None, agents: Some(others) };
+        let n = spot.n();
+        let mut eye = Eye::new(self, known, sampler, hands);
+        let mut looks = [Look::default(); cache::RAYS as usize];
+        let (mut is_dark, mut inverse) = (true, 0.0);
+        for step in 0..cache::RAYS {
+            if step == LOOKS_IN_THE_DARK && is_dark {
+                let distance = step as f32 / f32::max(inverse, f32::MIN_POSITIVE);
+                looks.fill(Look { radiance: Spectrum::ZERO, distance });
+                break;
+            }
+            // The first ones are spread over all directions, too.
+            let index = step * LOOK_STRIDE % cache::RAYS;
+            let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS);
+            let look = eye.look_from(&spot, cache::direction(n, index, [u, v]), index);
+            is_dark &= look.radiance == Spectrum::ZERO;
+            inverse += 1.0 / look.distance.max(f32::MIN_POSITIVE);
+            looks[index as usize] = look;
+        }
+        Record::new(spot.p(), n, &looks, reach)
     }
 }

@@ -1,0 +1,36 @@
+//! Indirect light: measured where those who have measured before cannot tell.
+
+use super::super::{
+    map::Agents,
+    probe::Kind,
+    sensing::{Sensed, Sensing},
+};
+use crate::integrator::Hands;
+
+/// An agent, and the side of its surface that it would measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Candidate {
+    pub(super) index: u32,
+    /// Whether it is the side that the agent did not come from.
+    pub(super) is_back: bool,
+}
+
+/// Some of the candidates measure what the others do not know.
+pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> Sensed {
+    let mut sensed = Sensed::default();
+    let mut hands = Hands::new(sensing.integrator);
+    for &Candidate { index, is_back } in who {
+        let probe = sensing.probe(index);
+        let normal = if is_back { -probe.agent.normal } else { probe.agent.normal };
+        if others.knows(probe.agent.p, normal) {
+            continue;
+        }
+        let Some(point) = probe.place(Kind::Irradiance, 0, 0.0, normal) else { continue };
+        let sampler = probe.sampler(u32::from(is_back), 1);
+        let reach = others.reach_of_records(probe.reach);
+        let record = sensing.integrator.record(sensing.maps, point, probe.reach, reach, sampler, others, &mut hands);
+        sensed.records.push(record);
+        sensed.sensors[Kind::Irradiance as usize] += 1;
+    }
+    sensed
+}

@@ -1,0 +1,85 @@
+//! The rounds in which agents look around: each knows what was found in those before.
+
+use std::sync::Arc;
+
+use super::{
+    super::{
+        cast::{MEASURING, SENSING},
+        map::Agents,
+        network::Network,
+        sensing::{Discovery, Errand},
+        swarm::Swarm,
+        visibility::{Answer, Visibility},
+    },
+    Candidate,
+    look::{self, ALL, FIRST},
+};
+use crate::{AgentSettings, RenderError, ala::map::Run, photon::parts, prepare::PreparedScene};
+
+/// Agents that measure in the first round, if they must; each round has twice as many.
+const FIRST_ROUND: usize = 128;
+
+/// Sends agents of a swarm out, round after round.
+///
+/// # Errors
+/// The errands were not run.
+pub(in crate::ala) fn sense(
+    prepared: &PreparedScene,
+    settings: AgentSettings,
+    swarm: &Swarm,
+    network: &Network,
+    run: &mut Run<'_>,
+) -> Result<(Agents, [u64; 4]), RenderError> {
+    let mut sensors = [0; 4];
+    let answers = if settings.decides_shadows && !prepared.has_opacity() {
+        look_for_lights(swarm, network, &mut sensors, run)?
+    } else {
+        vec![Answer::Trace; swarm.len()]
+    };
+    let visibility = Visibility::new(swarm, network, &answers);
+    let mut agents = Arc::new(Agents::without_light(prepared, settings, Arc::new(visibility), &answers));
+    if settings.decides_irradiance {
+        let all = candidates(swarm);
+        let (mut first, mut count) = (0, FIRST_ROUND);
+        while first < all.len() && agents.has_room() {
+            let who: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
+            let errand = |part| Errand::Measure { who: Arc::clone(&who), part, others: Arc::clone(&agents) };
+            let mut found = run(parts(who.len() as u32, MEASURING).map(errand).collect())?;
+            (first, count) = (first + count, 2 * count);
+            if !found.records.is_empty() {
+                agents = Arc::new(agents.with_records(std::mem::take(&mut found.records)));
+            }
+            sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);
+        }
+    }
+    // Whoever ran the errands may still be letting go of them.
+    let agents = Arc::try_unwrap(agents).unwrap_or_else(|agents| agents.with_records(Vec::new()));
+    Ok((agents, sensors))
+}
+
+/// Whether lights are seen, as each agent answers: some sensors everywhere, more next to edges of shadows.
+fn look_for_lights(
+    swarm: &Swarm,
+    network: &Network,
+    sensors: &mut [u64; 4],
+    run: &mut Run<'_>,
+) -> Result<Vec<Answer>, RenderError> {
+    let mut discoveries: Vec<Discovery> = look::arrivals(swarm);
+    let mut who: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::is_asked(swarm, index)).collect();
+    for numbers in [0..FIRST, FIRST..ALL] {
+        let round: Arc<[u32]> = who.into();
+        let errand = |part| Errand::Look { who: Arc::clone(&round), part, numbers: numbers.clone() };
+        let found = run(parts(round.len() as u32, SENSING).map(errand).collect())?;
+        round.iter().zip(found.discoveries).for_each(|(&index, part)| discoveries[index as usize].join(part));
+        sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);
+        who = look::doubtful(network, &discoveries);
+        who.retain(|&index| look::is_asked(swarm, index));
+    }
+    Ok(look::answers(network, &discoveries))
+}
+
+/// Who may measure, in the order of their identities: each first agents of a stratified sequence lie all over the scene.
+fn candidates(swarm: &Swarm) -> Vec<Candidate> {
+    let matte = swarm.agents.iter().zip(0..).filter(|(agent, _)| agent.is_matte).map(|(_, index)| index);
+    matte.flat_map(|index| [false, true].map(|is_back| Candidate { index, is_back })).collect()
+}

@@ -1,0 +1,33 @@
+//! "Should I trace a shadow ray?" (§4.4).
+
+use super::super::{network::Network, sensing::Discovery, visibility::Answer};
+
+/// Least number of penumbra sensors whose agreement counts.
+const PENUMBRA_MIN: u32 = 4;
+
+impl Discovery {
+    /// Share of its penumbra sensors that do not see the light; `None` without any.
+    fn shaded_share(&self) -> Option<f32> {
+        let count = self.lit + self.shaded;
+        (count > 0).then(|| self.shaded as f32 / count as f32)
+    }
+}
+
+/// What each agent answers: what its own sensors and the median of its neighbors' agree on.
+pub(in crate::ala) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<Answer> {
+    let answer = |(own, index): (&Discovery, u32)| {
+        let share = |other: u32| discoveries[other as usize].shaded_share();
+        let mut shares: Vec<f32> = network.neighbors(index).filter_map(share).collect();
+        shares.sort_by(f32::total_cmp);
+        let median = match shares.len() {
+            0 => own.shaded_share(),
+            count => Some(0.5 * (shares[(count - 1) / 2] + shares[count / 2])),
+        };
+        match (own.lit, own.shaded, median) {
+            (PENUMBRA_MIN.., 0, Some(0.0)) => Answer::Lit,
+            (0, PENUMBRA_MIN.., Some(1.0)) => Answer::Shaded,
+            _ => Answer::Trace,
+        }
+    };
+    discoveries.iter().zip(0..).map(answer).collect()
+}

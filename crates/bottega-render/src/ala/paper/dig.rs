@@ -1,0 +1,219 @@
+//! The four sensors of table 1, and the agents that deploy them (§4.3).
+//!
+//! Lengths are measured in mean distances between objects, so that a scene's unit of length does not matter.
+
+use std::ops::Range;
+
+use bottega_kernels::{Ray, math};
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::{
+    super::{
+        agent::meets,
+        probe::{Kind, Probe, SURFACES_MAX, side},
+        sensing::{Discovery, Sensed, Sensing},
+        swarm::{NEAREST, is_told},
+    },
+    miner::{Miner, Tool},
+};
+use crate::{
+    integrator::Hands,
+    interaction::Interaction,
+    luminance,
+    photon::{Nearest, Photon, is_alike},
+    sampling::uniform_sphere,
+};
+
+/// Median values of table 1: of the geometry gradient, and of the penumbra.
+const GEOMETRY_MEDIAN: f32 = 2.0 / 3.0;
+const PENUMBRA_MEDIAN: f32 = 1.0;
+/// Median of the proximity, as a share of the agents that one light casts; and the radius of the disc, as a share of the
+/// distance to the light, that so many agents meet when it faces the light: 1 % of all directions.
+const PROXIMITY_MEDIAN: f32 = 0.01;
+const PROXIMITY_DISC: f32 = 0.2;
+/// What every sensor takes from an agent's stimulation.
+const TOIL: f32 = -0.25;
+/// Interest in a place where a sensor finds no surface: an edge.
+const EDGE: f32 = 0.5;
+/// Nearest distance that the geometry gradient tells from 0, in mean distances between objects.
+const NEAR: f32 = 1e-3;
+/// An agent measures irradiance when none with a lower number lies so near, in local distances between objects; and the
+/// bounds of that, in reaches and in mean distances between objects.
+const IRRADIANCE_SPACING: f32 = 0.05;
+const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
+/// Cosine between normals of agents of which one measures irradiance for both.
+const SAME_WAY: f32 = 0.9;
+/// Relative difference between irradiances that is interesting.
+const IRRADIANCE_GRADIENT: f32 = 0.12;
+/// Agents dig for gold, one after the other.
+pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> Sensed {
+    let mut sensed = Sensed::default();
+    let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator));
+    for index in indices {
+        let probe = sensing.probe(index);
+        let (found, hands, sensed) = (&mut found, &mut hands, &mut sensed);
+        let discovery = Scout { sensing, probe, index, found, hands, sensed: &mut *sensed }.look_around();
+        sensed.discoveries.push(discovery);
+    }
+    sensed
+}
+
+/// An agent that looks around.
+struct Scout<'a, 'b> {
+    sensing: &'a Sensing<'a>,
+    probe: Probe<'a>,
+    index: u32,
+    found: &'b mut Nearest,
+    hands: &'b mut Hands,
+    sensed: &'b mut Sensed,
+}
+
+impl Scout<'_, '_> {
+    fn look_around(&mut self) -> Discovery {
+        let gradient = self.sense_geometry();
+        let crowd = self.sense_proximity();
+        // Planarity discourages, and so does a place where all is as everywhere.
+        let excitement = TOIL + 0.25 * (gradient - GEOMETRY_MEDIAN).clamp(-1.0, 1.0) + 0.25 * crowd.max(0.0);
+        let [lit, shaded] = self.sense_penumbra(excitement);
+        if self.probe.agent.is_matte {
+            let local = self.sensing.swarm.object_distance / gradient.max(NEAR);
+            self.sense_irradiance(excitement, local);
+        }
+        Discovery { lit, shaded, lost: 0 }
+    }
+
+    /// Lets the miner dig: `deploy` is given the number of a sensor and how far from the agent it goes, and returns its
+    /// coefficient of interest.
+    fn dig(&mut self, kind: Kind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
+        let mut miner = Miner::new(tool);
+        while let Some((number, distance)) = miner.next() {
+            let sigma = deploy(self, number, distance);
+            miner.take(sigma);
+        }
+        self.sensed.sensors[kind as usize] += u64::from(miner.count());
+    }
+
+    /// Mean geometry gradient: 1 where things are as far as they are on the mean.
+    fn sense_geometry(&mut self) -> f32 {
+        let tool = Tool { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
+        let (mut sum, mut count) = (0.0, 0.0_f32);
+        self.dig(Kind::Geometry, tool, |scout, number, distance| {
+            let Some(point) = scout.probe.place(Kind::Geometry, number, distance, scout.probe.agent.normal) else { return EDGE };
+            let gradient = scout.geometry_at(&point, number);
+            sum += gradient;
+            count += 1.0;
+            gradient - GEOMETRY_MEDIAN
+        });
+        if count > 0.0 { sum / count } else { GEOMETRY_MEDIAN }
+    }
+
+    /// (1/3) Σ 1/d over three directions.
+    fn geometry_at(&self, point: &Interaction, number: u32) -> f32 {
+        let n = side(point);
+        let inverse = |part: u32| {
+            let [u, v, ..] = self.probe.numbers(Kind::Geometry, 1, 3 * number + part);
+            let w = uniform_sphere([u, v]);
+            let w = if w.dot(n) < 0.0 { -w } else { w };
+            let hit = meets(self.probe.prepared, &Ray::new(point.ray_origin(w), w));
+            (self.sensing.swarm.object_distance / hit.t).min(1.0 / NEAR)
+        };
+        (0..3).map(inverse).sum::<f32>() / 3.0
+    }
+
+    /// How unusual the density of agents is: below 0 where it is usual.
+    fn sense_proximity(&mut self) -> f32 {
+        let tool = Tool { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
+        let (mut sum, mut count) = (0.0, 0.0);
+        self.dig(Kind::Proximity, tool, |scout, number, distance| {
+            let value = scout.proximity_at(scout.probe.beside(Kind::Proximity, number, distance, scout.probe.agent.normal));
+            let median = PROXIMITY_MEDIAN * scout.sensing.swarm.cast_by_light;
+            let sigma = 0.25 * math::ln((value / median).max(1e-6)).abs() - 0.5;
+            sum += sigma.clamp(-1.0, 1.0);
+            count += 1.0;
+            sigma
+        });
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+
+    /// Agents of the same light on a disc that 1 % of them would meet if it faced it.
+    fn proximity_at(&mut self, p: Vec3) -> f32 {
+        let swarm = self.sensing.swarm;
+        swarm.tree.nearest(p, f32::INFINITY, self.found);
+        let is_like = |number: u32| {
+            let (_, other) = swarm.by_number(number);
+            other.light == self.probe.agent.light && is_alike(other.normal, self.probe.agent.normal)
+        };
+        let count = self.found.iter().filter(|&(number, _)| is_like(number)).count();
+        let from = if is_told(self.probe.agent.light) { self.probe.agent.distance } else { swarm.object_distance };
+        let radius = PROXIMITY_DISC * from;
+        count as f32 * radius * radius / self.found.farthest().max(f32::MIN_POSITIVE)
+    }
+
+    /// How many sensors see the light and how many do not.
+    fn sense_penumbra(&mut self, excitement: f32) -> [u32; 2] {
+        let mut counts = [0; 2];
+        if !is_told(self.probe.agent.light) || self.probe.prepared.has_opacity() {
+            return counts;
+        }
+        let tool = Tool { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
+        self.dig(Kind::Penumbra, tool, |scout, number, distance| {
+            let Some(point) = scout.probe.place(Kind::Penumbra, number, distance, scout.probe.agent.normal) else { return 0.0 };
+            let Some((value, is_lit)) = scout.penumbra_at(&point, number) else { return 0.0 };
+            counts[usize::from(!is_lit)] += 1;
+            (value - PENUMBRA_MEDIAN).abs()
+        });
+        counts
+    }
+
+    /// Surfaces between a sensor and a place on the light, that of the light among them, over the distance; and whether
+    /// there is none but the light. `None`: the light does not shine there at all.
+    fn penumbra_at(&self, point: &Interaction, number: u32) -> Option<(f32, bool)> {
+        let (count, distance) = self.probe.surfaces_to_light(point, number, SURFACES_MAX)?;
+        let distance = distance / self.probe.agent.distance.max(f32::MIN_POSITIVE);
+        Some((count as f32 / distance.max(NEAR), count == 1))
+    }
+
+    /// Measures indirect irradiance on both sides of the surface, unless another agent near by does so.
+    ///
+    /// - `local`: distance to other things, on the harmonic mean.
+    fn sense_irradiance(&mut self, excitement: f32, local: f32) {
+        let swarm = self.sensing.swarm;
+        let [least, most] = [SPACING_BOUNDS[0] * self.probe.reach, SPACING_BOUNDS[1] * swarm.object_distance];
+        let spacing = (IRRADIANCE_SPACING * local).min(most).max(least);
+        let agent = self.probe.agent;
+        let is_before = |number: u32| {
+            let (index, other) = swarm.by_number(number);
+            let is_same = other.normal.dot(agent.normal).abs() > SAME_WAY;
+            index < self.index && other.is_matte && is_same
+        };
+        if swarm.tree.nearest_where(agent.p, spacing * spacing, is_before).is_some() {
+            return;
+        }
+        for normal in [agent.normal, -agent.normal] {
+            let tool = Tool { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
+            let (mut sum, mut count) = (0.0, 0.0);
+            self.dig(Kind::Irradiance, tool, |scout, number, distance| {
+                let Some(point) = scout.probe.place(Kind::Irradiance, number, distance, normal) else { return -1.0 };
+                let brightness = scout.irradiance_at(point, number, spacing);
+                sum += brightness;
+                count += 1.0;
+                let mean = sum / count;
+                if mean > 0.0 { (brightness - mean).abs() / (mean * IRRADIANCE_GRADIENT) - 1.0 } else { -1.0 }
+            });
+        }
+    }
+
+    /// Keeps the irradiance at a sensor, and returns its luminance.
+    fn irradiance_at(&mut self, point: Interaction, number: u32, width: f32) -> f32 {
+        let (p, n) = (point.p, side(&point));
+        let side_number = u32::from(n.dot(self.probe.agent.normal) < 0.0);
+        let sampler = self.probe.sampler(2 * number + side_number, 1);
+        let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
+        // Behind a wall where nobody ever comes there is no light, and nothing to be kept.
+        if side_number == 0 || irradiance != Spectrum::ZERO {
+            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance));
+        }
+        luminance(irradiance)
+    }
+}

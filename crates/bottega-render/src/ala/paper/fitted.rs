@@ -1,0 +1,95 @@
+//! "Should I compute incoming irradiance?" (§4.4): a plane through what sensors near by have measured.
+
+use bottega_scene::Spectrum;
+use glam::{Mat3, Vec3};
+
+use crate::{
+    photon::{Nearest, PhotonMap, is_alike},
+    sampling::orthonormal_basis,
+};
+
+/// Irradiance sensors that are looked for, and how many of them must be on the same surface.
+const SENSORS: usize = 32;
+const SENSORS_MIN: usize = 3;
+/// Of those on the same surface so many are taken.
+const TAKEN: usize = 12;
+/// Cosine between normals with which a sensor counts nothing, and what each counts at least.
+const COSINE_MIN: f32 = 0.6;
+const WEIGHT_MIN: f32 = 1e-3;
+/// How reluctant the plane through sensors is to be steep.
+const SLOPE_RIDGE: f32 = 0.02;
+/// How far off the plane of a surface sensors may be, as a share of how far off they are.
+const FLATNESS: f32 = 0.35;
+
+/// The irradiance sensors of a swarm.
+#[derive(Clone, Debug)]
+pub(in crate::ala) struct Fitted {
+    /// In place of a power the indirect irradiance.
+    pub(in crate::ala) sensors: PhotonMap,
+    /// σ of the irradiance sensors: mean distance between objects.
+    pub(in crate::ala) object_distance: f32,
+}
+
+impl Fitted {
+    /// Irradiance sensors that are looked for.
+    pub(in crate::ala) const SENSORS: usize = SENSORS;
+
+    /// `None`: it should be computed; else what the sensors near by say of it.
+    #[inline(always)]
+    pub(in crate::ala) fn at(&self, p: Vec3, normal: Vec3, found: &mut Nearest) -> Option<Spectrum> {
+        self.sensors.nearest(p, f32::INFINITY, found);
+        let mut near = [(f32::INFINITY, 0_u32); SENSORS];
+        let mut count = 0;
+        for (number, distance_squared) in found.iter() {
+            let sensor = self.sensors.photon(number);
+            let off_plane = (sensor.p - p).dot(normal);
+            let is_flat = off_plane * off_plane <= FLATNESS * FLATNESS * distance_squared;
+            if is_flat && is_alike(sensor.mark().normal(), normal) && count < SENSORS {
+                near[count] = (distance_squared, number);
+                count += 1;
+            }
+        }
+        let near = &mut near[..count];
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let near = &near[..count.min(TAKEN)];
+        let distance: f32 = near.iter().map(|(squared, _)| squared.sqrt()).sum::<f32>() / near.len() as f32;
+        // (Σ |x_j − x|) ∕ n − σ > 0: yes.
+        if near.len() < SENSORS_MIN || distance > self.object_distance {
+            return None;
+        }
+        Some(self.fitted(p, normal, near))
+    }
+
+    /// The irradiance at a place by a plane through that of sensors near it, which those next to it count most for; no brighter
+    /// and no darker than they are.
+    ///
+    /// - `near`: squared distances and numbers, ascending; one at least.
+    fn fitted(&self, p: Vec3, normal: Vec3, near: &[(f32, u32)]) -> Spectrum {
+        let radius_squared = near[near.len() - 1].0 * 1.1 + f32::MIN_POSITIVE;
+        let scale = 1.0 / radius_squared.sqrt();
+        let (s, t) = orthonormal_basis(normal);
+        let (mut matrix, mut sums) = (Mat3::ZERO, [Vec3::ZERO; 3]);
+        let (mut low, mut high) = (Spectrum::INFINITY, Spectrum::ZERO);
+        for &(squared, number) in near {
+            let sensor = self.sensors.photon(number);
+            let (mark, way) = (sensor.mark(), (sensor.p - p) * scale);
+            let facing = (mark.normal().dot(normal) - COSINE_MIN).max(0.0) / (1.0 - COSINE_MIN);
+            let weight = (1.0 - squared / radius_squared) * facing * facing + WEIGHT_MIN;
+            let (power, row) = (mark.power(), Vec3::new(1.0, way.dot(s), way.dot(t)));
+            matrix += Mat3::from_cols(row * row.x, row * row.y, row * row.z) * weight;
+            for channel in 0..3 {
+                sums[channel] += row * (power[channel] * weight);
+            }
+            (low, high) = (low.min(power), high.max(power));
+        }
+        // Where sensors do not tell of a slope there is none.
+        let ridge = SLOPE_RIDGE * matrix.x_axis.x;
+        matrix.y_axis.y += ridge;
+        matrix.z_axis.z += ridge;
+        let inverse = matrix.inverse();
+        // Only the height of the plane is asked for.
+        let height = Vec3::new(inverse.x_axis.x, inverse.y_axis.x, inverse.z_axis.x);
+        let fitted = Vec3::from_array(sums.map(|sum| sum.dot(height)));
+        if fitted.is_finite() { fitted.clamp(low, high) } else { low }
+    }
+}
