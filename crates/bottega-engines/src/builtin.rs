@@ -15,8 +15,10 @@ use bottega_hra::{
 };
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
-    AgentUse, BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View, ala::AgentReport,
-    integrator::PathIntegrator, photon::cast_photons,
+    AgentUse, BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View,
+    ala::AgentReport,
+    integrator::PathIntegrator,
+    photon::{MapBytes, cast_photons},
 };
 
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
@@ -142,6 +144,12 @@ impl BuiltinEngine {
     pub fn lighting_agents(&self) -> Option<AgentReport> {
         let settings = &self.shared.options.settings;
         self.shared.scene.lighting_agents(settings.photons?, settings.seed)
+    }
+
+    /// What the maps of a picture by photons take so far.
+    pub fn map_bytes(&self) -> MapBytes {
+        let settings = &self.shared.options.settings;
+        settings.photons.map_or_else(MapBytes::default, |photons| self.shared.scene.map_bytes(photons, settings.seed))
     }
 
     /// What the resources of the allocator have done so far.

@@ -20,7 +20,7 @@ use crate::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
-    photon::PhotonStore,
+    photon::{MapBytes, PhotonStore},
 };
 
 /// How a scene is prepared.
@@ -234,6 +234,11 @@ impl PreparedScene {
         self.photons.passes(photons, seed, 1).known_agents().map(Agents::report)
     }
 
+    /// What the maps of a picture by photons take.
+    pub fn map_bytes(&self, photons: PhotonSettings, seed: u64) -> MapBytes {
+        self.photons.passes(photons, seed, 1).bytes()
+    }
+
     /// Does something on as many threads as are meant for what is made once.
     pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
         match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {
@@ -258,7 +263,10 @@ impl PreparedScene {
     /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
     /// yet.
     pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
-        Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes())
+        match settings.photons {
+            None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
+            Some(photons) => self.photons.passes(photons, settings.seed, 1).to_bytes(),
+        }
     }
 
     /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
@@ -267,6 +275,10 @@ impl PreparedScene {
     /// # Errors
     /// The bytes are nothing of the kind.
     pub fn learn_from(&self, view: View, settings: &PathSettings, bytes: &[u8]) -> Result<(), UnreadGuide> {
+        if let Some(photons) = settings.photons {
+            let is_taken = self.photons.passes(photons, settings.seed, 1).take_bytes(bytes);
+            return is_taken.then_some(()).ok_or(UnreadGuide);
+        }
         let guide = Guide::from_bytes(bytes)?;
         self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(guide));
         Ok(())

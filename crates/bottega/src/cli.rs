@@ -24,7 +24,7 @@ use self::values::{
 };
 use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
-    bench::{FarmBenchArgs, HraBenchArgs, MagarroArgs},
+    bench::{AlaArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
@@ -425,6 +425,8 @@ pub(crate) enum BenchCommand {
     Hra(HraBenchArgs),
     /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
     Magarro(MagarroArgs),
+    /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
+    Ala(AlaArgs),
 }
 
 #[derive(Debug, Args)]

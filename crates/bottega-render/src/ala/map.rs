@@ -46,16 +46,16 @@ const REACH_MIN: f32 = 0.6;
 /// Agents after they have looked around.
 #[derive(Debug)]
 pub(crate) struct Agents {
-    settings: AgentSettings,
-    visibility: Arc<Visibility>,
-    indirect: Indirect,
-    report: AgentReport,
-    tallies: Tallies,
+    pub(super) settings: AgentSettings,
+    pub(super) visibility: Arc<Visibility>,
+    pub(super) indirect: Indirect,
+    pub(super) report: AgentReport,
+    pub(super) tallies: Tallies,
 }
 
 /// What is known of the indirect light.
 #[derive(Clone, Debug)]
-enum Indirect {
+pub(super) enum Indirect {
     /// As in the paper.
     Fitted(paper::Fitted),
     /// By our own rules; the greatest radius of a record.
@@ -193,6 +193,15 @@ impl Agents {
         more
     }
 
+    /// The same, its records found by the radii that they were left with: as whoever is told of them finds them.
+    pub(super) fn settled(&self) -> Self {
+        let mut settled = self.with_records(Vec::new());
+        if let Indirect::Records(cache, _) = &mut settled.indirect {
+            *cache = cache.settled();
+        }
+        settled
+    }
+
     /// Whether there is memory for what is measured next.
     pub(super) fn has_room(&self) -> bool {
         self.memory_bytes() as u64 <= self.settings.memory_bytes
@@ -258,7 +267,9 @@ impl Agents {
     /// Whether our own records know a place so well that none needs to be measured there.
     pub(super) fn knows(&self, p: Vec3, normal: Vec3) -> bool {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
-        let is_enough = |it: Estimate| it.irradiance == Spectrum::ZERO || it.count >= RECORDS_MIN && it.error <= self.settings.error;
+        let is_enough = |it: Estimate| {
+            it.irradiance == Spectrum::ZERO || it.count >= RECORDS_MIN && it.error <= self.settings.error
+        };
         cache.estimate(p, normal).is_some_and(is_enough)
     }
 

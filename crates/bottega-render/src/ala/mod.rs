@@ -5,6 +5,7 @@
 //! it senses, on these and on where all agents are.
 
 mod agent;
+mod bytes;
 mod cast;
 mod ludd;
 mod map;
@@ -22,6 +23,5 @@ pub(crate) use cast::cast_agents;
 pub use cast::{AgentWork, SensorWork};
 pub use ludd::{Criterion, Density, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
 pub(crate) use map::Agents;
-pub use report::AgentReport;
-pub(crate) use report::Tally;
+pub use report::{AgentReport, Tally};
 pub use sensing::Sensed;

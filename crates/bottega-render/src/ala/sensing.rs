@@ -93,12 +93,7 @@ impl<'a> Sensing<'a> {
 
     /// Where the sensors of an agent go.
     pub(super) fn probe(&self, index: u32) -> Probe<'a> {
-        Probe {
-            prepared: self.prepared(),
-            agent: self.agent(index),
-            seed: self.seed,
-            reach: self.network.reach(index),
-        }
+        Probe { prepared: self.prepared(), agent: self.agent(index), seed: self.seed, reach: self.network.reach(index) }
     }
 }
 

@@ -3,7 +3,11 @@
 use glam::Vec3;
 
 use super::{network::Network, swarm::Swarm};
-use crate::photon::{Photon, PhotonMap, is_alike};
+use crate::photon::{
+    Photon, PhotonMap,
+    bytes::{Reader, Writer},
+    is_alike,
+};
 
 /// What an agent answers who is asked whether a shadow ray is to be traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +62,18 @@ impl Visibility {
             tag if tag == Answer::Shaded as u32 => Some(false),
             _ => None,
         }
+    }
+
+    pub(super) fn write(&self, to: &mut Writer) {
+        to.map(&self.places);
+        self.reach.iter().for_each(|&reach| to.value(reach));
+    }
+
+    pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
+        let places = from.map()?;
+        let reach = (0..places.len()).map(|_| from.value()).collect::<Option<Vec<_>>>()?;
+        let reach_max = reach.iter().fold(0.0, |most: f32, &reach| most.max(reach));
+        Some(Self { places, reach, reach_max })
     }
 
     /// Where the agents are.

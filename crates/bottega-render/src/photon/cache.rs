@@ -9,7 +9,10 @@ use bottega_kernels::math;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::record::Photon;
+use super::{
+    bytes::{Reader, Writer},
+    record::Photon,
+};
 use crate::{luminance, sampling::orthonormal_basis};
 
 /// Rings of directions, from the normal to the horizon, and directions in each.
@@ -248,9 +251,10 @@ impl IrradianceCache {
         self.add(record);
     }
 
-    /// Where it was measured, and what.
+    /// Where light was measured, and how much.
     pub(crate) fn as_photons(&self) -> impl Iterator<Item = Photon> + '_ {
-        self.records.iter().map(|record| Photon::new(record.p, record.n, record.n, record.irradiance))
+        let lit = self.records.iter().filter(|record| record.irradiance != Spectrum::ZERO);
+        lit.map(|record| Photon::new(record.p, record.n, record.n, record.irradiance))
     }
 
     /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
@@ -264,6 +268,50 @@ impl IrradianceCache {
             record.radius = record.radius.min(other.radius + distance);
             other.radius = other.radius.min(record.radius + distance);
         }
+        self.put(record);
+    }
+
+    /// The same, each record only where it reaches by the radius that is left of it.
+    pub(crate) fn settled(&self) -> Self {
+        let mut settled = Self::new(self.low, self.side, self.tolerance);
+        self.records.iter().for_each(|&record| settled.put(record));
+        settled
+    }
+
+    /// Where the cube is, how many records there are, and what each of them knows.
+    pub(crate) fn write(&self, to: &mut Writer) {
+        to.vector(self.low);
+        to.value(self.side);
+        to.number(self.records.len() as u32);
+        for Record { p, n, irradiance, turning, moving, radius, variance } in &self.records {
+            [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
+            to.value(*radius);
+            to.value(*variance);
+        }
+    }
+
+    /// One that is [settled](Self::settled).
+    pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
+        const RECORD_BYTES: usize = 4 * 29;
+        let (low, side) = (from.vector()?, from.value()?);
+        let count = from.count(RECORD_BYTES)?;
+        let mut cache = Self::new(low, side.max(0.0), tolerance);
+        for _ in 0..count {
+            let mut vector = || from.vector();
+            let [p, n, irradiance] = [vector()?, vector()?, vector()?];
+            let turning = [vector()?, vector()?, vector()?];
+            let moving = [vector()?, vector()?, vector()?];
+            let (radius, variance) = (from.value()?, from.value()?);
+            if radius < 0.0 || variance < 0.0 {
+                return None;
+            }
+            cache.put(Record { p, n, irradiance, turning, moving, radius, variance });
+        }
+        Some(cache)
+    }
+
+    /// Puts a record where it reaches.
+    fn put(&mut self, record: Record) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
         self.records.push(record);

@@ -53,13 +53,42 @@ impl PhotonMap {
                 level.extend(parts);
             }
         }
+        let at: Vec<Vec3> = photons.iter().map(|photon| photon.p).collect();
+        Self::laid_out(nodes, &at, photons.iter().map(Photon::mark).collect())
+    }
+
+    /// The planes and axes of all inner nodes, in the order of their numbers.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = (f32, u32)> + '_ {
+        self.nodes.iter().skip(1).map(|node| (node.plane, node.axis))
+    }
+
+    /// How many planes there are between so many photons.
+    pub(crate) fn plane_count(photons: usize) -> usize {
+        photons.div_ceil(BUCKET).saturating_sub(1)
+    }
+
+    /// From planes and photons in the order of a map; `None`: they are none.
+    pub(crate) fn from_parts(planes: Vec<(f32, u32)>, photons: Vec<(Vec3, [u32; 2])>) -> Option<Self> {
+        let is_sound = planes.iter().all(|&(_, axis)| axis < 3) && planes.len() == Self::plane_count(photons.len());
+        if !is_sound || photons.is_empty() {
+            return is_sound.then(Self::default);
+        }
+        let nodes = planes.into_iter().map(|(plane, axis)| Node { plane, axis });
+        let nodes = std::iter::once(Node::default()).chain(nodes).collect();
+        let (at, marks): (Vec<Vec3>, Vec<Mark>) =
+            photons.into_iter().map(|(p, numbers)| (p, Mark::from_numbers(numbers))).unzip();
+        Some(Self::laid_out(nodes, &at, marks))
+    }
+
+    /// - `at`: where each is, in the order of their numbers; one at least.
+    fn laid_out(nodes: Vec<Node>, at: &[Vec3], marks: Vec<Mark>) -> Self {
+        let leaves = at.len().div_ceil(BUCKET);
         let mut places = vec![[[f32::INFINITY; BUCKET]; 3]; leaves];
-        for (i, photon) in photons.iter().enumerate() {
-            for (along, place) in places[i / BUCKET].iter_mut().zip(photon.p.to_array()) {
+        for (i, p) in at.iter().enumerate() {
+            for (along, place) in places[i / BUCKET].iter_mut().zip(p.to_array()) {
                 along[i % BUCKET] = place;
             }
         }
-        let marks = photons.iter().map(Photon::mark).collect();
         Self { nodes, places, marks, deepest: 1 << (2 * leaves - 1).ilog2() }
     }
 

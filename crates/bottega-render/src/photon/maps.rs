@@ -8,6 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
+    bytes::{Reader, Writer},
     map::{Nearest, PhotonMap},
     record::Photon,
     trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
@@ -128,6 +129,19 @@ impl PhotonMaps {
             maps.reach = reach * FIRST_RADIUS * shrunk(pass);
         }
         (maps, all)
+    }
+
+    pub(crate) fn write(&self, to: &mut Writer) {
+        [self.reach, self.irradiance_reach].into_iter().for_each(|reach| to.value(reach));
+        [&self.seen, &self.irradiance, &self.visibility].into_iter().for_each(|map| to.map(map));
+    }
+
+    /// - `settings`: of the picture.
+    pub(crate) fn read(settings: &PhotonSettings, from: &mut Reader<'_>) -> Option<Self> {
+        let [reach, irradiance_reach] = [from.value()?, from.value()?];
+        let [seen, irradiance, visibility] = [from.map()?, from.map()?, from.map()?];
+        let estimator = Estimator::new(settings, irradiance_reach);
+        Some(Self { seen, irradiance, visibility, estimator, reach, irradiance_reach })
     }
 
     /// Bytes held.

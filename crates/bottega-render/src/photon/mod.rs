@@ -3,6 +3,7 @@
 //! Sources: Jensen 2001, *Realistic Image Synthesis Using Photon Mapping*; Christensen 1999, *Faster Photon Map Global
 //! Illumination*.
 
+pub(crate) mod bytes;
 pub(crate) mod cache;
 mod cast;
 mod map;
@@ -16,6 +17,7 @@ pub use cast::{IrradianceWork, PhotonWork, cast_photons};
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};
 pub(crate) use maps::{Estimator, PhotonMaps, traced, tracer};
 pub use record::{Mark, Photon};
+pub use store::MapBytes;
 pub(crate) use store::{Passes, PhotonStore};
 pub use trace::Traced;
 pub(crate) use trace::is_alike;

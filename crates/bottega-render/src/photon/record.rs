@@ -60,6 +60,14 @@ impl Photon {
 }
 
 impl Mark {
+    pub(crate) fn to_numbers(self) -> [u32; 2] {
+        [self.directions, self.power]
+    }
+
+    pub(crate) fn from_numbers([directions, power]: [u32; 2]) -> Self {
+        Self { directions, power }
+    }
+
     /// Where the light came from: unit length, within a quarter of a degree.
     #[inline(always)]
     pub fn to_light(self) -> Vec3 {

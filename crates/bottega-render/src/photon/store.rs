@@ -2,7 +2,11 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{cache::IrradianceCache, maps::PhotonMaps};
+use super::{
+    bytes::{Reader, Writer},
+    cache::IrradianceCache,
+    maps::PhotonMaps,
+};
 use crate::{PhotonSettings, View, ala::Agents, prepare::PreparedScene};
 
 /// Pictures whose maps are kept.
@@ -18,6 +22,21 @@ pub(crate) struct Passes {
     maps: Vec<OnceLock<PhotonMaps>>,
     caches: Mutex<Vec<(View, CachePlace)>>,
     agents: OnceLock<Agents>,
+}
+
+/// What the maps of a picture take, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MapBytes {
+    /// Photons of light that was brought together by mirrors and glass; with the indirect ones, where no rays are gathered.
+    pub seen: usize,
+    /// Places where the irradiance is known.
+    pub irradiance: usize,
+    /// Shadow photons.
+    pub shadow: usize,
+    /// The irradiance cache.
+    pub cache: usize,
+    /// Lighting agents with all that they know.
+    pub agents: usize,
 }
 
 /// Where a cache is put by the first who needs it, while others wait.
@@ -60,6 +79,54 @@ impl PhotonStore {
 }
 
 impl Passes {
+    /// What is there so far.
+    pub(crate) fn bytes(&self) -> MapBytes {
+        let maps = || self.maps.iter().filter_map(OnceLock::get);
+        MapBytes {
+            seen: maps().map(|maps| maps.seen.memory_bytes()).sum(),
+            irradiance: maps().map(|maps| maps.irradiance.memory_bytes()).sum(),
+            shadow: maps().map(|maps| maps.visibility.memory_bytes()).sum(),
+            cache: self.cache_bytes(),
+            agents: self.agents.get().map_or(0, Agents::memory_bytes),
+        }
+    }
+
+    /// The maps and the agents, once they are there, for others who paint the same. Those of progressive pictures are too many to
+    /// be told.
+    pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
+        let (settings, ..) = &self.of;
+        let maps = self.maps.first()?.get().filter(|_| !settings.progressive)?;
+        let mut to = Writer::default();
+        maps.write(&mut to);
+        if settings.agents.is_some() {
+            self.agents.get()?.write(&mut to);
+        }
+        Some(to.0)
+    }
+
+    /// Takes what somebody else has told. Whoever has it already keeps that. False: it is nothing of the kind.
+    pub(crate) fn take_bytes(&self, bytes: &[u8]) -> bool {
+        let (settings, ..) = &self.of;
+        let mut from = Reader(bytes);
+        let mut read = || {
+            let maps = PhotonMaps::read(settings, &mut from)?;
+            let agents = match settings.agents {
+                Some(agents) => Some(Agents::read(agents, &mut from)?),
+                None => None,
+            };
+            from.0.is_empty().then_some((maps, agents))
+        };
+        let Some((maps, agents)) = read() else { return false };
+        if settings.progressive {
+            return false;
+        }
+        self.put(maps);
+        if let Some(agents) = agents {
+            self.put_agents(agents);
+        }
+        true
+    }
+
     /// The maps that belong to a sample.
     pub(crate) fn of_sample(&self, prepared: &PreparedScene, sample: u32) -> &PhotonMaps {
         let pass = sample % self.maps.len() as u32;

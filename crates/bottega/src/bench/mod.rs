@@ -1,5 +1,6 @@
 //! `bottega bench`: figures of this program on this machine.
 
+mod ala;
 mod farm;
 mod gpu;
 mod hra;
@@ -8,12 +9,14 @@ mod peers;
 mod scene;
 
 use std::{
+    ops::Range,
     path::{Path, PathBuf},
     process::ExitCode,
     sync::{Arc, mpsc},
     time::{Duration, Instant},
 };
 
+pub(crate) use ala::AlaArgs;
 use bottega_engines::{
     BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };
@@ -49,6 +52,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         BenchCommand::Peers(args) => peers::run(args),
         BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Hra(args) => hra::run(args),
+        BenchCommand::Ala(args) => ala::run(args),
         BenchCommand::Magarro(args) => magarro::run(args),
     }
 }
@@ -166,16 +170,23 @@ fn paint_zone_with(
     settings: PathSettings,
     spp: u32,
 ) -> Result<(Tile, Duration), CliError> {
-    let rect = Rect::of_size(view.width, view.height);
+    let tunables = Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples };
+    paint_samples(engine, Rect::of_size(view.width, view.height), tunables, 0..spp, None)
+}
+
+/// Samples of all pixels of a rectangle, and how long they took.
+///
+/// - `tile`: the running sums of those before.
+fn paint_samples(
+    engine: &BuiltinEngine,
+    rect: Rect,
+    tunables: Tunables,
+    samples: Range<u32>,
+    tile: Option<Tile>,
+) -> Result<(Tile, Duration), CliError> {
     let (sender, receiver) = mpsc::channel();
-    let task = ZoneTask {
-        rect,
-        samples: 0..spp,
-        tunables: Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples },
-        tile: None,
-        cancel: CancelSwitch::default(),
-        progress: TaskProgress::default(),
-    };
+    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+    let task = ZoneTask { rect, samples, tunables, tile, cancel, progress };
     let start = Instant::now();
     // The receiver outlives the engine's report.
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));

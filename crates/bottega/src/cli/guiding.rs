@@ -57,7 +57,10 @@ impl GuideArgs {
         if self.ala.is_empty() || self.guide() == GuideArg::Ala {
             return Ok(());
         }
-        Err(CliError::usage("--ala says what lighting agents are asked for, and nobody asks them", "leave --guide away, or say --guide ala"))
+        Err(CliError::usage(
+            "--ala says what lighting agents are asked for, and nobody asks them",
+            "leave --guide away, or say --guide ala",
+        ))
     }
 
     /// Whether paths learn where light comes from.

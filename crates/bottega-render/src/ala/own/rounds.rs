@@ -52,9 +52,7 @@ pub(in crate::ala) fn sense(
             sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);
         }
     }
-    // Whoever ran the errands may still be letting go of them.
-    let agents = Arc::try_unwrap(agents).unwrap_or_else(|agents| agents.with_records(Vec::new()));
-    Ok((agents, sensors))
+    Ok((agents.settled(), sensors))
 }
 
 /// Whether lights are seen, as each agent answers: some sensors everywhere, more next to edges of shadows.

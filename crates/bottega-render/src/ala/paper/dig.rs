@@ -99,7 +99,9 @@ impl Scout<'_, '_> {
         let tool = Tool { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0_f32);
         self.dig(Kind::Geometry, tool, |scout, number, distance| {
-            let Some(point) = scout.probe.place(Kind::Geometry, number, distance, scout.probe.agent.normal) else { return EDGE };
+            let Some(point) = scout.probe.place(Kind::Geometry, number, distance, scout.probe.agent.normal) else {
+                return EDGE;
+            };
             let gradient = scout.geometry_at(&point, number);
             sum += gradient;
             count += 1.0;
@@ -126,7 +128,8 @@ impl Scout<'_, '_> {
         let tool = Tool { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0);
         self.dig(Kind::Proximity, tool, |scout, number, distance| {
-            let value = scout.proximity_at(scout.probe.beside(Kind::Proximity, number, distance, scout.probe.agent.normal));
+            let value =
+                scout.proximity_at(scout.probe.beside(Kind::Proximity, number, distance, scout.probe.agent.normal));
             let median = PROXIMITY_MEDIAN * scout.sensing.swarm.cast_by_light;
             let sigma = 0.25 * math::ln((value / median).max(1e-6)).abs() - 0.5;
             sum += sigma.clamp(-1.0, 1.0);
@@ -158,7 +161,9 @@ impl Scout<'_, '_> {
         }
         let tool = Tool { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
         self.dig(Kind::Penumbra, tool, |scout, number, distance| {
-            let Some(point) = scout.probe.place(Kind::Penumbra, number, distance, scout.probe.agent.normal) else { return 0.0 };
+            let Some(point) = scout.probe.place(Kind::Penumbra, number, distance, scout.probe.agent.normal) else {
+                return 0.0;
+            };
             let Some((value, is_lit)) = scout.penumbra_at(&point, number) else { return 0.0 };
             counts[usize::from(!is_lit)] += 1;
             (value - PENUMBRA_MEDIAN).abs()

@@ -1,0 +1,85 @@
+//! Maps as bytes, for others who paint the same picture of the same scene: numbers of four bytes, the low one first.
+
+use glam::Vec3;
+
+use super::map::PhotonMap;
+
+/// Bytes that are written.
+#[derive(Debug, Default)]
+pub(crate) struct Writer(pub(crate) Vec<u8>);
+
+/// Bytes that are read, which somebody else may have made.
+#[derive(Debug)]
+pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
+
+impl Writer {
+    pub(crate) fn number(&mut self, number: u32) {
+        self.0.extend(number.to_le_bytes());
+    }
+
+    pub(crate) fn long(&mut self, number: u64) {
+        self.0.extend(number.to_le_bytes());
+    }
+
+    pub(crate) fn value(&mut self, value: f32) {
+        self.number(value.to_bits());
+    }
+
+    pub(crate) fn vector(&mut self, vector: Vec3) {
+        vector.to_array().into_iter().for_each(|value| self.value(value));
+    }
+
+    /// How many photons there are, the planes between them, and all of them in the order of their numbers.
+    pub(crate) fn map(&mut self, map: &PhotonMap) {
+        self.number(map.len() as u32);
+        for (plane, axis) in map.planes() {
+            self.value(plane);
+            self.number(axis);
+        }
+        for photon in map.iter() {
+            self.vector(photon.p);
+            photon.mark().to_numbers().into_iter().for_each(|number| self.number(number));
+        }
+    }
+}
+
+impl Reader<'_> {
+    pub(crate) fn number(&mut self) -> Option<u32> {
+        let (first, rest) = self.0.split_first_chunk::<4>()?;
+        self.0 = rest;
+        Some(u32::from_le_bytes(*first))
+    }
+
+    pub(crate) fn long(&mut self) -> Option<u64> {
+        let (first, rest) = self.0.split_first_chunk::<8>()?;
+        self.0 = rest;
+        Some(u64::from_le_bytes(*first))
+    }
+
+    /// A finite one.
+    pub(crate) fn value(&mut self) -> Option<f32> {
+        self.number().map(f32::from_bits).filter(|value| value.is_finite())
+    }
+
+    pub(crate) fn vector(&mut self) -> Option<Vec3> {
+        Some(Vec3::new(self.value()?, self.value()?, self.value()?))
+    }
+
+    /// How many of something follow: no more than there are bytes for.
+    ///
+    /// - `size`: of each.
+    pub(crate) fn count(&mut self, size: usize) -> Option<usize> {
+        let count = self.number()? as usize;
+        (count.checked_mul(size)? <= self.0.len()).then_some(count)
+    }
+
+    pub(crate) fn map(&mut self) -> Option<PhotonMap> {
+        const PHOTON_BYTES: usize = 20;
+        let count = self.count(PHOTON_BYTES)?;
+        let planes =
+            (0..PhotonMap::plane_count(count)).map(|_| Some((self.value()?, self.number()?))).collect::<Option<_>>()?;
+        let photons =
+            (0..count).map(|_| Some((self.vector()?, [self.number()?, self.number()?]))).collect::<Option<_>>()?;
+        PhotonMap::from_parts(planes, photons)
+    }
+}
