@@ -20,7 +20,7 @@ use crate::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
-    photon::{MapBytes, PhotonStore},
+    photon::{MapBytes, PhotonStore, Projection},
 };
 
 /// How a scene is prepared.
@@ -55,6 +55,7 @@ pub struct PreparedScene {
     guides: Mutex<Vec<(Learnt, GuidePlace)>>,
     emission: OnceLock<Emission>,
     photons: PhotonStore,
+    projection: OnceLock<Projection>,
     id: DataId,
 }
 
@@ -147,6 +148,7 @@ impl PreparedScene {
             guides: Mutex::default(),
             emission: OnceLock::new(),
             photons: PhotonStore::default(),
+            projection: OnceLock::new(),
             id,
         }
     }
@@ -221,6 +223,11 @@ impl PreparedScene {
     /// What emits photons.
     pub(crate) fn emission(&self) -> &Emission {
         self.emission.get_or_init(|| Emission::new(self))
+    }
+
+    /// Where photons must leave the lights to come to mirrors and glass; the first who asks tries it out.
+    pub(crate) fn projection(&self) -> &Projection {
+        self.projection.get_or_init(|| Projection::new(self))
     }
 
     /// Photon maps that are kept.

@@ -7,7 +7,7 @@ use bottega_kernels::compiled;
 
 use super::{
     map::PhotonMap,
-    maps::{Estimator, IrradianceAt, PhotonMaps, irradiance_count, tracer},
+    maps::{Estimator, IrradianceAt, PhotonMaps, caustic_tracer, irradiance_count, photon_counts, tracer},
     record::Photon,
     trace::{Traced, Tracing},
 };
@@ -28,6 +28,8 @@ pub struct PhotonWork {
     pub scene: Arc<PreparedScene>,
     /// How.
     pub settings: PhotonSettings,
+    /// Whether they are sent to mirrors and glass alone.
+    pub only_caustics: bool,
     /// Another seed gives other photons.
     pub seed: u64,
     /// Which photons.
@@ -47,7 +49,10 @@ pub struct IrradianceWork {
 impl PhotonWork {
     /// Traces them on the calling thread.
     pub fn perform(self) -> Traced {
-        compiled::run(Tracing { tracer: tracer(&self.scene, &self.settings, self.seed, 0), indices: self.indices })
+        let Self { scene, settings, only_caustics, seed, indices } = self;
+        let tracer =
+            if only_caustics { caustic_tracer(&scene, &settings, seed) } else { tracer(&scene, &settings, seed, 0) };
+        compiled::run(Tracing { tracer, indices })
     }
 }
 
@@ -92,14 +97,18 @@ fn maps(
     seed: u64,
     client: &HraClient<RenderWork>,
 ) -> Result<PhotonMaps, RenderError> {
-    let works = parts(photons.count, PHOTONS)
-        .map(|indices| RenderWork::Photons(PhotonWork { scene: Arc::clone(scene), settings: photons, seed, indices }));
-    let mut traced = Traced::default();
-    for output in run(client, works.collect())? {
-        let RenderOutput::Photons(part) = output else { return Err(RenderError::Unanswered) };
-        traced.append(part);
-    }
-    let (mut maps, all) = scene.on_threads(|| PhotonMaps::begun(scene, &photons, 0, traced));
+    let trace = |count: u32, only_caustics: bool| {
+        let work = |indices| PhotonWork { scene: Arc::clone(scene), settings: photons, only_caustics, seed, indices };
+        let mut traced = Traced::default();
+        for output in run(client, parts(count, PHOTONS).map(work).map(RenderWork::Photons).collect())? {
+            let RenderOutput::Photons(part) = output else { return Err(RenderError::Unanswered) };
+            traced.append(part);
+        }
+        Ok(traced)
+    };
+    let [count, sent] = photon_counts(scene, &photons);
+    let (traced, caustics) = (trace(count, false)?, trace(sent, true)?.caustic);
+    let (mut maps, all) = scene.on_threads(|| PhotonMaps::begun(scene, &photons, 0, traced, caustics));
     if let Some(all) = all.map(Arc::new) {
         let works = parts(irradiance_count(&all), POINTS).map(|points| {
             let (scene, all) = (Arc::clone(scene), Arc::clone(&all));

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::{
     bytes::{Reader, Writer},
     map::{Nearest, PhotonMap},
+    projection::SHARE,
     record::Photon,
     trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
 };
@@ -62,8 +63,35 @@ pub(crate) struct Estimator {
 /// What photons of a pass are traced by.
 pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
-    let only_caustics = settings.agents.is_some();
-    Tracer { prepared, emission: prepared.emission(), seed, pass, bounces, with_shadows, only_caustics }
+    let emission = prepared.emission();
+    Tracer {
+        prepared,
+        emission,
+        seed,
+        pass,
+        bounces,
+        with_shadows,
+        only_caustics: false,
+        strength: 1.0,
+        projection: None,
+    }
+}
+
+/// What photons are traced by that are sent to mirrors and glass alone.
+pub(crate) fn caustic_tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64) -> Tracer<'a> {
+    let projection = Some(prepared.projection());
+    // An estimate divides by the number of all photons, whoever they are.
+    let strength = settings.count as f32 / settings.count.div_ceil(SHARE).max(1) as f32;
+    let all = tracer(prepared, settings, seed, 0);
+    Tracer { with_shadows: false, only_caustics: true, strength, projection, ..all }
+}
+
+/// How many photons of all light a pass has, and how many are sent to mirrors and glass.
+pub(crate) fn photon_counts(prepared: &PreparedScene, settings: &PhotonSettings) -> [u32; 2] {
+    let is_gathered = settings.final_rays > 0 && !settings.progressive;
+    let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
+    let sent = if is_wanted && !prepared.projection().is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
+    [if settings.agents.is_some() { 0 } else { settings.count }, sent]
 }
 
 /// All photons of a pass, traced on the threads of the present pool.
@@ -82,8 +110,13 @@ pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
 impl PhotonMaps {
     /// The maps of one pass. The pool of the present thread does the work.
     pub(crate) fn new(prepared: &PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Self {
-        let traced = traced(tracer(prepared, settings, seed, pass), settings.count);
-        let (mut maps, all) = Self::begun(prepared, settings, pass, traced);
+        let [count, sent] = photon_counts(prepared, settings);
+        let all_light = traced(tracer(prepared, settings, seed, pass), count);
+        let caustics = match sent {
+            0 => Vec::new(),
+            sent => traced(caustic_tracer(prepared, settings, seed), sent).caustic,
+        };
+        let (mut maps, all) = Self::begun(prepared, settings, pass, all_light, caustics);
         if let Some(all) = all {
             let points: Vec<u32> = (0..irradiance_count(&all)).collect();
             let known = points.par_chunks(POINTS).map(|points| {
@@ -101,6 +134,7 @@ impl PhotonMaps {
         settings: &PhotonSettings,
         pass: u32,
         traced: Traced,
+        caustics: Vec<Photon>,
     ) -> (Self, Option<PhotonMap>) {
         let bounds = prepared.accel().bounds();
         let radius = 0.5 * (bounds.max - bounds.min).length();
@@ -116,11 +150,11 @@ impl PhotonMaps {
         };
         let mut all = None;
         if settings.agents.is_some() {
-            maps.seen = PhotonMap::new(traced.caustic);
+            maps.seen = PhotonMap::new(caustics);
             maps.reach *= CAUSTIC_REACH;
         } else if settings.final_rays > 0 && !settings.progressive {
-            all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic.clone()].concat()));
-            maps.seen = PhotonMap::new(traced.caustic);
+            all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic].concat()));
+            maps.seen = PhotonMap::new(caustics);
             maps.reach *= CAUSTIC_REACH;
         } else {
             maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());

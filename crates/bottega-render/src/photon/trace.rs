@@ -6,7 +6,7 @@ use bottega_kernels::{Hit, Ray, compiled::Task};
 use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
 
-use super::record::Photon;
+use super::{projection::Projection, record::Photon};
 use crate::{
     bsdf::TransportMode,
     camera::RayCone,
@@ -14,11 +14,13 @@ use crate::{
     interaction::{Interaction, is_there},
     lights::{Emission, Emitted},
     prepare::PreparedScene,
-    sampler::{DimensionSet, PixelSampler},
+    sampler::{DimensionSet, PixelSampler, Quad},
 };
 
 /// Sets the numbers of photons apart from those of pixels.
 const PHOTON_SEED: u64 = 0x7068_6f74_6f6e_7321;
+/// The same for those that are sent to mirrors and glass.
+const SENT_SEED: u64 = 0x6361_7573_7469_6373;
 /// By how much the two normals of a surface may make a photon stronger.
 const NORMALS_RATIO_MAX: f32 = 8.0;
 /// Surfaces behind the first one at which a photon leaves its shadow.
@@ -38,6 +40,10 @@ pub(crate) struct Tracer<'a> {
     pub(crate) with_shadows: bool,
     /// Whether it ends where light is spread, and is kept only if it came there over mirrors or through glass.
     pub(crate) only_caustics: bool,
+    /// What it stands for, if it is not one of all photons.
+    pub(crate) strength: f32,
+    /// Where it is sent to, if not everywhere: to mirrors and glass.
+    pub(crate) projection: Option<&'a Projection>,
 }
 
 /// Photons where they arrived, in the order of their indices. Each carries what it stands for if it is the only one: divide
@@ -90,15 +96,27 @@ pub(super) fn visibility_tag(light: u32, is_lit: bool) -> u32 {
 }
 
 impl Tracer<'_> {
+    fn sampler(&self, index: u32) -> PixelSampler {
+        let sent = if self.projection.is_some() { SENT_SEED } else { 0 };
+        PixelSampler::new(self.seed ^ PHOTON_SEED ^ sent, self.pass, 0, index)
+    }
+
+    /// The numbers that a photon is emitted by.
+    pub(super) fn numbers(&self, index: u32) -> [Quad; 2] {
+        self.sampler(index).two_quads(DimensionSet::CAMERA, DimensionSet::light(0))
+    }
+
     #[inline(always)]
-    fn trace(&self, index: u32, traced: &mut Traced) {
-        let sampler = PixelSampler::new(self.seed ^ PHOTON_SEED, self.pass, 0, index);
-        let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
+    pub(super) fn trace(&self, index: u32, traced: &mut Traced) {
+        let sampler = self.sampler(index);
+        let [u, v] = self.numbers(index);
+        let (u, v, weight) = self.projection.map_or((u, v, 1.0), |projection| projection.sent(u, v));
         let Some(emitted) = self.emission.emit(self.prepared, u, v) else { return };
         if self.with_shadows {
             self.leave_shadows(&emitted, traced);
         }
         let Emitted { mut origin, mut direction, mut power, .. } = emitted;
+        power *= weight * self.strength;
         let mut absorption = Spectrum::ZERO;
         let (mut is_specular, mut is_direct) = (true, true);
         for depth in 0..self.bounces {

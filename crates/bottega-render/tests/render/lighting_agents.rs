@@ -241,7 +241,7 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
     for oracle in ORACLES {
         let (by_agents, sensors) = mean(SampleSet::Agents, oracle);
         assert!(sensors < photons, "{sensors} {photons}");
-        assert!(by_agents > 0.5 * by_photons, "{oracle:?} {by_agents} {by_photons}");
+        assert!(by_agents > 0.4 * by_photons, "{oracle:?} {by_agents} {by_photons}");
     }
 }
 

@@ -6,7 +6,8 @@ use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
     BlockWork, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError, RenderWork,
-    View, photon::cast_photons,
+    View,
+    photon::{PhotonWork, cast_photons},
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
 use glam::Vec3;
@@ -303,4 +304,44 @@ fn media_are_refused() {
     let tile = Tile::new(Rect::of_size(4, 4), Layout::new(AovSet::NONE));
     let work = BlockWork { scene, view, settings: Arc::new(by_photons(few(), 0, 1)), tile, samples: 0..1 };
     assert!(matches!(work.perform(), Err(RenderError::PhotonsInMedia)));
+}
+
+#[test]
+fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
+    /// Of all photons so many are sent.
+    const SHARE: u32 = 8;
+    let mut small = cornell();
+    add_sphere(&mut small, Vec3::new(-0.5, 0.4, -0.3), 0.08, glass());
+    let sky = {
+        let mut scene = small.clone();
+        scene.meshes.pop();
+        scene.instances.pop();
+        scene.environment = Some(Environment::uniform(Vec3::new(0.5, 0.6, 0.8)));
+        scene
+    };
+    for (name, scene) in [("lamp", small), ("sky", sky)] {
+        let scene = prepare(scene);
+        let settings = PhotonSettings { count: 160_000, ..PhotonSettings::default() };
+        // Power of the caustics, and how many photons that are traced bring some.
+        let found = |only_caustics: bool, seed: u64| {
+            let indices = 0..if only_caustics { settings.count / SHARE } else { settings.count };
+            let traced = indices.len() as f64;
+            let photons = PhotonWork { scene: Arc::clone(&scene), settings, only_caustics, seed, indices }.perform();
+            let power: Vec3 = photons.caustic.iter().map(|photon| photon.mark().power()).sum();
+            (f64::from(power.element_sum()) / f64::from(settings.count), photons.caustic.len() as f64 / traced)
+        };
+        let several = |only_caustics: bool| {
+            let runs: Vec<_> = (0..12).map(|seed| found(only_caustics, seed)).collect();
+            let mean = runs.iter().map(|run| run.0).sum::<f64>() / 12.0;
+            let variance = runs.iter().map(|run| (run.0 - mean).powi(2)).sum::<f64>() / (12.0 * 11.0);
+            (mean, variance, runs[0].1)
+        };
+        let ((by_chance, a, few), (sent, b, many)) = (several(false), several(true));
+        let z = (by_chance - sent) / (a + b).sqrt();
+        assert!(z.abs() < 4.0 && sent > 0.0, "{name}: {by_chance} {sent}, z {z}");
+        assert!(many > 3.0 * few, "{name}: {few} {many}");
+        // An eighth of the photons; variances of twelve runs are known within a factor of three.
+        eprintln!("{name}: variance {a:.2e} {b:.2e}, share {few:.4} {many:.4}");
+        assert!(b < 3.0 * a, "{name}: {a} {b}");
+    }
 }
