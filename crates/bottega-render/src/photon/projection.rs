@@ -18,7 +18,7 @@ const NEIGHBOR: f64 = 0.1;
 /// The share of photons that leave as they would without a map.
 const BLIND: f64 = 0.2;
 /// Of as many photons as there are of all light so many are sent to mirrors and glass.
-pub(super) const SHARE: u32 = 8;
+pub(super) const SHARE: u32 = 4;
 
 /// How probable each cell is, and all those above it in a tree.
 #[derive(Debug)]
