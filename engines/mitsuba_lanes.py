@@ -32,7 +32,8 @@ class _Painter:
         self.wide = Window(max(window.x0 - margin, -border), max(window.y0 - margin, -border),
                            min(window.x1 + margin, scene.width + border),
                            min(window.y1 + margin, scene.height + border))
-        self.names = ["R", "G", "B"] + (["A"] if scene.with_alpha else []) + scene.channel_names()
+        self.names = ["R", "G", "B"] + (["A"] if scene.with_alpha else [])
+        self.names += [name for name in scene.layer_channels.values() if name]
         self.sums = np.zeros((len(self.names) + 1, self.wide.height, self.wide.width), np.float64)
         self.samples_of_row = np.zeros(self.wide.height, np.int64)
 
@@ -79,7 +80,7 @@ class _Painter:
         ray, weight = sensor.sample_ray_differential(time, wavelength, relative, aperture)
         if ray.has_differentials:
             ray.scale_differential(dr.opaque(mi.Float, samples ** -0.5))
-        light, valid, layers = self.integrator.sample(self.scene.scene, sampler, ray, sensor.medium())
+        light, valid, layers = self.integrator.sample(self.scene.scene, sampler, ray, sensor.get_medium())
         light = light * weight
         if mi.is_spectral:
             color = mi.spectrum_to_srgb(light, ray.wavelengths)
@@ -90,7 +91,8 @@ class _Painter:
         values = [color[0], color[1], color[2]]
         if self.scene.with_alpha:
             values.append(dr.select(valid, mi.Float(1.0), mi.Float(0.0)))
-        return values + list(layers)
+        kept = [name is not None for name in self.scene.layer_channels.values()]
+        return values + [layer for layer, keep in zip(layers, kept) if keep]
 
     def _collect(self, values, inside, y0, height, samples):
         """Adds each sample to all pixels that the filter lets it reach; the last plane is the filter's weights."""

@@ -59,6 +59,7 @@ class MitsubaScene:
         config, state = parse(path, variant, defines)
         self._set_frame(state, sensor_index, request.get("width"), request.get("height"))
         self._read_integrator(state)
+        self.with_alpha = self._has_alpha(state, sensor_index)
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
         self.scene = scene[0] if isinstance(scene, list) else scene
@@ -73,8 +74,8 @@ class MitsubaScene:
         self.filter = self.film.rfilter()
         # The samples of a pixel reach so many pixels further than itself.
         self.margin = 0 if self.filter.is_box_filter() else int(np.ceil(self.filter.radius() - 0.5 - 1e-4))
-        self.with_alpha = self._has_alpha(state, sensor_index)
         self.integrators = {}
+        self.layer_channels = self._layer_channels()
 
     def _film_node(self, state, sensor_index):
         sensors = [node for node in state.nodes if node.type == mi.ObjectType.Sensor]
@@ -165,26 +166,29 @@ class MitsubaScene:
             changed["max_depth"] = max_depth + 2
         return changed
 
-    def channel_names(self):
-        """Names of the further layers' channels, in the order in which the integrator gives them."""
-        kinds = {}
+    def _layer_channels(self):
+        """Our name of each channel that the integrator gives beside the color, by Mitsuba's name, in Mitsuba's order.
+        None: the `aov` integrator gives the color of the first integrator in it once more."""
+        kinds, nested = {}, False
         for tree in self._trees(self.integrator_tree or {}):
+            nested = nested or (tree.get("type") == "aov" and any(isinstance(part, dict) for part in tree.values()))
             for item in str(tree.get("aovs") or "").split(","):
                 name, _, kind = item.strip().partition(":")
                 kinds[name] = kind
-        names, taken = [], set()
-        for name in self.scene.integrator().aov_names():
+        given = list(self.scene.integrator().aov_names())
+        again = [name.rpartition(".")[0] for name in given[:4]]
+        names = {}
+        for index, name in enumerate(given):
             layer, _, channel = name.rpartition(".")
-            known = LAYER_OF_TYPE.get(kinds.get(layer))
-            if known:
-                siblings = [other for other in self.scene.integrator().aov_names() if other.rpartition(".")[0] == layer]
-                name = f"{known[0]}.{known[1][siblings.index(name)]}"
-            elif not layer:
-                name = f"{channel}.Y"
-            if name in taken:
-                name = f"{layer}.{channel}"
-            taken.add(name)
-            names.append(name)
+            if nested and index < 4 and layer == again[0] and layer not in kinds:
+                names[name] = None
+                continue
+            better = name if layer else f"{channel}.Y"
+            if kinds.get(layer) in LAYER_OF_TYPE:
+                known, channels = LAYER_OF_TYPE[kinds[layer]]
+                place = [other for other in given if other.rpartition(".")[0] == layer].index(name)
+                better = f"{known}.{channels[place]}"
+            names[name] = name if better in names.values() else better
         return names
 
     def _trees(self, tree):
@@ -194,14 +198,16 @@ class MitsubaScene:
                 yield from self._trees(value)
 
     def layers(self):
-        return sorted({name.rpartition(".")[0] for name in self.channel_names()})
+        return sorted({name.rpartition(".")[0] for name in self.layer_channels.values() if name})
 
     def in_lanes(self, integrator):
-        """Whether painting can be done by our own loop: for compiled variants, where samples go from the eye."""
-        return (mi.variant().startswith(("llvm", "cuda")) and hasattr(integrator, "sample")
-                and type(integrator).__module__.startswith("mitsuba.") and "_ad_" in mi.variant()
-                and self.film.class_name() == "HDRFilm" and "polarized" not in mi.variant()
-                and isinstance(integrator, mi.SamplingIntegrator))
+        """Whether our own loop can paint: a compiled variant, a plain film, and integrators written in C++, whose
+        `sample` follows a ray (those in Python take other arguments, those that start at lights have none)."""
+        written_in_python = any(str(tree.get("type")).startswith(("prb", "direct_projective", "volprim"))
+                                for tree in self._trees(self.integrator_tree or {}))
+        return (mi.variant().startswith(("llvm", "cuda")) and "polarized" not in mi.variant()
+                and self.film.class_name() == "HDRFilm" and not written_in_python
+                and type(integrator).__module__ == "mitsuba" and isinstance(integrator, mi.SamplingIntegrator))
 
     def paint_by_render(self, integrator, order, passes, progress):
         """`mitsuba.render` of the window and the margin of the filter, in a few passes. -> (channels, samples)."""
@@ -216,16 +222,27 @@ class MitsubaScene:
         for index in range(passes):
             asked = order.samples * (index + 1) // passes - order.samples * index // passes
             seed = order.hashed_seed(31, "pass", index, *window.as_list())
-            image = np.array(mi.render(self.scene, sensor=self.sensor, integrator=integrator, spp=asked, seed=seed))
+            mi.render(self.scene, sensor=self.sensor, integrator=integrator, spp=asked, seed=seed)
+            bitmap = self.film.bitmap()
+            image = np.array(bitmap, np.float64)
+            image = image.reshape(wide.height, wide.width, -1)
             really = int(self.sensor.sampler().sample_count())
             total = image * really if total is None else total + image * really
             taken += really
             progress((index + 1) / passes)
         left, top = window.x0 - wide.x0, window.y0 - wide.y0
         mean = (total / taken)[top:top + window.height, left:left + window.width].astype(np.float32)
-        names = ["R", "G", "B"] + (["A"] if self.with_alpha else []) + self.channel_names()
-        if mean.shape[2] == 1:
-            mean = np.repeat(mean, 3, axis=2)
-        if mean.shape[2] != len(names):
-            raise Refusal(f"Mitsuba gave {mean.shape[2]} channels where {len(names)} were expected: {', '.join(names)}")
-        return {name: np.ascontiguousarray(mean[..., index]) for index, name in enumerate(names)}, taken
+        return self._named(mean, [field.name for field in bitmap.struct_()]), taken
+
+    def _named(self, planes, given):
+        """Channels of a bitmap by our names. A film of luminance becomes one of grey."""
+        channels = {}
+        for index, name in enumerate(given):
+            name = self.layer_channels.get(name, name)
+            if name is not None:
+                channels[name] = np.ascontiguousarray(planes[..., index])
+        if "Y" in channels:
+            channels.update(R=channels["Y"], G=channels["Y"], B=channels.pop("Y"))
+        if not {"R", "G", "B"} <= channels.keys():
+            raise Refusal(f"the scene's film gives no colors that can be told apart: {', '.join(given)}")
+        return channels
