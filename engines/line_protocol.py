@@ -47,6 +47,21 @@ class Line:
         # What must happen before this process ends because bottega went away, such as ending an engine's process.
         self.on_leave = lambda: None
 
+    def watch_output(self, see):
+        """Gives each line that the engine prints to stdout to `see`, as well as to the log."""
+        reading, writing = os.pipe()
+        os.dup2(writing, 1)
+        os.close(writing)
+
+        def pass_on():
+            pending = b""
+            while piece := os.read(reading, 1 << 16):
+                os.write(2, piece)
+                *lines, pending = (pending + piece)[-LONGEST_LINE:].split(b"\n")
+                for line in lines:
+                    see(line.decode(errors="replace"))
+        threading.Thread(target=pass_on, daemon=True).start()
+
     def send(self, kind, **fields):
         text = json.dumps({kind: fields}, allow_nan=False) + "\n"
         rest = memoryview(text.encode())
