@@ -6,7 +6,8 @@ home folder and /tmp: it is started with the folder of the scene's files as its 
 
 `parameters` of `open`: `declare` ("Name=value Name={light_samples}": set before the scene is read; `{samples}`,
 `{light_samples}` and `{max_depth}` are what is asked for), `library` (further folders, by `:`), `final_frame` and
-`initial_frame` (an animation whose .ini does not say so), `jitter` ("off" or "on").
+`initial_frame` (an animation whose .ini does not say so), `jitter` ("off" or "on"), `radiosity` ("shared": gathered once
+for the whole frame, at half its size, and used by all windows; "window": gathered for each, which shows at the seams).
 """
 
 import os
@@ -70,6 +71,14 @@ def size_in_comment(path):
     return (int(found[1]), int(found[2])) if found else DEFAULT_FRAME
 
 
+def names_radiosity(path):
+    """Whether a scene or include has a block of radiosity."""
+    if not path.lower().endswith((".pov", ".inc", ".mac")):
+        return False
+    with open(path, errors="replace") as file:
+        return re.search(r"\bradiosity\s*\{", file.read()) is not None
+
+
 class PovRay:
     name = "povray"
 
@@ -104,6 +113,9 @@ class PovRay:
         self.jitter = str(parameters.get("jitter") or "off").lower() == "on"
         files, self.missing = referred_files(scene, self.library)
         self.home = common_folder([scene] + files)
+        self.shares_radiosity = (str(parameters.get("radiosity") or "shared") == "shared"
+                                 and any(names_radiosity(path) for path in [scene] + files))
+        self.gathered = {}
         width, height = size_in_comment(scene)
         self.width = int(request.get("width") or settings.get("width", width))
         self.height = int(request.get("height") or settings.get("height", height))
@@ -127,8 +139,9 @@ class PovRay:
         place = os.path.join(self.scratch, written)
         if os.path.exists(place):
             os.remove(place)
-        self._start(self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth, order,
-                                   written), progress)
+        settings = self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth, order,
+                                  written)
+        self._start(settings + self._radiosity(order, grid, frame), progress)
         if not os.path.isfile(place):
             raise Refusal("POV-Ray finished and wrote no picture")
         picture = plain_exr.read(place, rows=(window.y0, window.y1))
@@ -162,6 +175,26 @@ class PovRay:
             lines += [f"Initial_Frame={self.first_frame}", f"Final_Frame={self.last_frame}",
                       f"Subset_Start_Frame={frame}", f"Subset_End_Frame={frame}"]
         return lines
+
+    def _radiosity(self, order, grid, frame):
+        """Settings that have a window use what was gathered for the whole frame. It is gathered by one thread, so that
+        every machine gathers the same."""
+        if not self.shares_radiosity:
+            return []
+        asks_for_samples = any("{samples}" in item for item in self.declare)
+        key = (frame, order.max_depth, order.light_samples, grid if asks_for_samples else 1)
+        if key not in self.gathered:
+            name = f"radiosity{len(self.gathered)}"
+            width, height = (self.width + 1) // 2, (self.height + 1) // 2
+            settings = self._settings((0, 0, width, height), key[-1], frame, order.max_depth, order, name + ".exr")
+            self._start(settings + [f"Width={width}", f"Height={height}", "Work_Threads=1", "Antialias=off",
+                                    "Radiosity_To_File=on", f'Radiosity_File_Name="{name}.rca"'], lambda share: None)
+            os.remove(os.path.join(self.scratch, name + ".exr"))
+            # A scene may name radiosity and not use it: then there is no such file.
+            there = os.path.isfile(os.path.join(self.scratch, name + ".rca"))
+            self.gathered[key] = [f'Radiosity_File_Name="{name}.rca"', "Radiosity_From_File=on",
+                                  "Radiosity_Vain_Pretrace=off"] if there else []
+        return self.gathered[key]
 
     def _scene_of_depth(self, max_depth):
         """The scene itself, or one that reads it and then sets how often light is followed: 1 is no reflection."""
