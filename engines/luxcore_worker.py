@@ -1,7 +1,8 @@
 """The worker of LuxCore (see line_protocol.py). It paints with LuxCore's path tracer on the CPU, whatever engine the
 scene names: the others cannot paint windows (tiles stay empty, light paths land outside, Metropolis looks elsewhere).
 
-Scenes: `.cfg` (with `scene.file`), `.scn`, `.bsc`, `.lxs`. The scene stays loaded; LuxCore builds its tree of triangles
+Scenes: `.cfg` (with `scene.file`) and `.scn`. (pyluxcore 2.11 does not read the `.bsc` files that it writes, and gives the
+cameras of `.lxs` files names that it does not know.) The scene stays loaded; LuxCore builds its tree of triangles
 anew for each window, because the seed, the number of samples and the window are fixed when a session starts.
 
 `parameters` of `open`: `config` ("key=value key=value", over the scene's own configuration).
@@ -16,7 +17,6 @@ from line_protocol import Line, Refusal, serve, sorted_files
 
 LINE = Line()
 
-import re
 import time
 
 import plain_exr
@@ -63,16 +63,13 @@ def value_of(props, name, default):
 
 
 def read_scene(path):
-    """-> (configuration, scene properties or None, path of a binary scene or None)."""
+    """-> (properties of the configuration, properties of the scene)."""
     folder = os.path.dirname(os.path.abspath(path))
     os.chdir(folder)
     pyluxcore.ClearFileNameResolverPaths()
     pyluxcore.AddFileNameResolverPath(folder)
     kind = os.path.splitext(path)[1].lower()
-    config, scene = pyluxcore.Properties(), pyluxcore.Properties()
-    if kind == ".lxs":
-        pyluxcore.ParseLXS(path, config, scene)
-        return config, scene, None
+    config = pyluxcore.Properties()
     if kind == ".cfg":
         config = pyluxcore.Properties(path)
         name = value_of(config, "scene.file", None)
@@ -81,25 +78,23 @@ def read_scene(path):
         path = name if os.path.isfile(name) else os.path.join(folder, name)
         pyluxcore.AddFileNameResolverPath(os.path.dirname(os.path.abspath(path)))
         kind = os.path.splitext(path)[1].lower()
-    if kind == ".bsc":
-        return config, None, path
     if kind != ".scn":
-        raise Refusal(f"{path}: LuxCore is given .cfg, .scn, .bsc and .lxs files here")
-    return config, pyluxcore.Properties(path), None
+        raise Refusal(f"{path}: LuxCore is given .cfg and .scn files here")
+    return config, pyluxcore.Properties(path)
 
 
 def referred_files(path):
     """Files that properties name, by the key or because there is such a file."""
-    config, scene, binary = read_scene(path)
+    config, scene = read_scene(path)
     folder = os.path.dirname(os.path.abspath(path))
-    found = {binary} if binary else set()
+    found = set()
     name = value_of(config, "scene.file", None)
     scene_folder = folder
     if name:
         scene_file = os.path.join(folder, name)
         scene_folder = os.path.dirname(scene_file)
         found.add(scene_file)
-    for props in (config, scene) if scene else (config,):
+    for props in (config, scene):
         for key in props.GetAllNames():
             if not key.startswith("scene.") or key == "scene.file":
                 continue
@@ -108,10 +103,6 @@ def referred_files(path):
                 there = next((place for place in places if os.path.isfile(place)), None)
                 if there or (value and key.endswith(FILE_SUFFIXES)):
                     found.add(there or places[-1])
-    if path.lower().endswith(".lxs"):
-        with open(path, errors="replace") as file:
-            for value in re.findall(r'"([^"\n]+\.\w{2,5})"', file.read()):
-                found.add(os.path.join(folder, value))
     return {os.path.normpath(file) for file in found} - {os.path.abspath(path)}
 
 
@@ -124,17 +115,12 @@ class LuxCore:
 
     def open(self, request):
         self.scene = None
-        config, scene, binary = read_scene(request["scene"])
+        config, scene = read_scene(request["scene"])
         self.threads = max(1, int(request.get("threads") or 1))
         self._configure(config, request)
-        if binary:
-            self.scene = pyluxcore.Scene(binary)
-            camera = self.scene.ToProperties()
-        else:
-            self.scene = pyluxcore.Scene()
-            self.scene.Parse(scene)
-            camera = scene
-        self._move_camera_a_row(camera)
+        self.scene = pyluxcore.Scene()
+        self.scene.Parse(scene)
+        self._move_camera_a_row(scene)
         layers = sorted({layer for layer, _ in self.outputs.values() if layer})
         return {"width": self.width, "height": self.height, "first_frame": 1, "last_frame": 1, "frame": 1,
                 "layers": ["color"] + layers}

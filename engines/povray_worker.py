@@ -185,13 +185,16 @@ class PovRay:
         key = (frame, order.max_depth, order.light_samples, grid if asks_for_samples else 1)
         if key not in self.gathered:
             name = f"radiosity{len(self.gathered)}"
+            kept = os.path.join(self.scratch, name + ".rca")
+            if os.path.exists(kept):
+                os.remove(kept)  # Of a scene that was open before.
             width, height = (self.width + 1) // 2, (self.height + 1) // 2
             settings = self._settings((0, 0, width, height), key[-1], frame, order.max_depth, order, name + ".exr")
             self._start(settings + [f"Width={width}", f"Height={height}", "Work_Threads=1", "Antialias=off",
                                     "Radiosity_To_File=on", f'Radiosity_File_Name="{name}.rca"'], lambda share: None)
             os.remove(os.path.join(self.scratch, name + ".exr"))
             # A scene may name radiosity and not use it: then there is no such file.
-            there = os.path.isfile(os.path.join(self.scratch, name + ".rca"))
+            there = os.path.isfile(kept)
             self.gathered[key] = [f'Radiosity_File_Name="{name}.rca"', "Radiosity_From_File=on",
                                   "Radiosity_Vain_Pretrace=off"] if there else []
         return self.gathered[key]
