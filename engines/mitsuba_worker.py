@@ -6,7 +6,7 @@ a window (0.2 to 1.7 s each). Where the pixels come from is Mitsuba's own: the s
 (index, default 0), and `define` ("name=value name=value": the scene's `<default>` values).
 """
 
-from line_protocol import Line, Refusal, Window, serve, sorted_files
+from line_protocol import Line, Refusal, serve, sorted_files
 
 LINE = Line()
 

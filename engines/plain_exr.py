@@ -1,6 +1,6 @@
 """OpenEXR files with nothing but Python's standard library, for workers that must not load a second native library.
 
-Writes and reads single-part scanline files: 32-bit float when writing; half, float and uint, uncompressed, RLE-free,
+Writes and reads single-part scanline files: 32-bit float when writing; half, float and uint, uncompressed,
 ZIPS or ZIP when reading. NumPy makes reading faster where it is installed, and is not needed.
 
 Source: the OpenEXR project, OpenEXR File Layout, openexr.com, 2024.
@@ -20,7 +20,8 @@ SIZE_OF = {0: 4, HALF: 2, FLOAT: 4}
 
 
 def write(path, width, height, channels):
-    """Writes `channels`: name -> `width * height` native 32-bit floats (an array, memoryview or NumPy array, contiguous), top row first."""
+    """Writes `channels`: name -> `width * height` native 32-bit floats, top row first, contiguous (an array, a memoryview
+    or a NumPy array)."""
     names = sorted(channels)
     planes = [_bytes_of(channels[name], width * height, name) for name in names]
     header = _header(width, height, names)
