@@ -5,6 +5,7 @@
 
 mod builtin;
 mod engine;
+pub mod external;
 
 pub use bottega_render::survey::{Survey, SurveyPixel};
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};

@@ -19,6 +19,7 @@ use bottega_web::{Dashboard, wire::Event};
 use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     devices::{Crew, costs, incident_line},
+    engines,
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
     frames,
@@ -57,6 +58,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
 
 /// Paints one picture.
 pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliError> {
+    if !args.engines.is_builtin() {
+        return engines::one(args, stop);
+    }
     let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
@@ -137,7 +141,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
 }
 
 /// Paints alone, or with the machines of a farm.
-fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Reporter) -> Result<Painted, CliError> {
+pub(crate) fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Reporter) -> Result<Painted, CliError> {
     let Some(asked) = asked else {
         let Tools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
@@ -149,7 +153,7 @@ fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Re
 }
 
 /// The picture was led to its end by another machine.
-fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -> Result<ExitCode, CliError> {
+pub(crate) fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -> Result<ExitCode, CliError> {
     reporter.finish();
     write_picture(&args.output, picture)?;
     if let Err(error) = fs::remove_file(journal) {
@@ -238,7 +242,7 @@ pub(crate) fn asked_goal(args: &RenderArgs) -> Goal {
 }
 
 /// When a zone is finished. Loading is a part of the time that was asked for.
-fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
+pub(crate) fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
     match (args.error, args.time) {
         (Some(error), _) => Ok(Goal::Error(error)),
         (None, Some(time)) => match time.checked_sub(begun.elapsed()) {
@@ -284,7 +288,7 @@ pub(crate) fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-fn optimization(optimize: OptimizeArg) -> Optimization {
+pub(crate) fn optimization(optimize: OptimizeArg) -> Optimization {
     match optimize {
         OptimizeArg::Off => Optimization::Off,
         OptimizeArg::Vs => Optimization::VerySmall,
@@ -419,7 +423,7 @@ pub(crate) fn metadata(
     metadata
 }
 
-fn tone(tone: ToneArg) -> ToneMap {
+pub(crate) fn tone(tone: ToneArg) -> ToneMap {
     match tone {
         ToneArg::Agx => ToneMap::Agx,
         ToneArg::Aces => ToneMap::Aces,
@@ -457,7 +461,7 @@ pub(crate) fn write(
 }
 
 /// Tells how it ended. The journal goes only when the picture is complete.
-fn end(
+pub(crate) fn end(
     args: &RenderArgs,
     reporter: &Reporter,
     settings: &JobSettings,

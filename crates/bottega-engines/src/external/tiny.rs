@@ -1,0 +1,104 @@
+//! The look at a scene that only its engine can read: a tiny picture by the engine itself, and what its places cost.
+
+use std::time::{Duration, Instant};
+
+use bottega_image::{Picture, Rect, luminance};
+
+use super::{
+    error::EngineFault,
+    picture,
+    session::{Session, WindowRequest},
+};
+use crate::{Survey, SurveyPixel};
+
+/// Samples of a pixel.
+pub(super) const SAMPLES: u32 = 4;
+/// Rows and columns of windows whose time is taken.
+const PROBES: u32 = 4;
+/// No more time than this goes into them, if the whole tiny picture took less.
+const PROBE_TIME: Duration = Duration::from_millis(1500);
+/// Times tell places apart when at least this share of them is not what every window costs.
+const TELLING_SHARE: f64 = 0.3;
+
+/// A survey of the frame that the session has open: `whole` is all of it.
+pub(super) fn survey(session: &mut Session, whole: &WindowRequest) -> Result<Survey, EngineFault> {
+    let begun = Instant::now();
+    let frame = whole.window;
+    let picture = paint(session, whole, frame)?;
+    let took = begun.elapsed();
+    let costs = probe(session, whole, took)?;
+    let mut survey = Survey { width: frame.width(), height: frame.height(), pixels: Vec::new() };
+    survey.pixels = frame
+        .pixels()
+        .map(|(x, y)| {
+            let color = picture.pixel(x, y);
+            SurveyPixel {
+                color,
+                // The only thing known of a place's cost. Everything else counts the same everywhere.
+                steps: cost_at(&costs, frame, x, y),
+                noise: contrast(&picture, x, y),
+                path_length: 1.0,
+                ..SurveyPixel::default()
+            }
+        })
+        .collect();
+    Ok(survey)
+}
+
+fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<Picture, EngineFault> {
+    let request = WindowRequest { window, ..whole.clone() };
+    let written = session.paint(&request, &mut |_| {})?;
+    Ok(picture::read(&written, window)?.picture)
+}
+
+/// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
+fn probe(session: &mut Session, whole: &WindowRequest, took: Duration) -> Result<Vec<f64>, EngineFault> {
+    let same = vec![1.0; (PROBES * PROBES) as usize];
+    let frame = whole.window;
+    if frame.width() < 2 * PROBES || frame.height() < 2 * PROBES {
+        return Ok(same);
+    }
+    let until = Instant::now() + took.max(PROBE_TIME);
+    let mut timed = |window: Rect| {
+        let begun = Instant::now();
+        paint(session, whole, window).map(|_| begun.elapsed().as_secs_f64())
+    };
+    // The first small window may be the one for which something is compiled.
+    timed(Rect::of_size(1, 1))?;
+    let idle = timed(Rect::of_size(1, 1))?;
+    let mut times = Vec::new();
+    for row in 0..PROBES {
+        for column in 0..PROBES {
+            if Instant::now() > until {
+                return Ok(same);
+            }
+            let window = cell(frame, column, row);
+            let beyond = (timed(window)? - idle).max(0.0);
+            times.push((beyond, beyond / window.area() as f64));
+        }
+    }
+    let beyond: f64 = times.iter().map(|(beyond, _)| beyond).sum();
+    let all = beyond + idle * times.len() as f64;
+    Ok(if beyond < TELLING_SHARE * all { same } else { times.into_iter().map(|(_, each)| each).collect() })
+}
+
+fn cell(frame: Rect, column: u32, row: u32) -> Rect {
+    let edge = |side: u32, i: u32| side * i / PROBES;
+    let (width, height) = (frame.width(), frame.height());
+    Rect::new(edge(width, column), edge(height, row), edge(width, column + 1), edge(height, row + 1))
+}
+
+fn cost_at(costs: &[f64], frame: Rect, x: u32, y: u32) -> f32 {
+    let index = |at: u32, side: u32| (0..PROBES).rev().find(|i| side * i / PROBES <= at).unwrap_or(0);
+    let place = index(y, frame.height()) * PROBES + index(x, frame.width());
+    let mean = costs.iter().sum::<f64>() / costs.len() as f64;
+    if mean > 0.0 { (costs[place as usize] / mean) as f32 } else { 1.0 }
+}
+
+/// How far a pixel stands out of those around it.
+fn contrast(picture: &Picture, x: u32, y: u32) -> f32 {
+    let own = luminance(picture.pixel(x, y));
+    let around = Rect::new(x, y, x + 1, y + 1).grown(1, &Rect::of_size(picture.width, picture.height));
+    let difference = |(x, y)| (luminance(picture.pixel(x, y)) - own).abs();
+    around.pixels().map(difference).sum::<f32>() / around.area() as f32
+}

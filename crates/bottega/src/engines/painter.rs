@@ -1,0 +1,277 @@
+//! A picture made ready: what is to be painted, and the engine that paints it.
+
+use std::{
+    fmt::Write,
+    path::PathBuf,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use bottega_engines::{
+    RenderEngine, Survey, Tunables,
+    external::{EngineFault, ExternalEngine, ExternalOptions, Files, Located, Opened, SceneRequest, Session},
+};
+use bottega_farm::{Expert, JobReport, JobSettings};
+use bottega_image::{AovSet, Layout, Metadata, Rect};
+
+use super::{
+    attempt::{absolute, parameters},
+    located,
+};
+use crate::{
+    cli::{DEPTH_MAX, IntegratorArg, RenderArgs, SAMPLES_MAX},
+    error::CliError,
+    render,
+    scene::{Subject, agents, shown, threads},
+};
+
+/// Bounces where neither scene nor user says a number and rules need one.
+const DEFAULT_DEPTH: u32 = 16;
+/// Samples where nobody says.
+const DEFAULT_SAMPLES: u32 = 64;
+
+/// An engine of other people with the picture that it is to paint.
+pub(crate) struct Painter {
+    pub(crate) located: Arc<Located>,
+    pub(crate) engine: Arc<ExternalEngine>,
+    pub(crate) settings: JobSettings,
+    pub(crate) opened: Opened,
+    scene: PathBuf,
+    request: SceneRequest,
+    /// Whether the engine is told a depth.
+    has_depth: bool,
+}
+
+impl Painter {
+    /// Finds the engine, opens the scene with it, and makes it ready.
+    pub(crate) fn open(args: &RenderArgs, experts: Vec<Expert>) -> Result<Self, CliError> {
+        check(args)?;
+        let [name] = args.engines.engine.as_slice() else {
+            return Err(CliError::usage("one engine paints a picture", "give --engine a single name"));
+        };
+        let located = located(&args.engines.folders, name)?;
+        let manifest = located.manifest();
+        let scene = &args.scene.file.scene;
+        if !manifest.takes(scene) {
+            return Err(CliError::usage(
+                format!("{} does not read `{}`", manifest.title, scene.display()),
+                format!("it reads {}", manifest.scene.extensions.join(", ")),
+            ));
+        }
+        let failed = |source| CliError::External { engine: name.clone(), source };
+        let mut request = request(args, &located)?;
+        let session = Session::open(&located, &request).map_err(failed)?;
+        let opened = session.opened().clone();
+        request.size = Some((opened.width, opened.height));
+        let settings = settings(args, &located, &opened, experts)?;
+        let depth = args.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
+        let options = ExternalOptions {
+            request: request.clone(),
+            seed: args.seed,
+            layout: settings.layout,
+            scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
+            scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
+            surveyor: surveyor(args, &located, &opened),
+        };
+        let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
+        let settings = JobSettings { agents: agents_of(args, &engine), ..settings };
+        Ok(Self { located, engine, settings, opened, scene: scene.clone(), request, has_depth: depth.is_some() })
+    }
+
+    /// The files that the scene refers to.
+    pub(crate) fn files(&self) -> Result<Files, CliError> {
+        let name = &self.located.manifest().name;
+        let files = self.located.scene_files(&self.request.scene);
+        files.map_err(|source: EngineFault| CliError::External { engine: name.clone(), source })
+    }
+
+    /// What makes the picture what it is, as for our own engine.
+    pub(crate) fn name(&self, args: &RenderArgs) -> Result<String, CliError> {
+        let settings = &self.settings;
+        let digest = blake3::hash(&self.located.entry.identity()).to_hex();
+        let bytes = std::fs::read(&self.scene).map_err(|source| CliError::Read { path: self.scene.clone(), source })?;
+        let mut options = String::new();
+        for (name, value) in &self.request.parameters {
+            // Into a string nothing fails.
+            let _ = write!(options, "{name}={value},");
+        }
+        let parts = [
+            format!("version={}", env!("CARGO_PKG_VERSION")),
+            format!("engine={} {} {}", self.located.manifest().name, self.located.version, &digest[..16]),
+            format!("scene={}", blake3::hash(&bytes).to_hex()),
+            format!("size={}x{}", settings.width, settings.height),
+            format!("crop={}", settings.crop),
+            format!("frame={:?}", self.request.frame),
+            format!("spp={}", settings.samples),
+            format!("max-depth={:?}", args.max_depth),
+            format!("light-samples={}", args.light_samples),
+            format!("seed={}", args.seed),
+            format!("options={options}"),
+            format!("optimize={}", settings.optimization),
+            format!("error={:?}", args.error),
+            format!("timed={}", args.time.is_some()),
+            format!("aov={:?}", args.aov),
+        ];
+        Ok(parts.join("; "))
+    }
+
+    /// What the picture says of how it was made.
+    pub(crate) fn metadata(&self, args: &RenderArgs, report: &JobReport) -> Metadata {
+        let settings = &self.settings;
+        let manifest = self.located.manifest();
+        let mut metadata = Metadata::new();
+        metadata.set("scene", shown(&args.scene.file.scene));
+        metadata.set("engine", &*manifest.name);
+        metadata.set("engine_version", self.located.version.to_string());
+        metadata.set("samples_per_pixel", settings.samples.to_string());
+        if let Some(frame) = self.request.frame {
+            metadata.set("frame", frame.to_string());
+        }
+        let depth = if self.has_depth { settings.tunables.max_depth.to_string() } else { "as the scene says".to_owned() };
+        metadata.set("max_depth", depth);
+        metadata.set("seed", args.seed.to_string());
+        metadata.set("optimize", settings.optimization.to_string());
+        metadata.set("level", args.scene.level.to_string());
+        metadata.set("agents", settings.agents.to_string());
+        metadata.set("exact", self.engine.describe().exact_by_pixel.to_string());
+        metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
+        metadata.set("complete", (!report.stopped).to_string());
+        metadata
+    }
+
+    /// Engine and version, as people read it.
+    pub(crate) fn title(&self) -> String {
+        format!("{} {}", self.located.manifest().title, self.located.version)
+    }
+}
+
+fn request(args: &RenderArgs, located: &Located) -> Result<SceneRequest, CliError> {
+    let mut parameters = parameters(located, &args.engines.options)?;
+    if let (Some(define), false) = (parameters.get_mut("define"), args.scene.file.defines.is_empty()) {
+        let defines: Vec<String> =
+            args.scene.file.defines.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        *define = defines.join(" ").into();
+    } else if !args.scene.file.defines.is_empty() {
+        return Err(unfit(located, "--define"));
+    }
+    if args.engines.frame.is_some() && !located.manifest().animation.frames {
+        return Err(CliError::usage(
+            format!("{} knows no frames of an animation", located.manifest().title),
+            "leave out --frame and --frames, or take another engine",
+        ));
+    }
+    Ok(SceneRequest {
+        scene: absolute(&args.scene.file.scene)?,
+        size: args.scene.size.map(|size| (size.width, size.height)),
+        frame: args.engines.frame,
+        threads: threads(&args.scene),
+        trust: args.engines.trust,
+        parameters,
+    })
+}
+
+fn unfit(located: &Located, option: &str) -> CliError {
+    CliError::usage(
+        format!("{option} means nothing to {}", located.manifest().title),
+        "it is for our own engine; other engines do as their scene says",
+    )
+}
+
+/// What only our own engine knows is refused, not left out in silence.
+fn check(args: &RenderArgs) -> Result<(), CliError> {
+    let SceneArgsOf { name, .. } = [
+        SceneArgsOf::new("--camera", args.scene.camera.is_some()),
+        SceneArgsOf::new("--lens-radius", args.scene.lens_radius.is_some()),
+        SceneArgsOf::new("--env", args.scene.env.is_some()),
+        SceneArgsOf::new("--env-strength", args.scene.env_strength != 1.0),
+        SceneArgsOf::new("--filter", args.filter.is_some()),
+        SceneArgsOf::new("--integrator", args.integrator != IntegratorArg::Path),
+        SceneArgsOf::new("--variant", args.scene.file.variant.is_some()),
+        SceneArgsOf::new("--animation", args.scene.file.animation.is_some()),
+        SceneArgsOf::new("--exact", args.exact),
+        SceneArgsOf::new("--record", args.record.is_some()),
+    ]
+    .into_iter()
+    .find(|option| option.is_set)
+    .unwrap_or(SceneArgsOf::new("", false));
+    if name.is_empty() {
+        return Ok(());
+    }
+    Err(CliError::usage(
+        format!("{name} is for our own engine"),
+        "other engines do as their scene says; leave it out, or leave out --engine",
+    ))
+}
+
+struct SceneArgsOf {
+    name: &'static str,
+    is_set: bool,
+}
+
+impl SceneArgsOf {
+    fn new(name: &'static str, is_set: bool) -> Self {
+        Self { name, is_set }
+    }
+}
+
+fn settings(
+    args: &RenderArgs,
+    located: &Located,
+    opened: &Opened,
+    experts: Vec<Expert>,
+) -> Result<JobSettings, CliError> {
+    let frame = Rect::of_size(opened.width, opened.height);
+    let crop = args.crop.unwrap_or(frame);
+    if !frame.encloses(&crop) {
+        return Err(CliError::usage(
+            format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
+            "x1 and y1 may be at most the picture's width and height",
+        ));
+    }
+    let tunables = &located.manifest().tunables;
+    let samples = args.spp.or(tunables.samples.and_then(|range| range.default)).unwrap_or(DEFAULT_SAMPLES);
+    let samples = tunables.samples.map_or(1, |range| range.fit(samples)).clamp(1, SAMPLES_MAX);
+    let depth = args.max_depth.or(tunables.max_depth.and_then(|range| range.default)).unwrap_or(DEFAULT_DEPTH);
+    let asked = Tunables { max_depth: depth.min(DEPTH_MAX), light_samples: args.light_samples };
+    Ok(JobSettings {
+        crop,
+        level: render::level(args.scene.level),
+        optimization: render::optimization(args.optimize),
+        experts,
+        processors: threads(&args.scene),
+        importance: args.scene.importance_function(),
+        zones: args.zones,
+        verify: args.verify.unwrap_or(1),
+        ..JobSettings::new(frame.width(), frame.height(), samples, asked, Layout::new(AovSet::NONE))
+    })
+}
+
+/// An agent for each process that paints: more would only wait for one another.
+fn agents_of(args: &RenderArgs, engine: &ExternalEngine) -> usize {
+    args.agents.map_or(engine.lanes(), |asked| agents(Some(asked), 1))
+}
+
+/// Our own look at the scene, where the manifest says that we read the same format.
+fn surveyor(
+    args: &RenderArgs,
+    located: &Located,
+    opened: &Opened,
+) -> Option<Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>> {
+    use bottega_engines::external::manifest::Importance;
+    if located.manifest().scene.importance != Importance::Builtin {
+        return None;
+    }
+    let mut args = args.clone();
+    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
+    let once = Mutex::new(());
+    Some(Box::new(move |width, height| {
+        let _one = once.lock().unwrap_or_else(PoisonError::into_inner);
+        let look = || -> Result<Survey, CliError> {
+            let subject = Subject::load(&args.scene)?;
+            let settings = render::job_settings(&args, &subject, vec![Expert::path_tracing()])?;
+            let (engine, _) = render::engine(&args, &subject, &settings)?;
+            Ok(engine.survey(width, height)?)
+        };
+        // What we do not read, or read wrongly, the engine looks at itself.
+        look().inspect_err(|error| tracing::debug!(%error, "the scene is surveyed by its engine")).ok()
+    }))
+}

@@ -1,0 +1,106 @@
+//! A picture painted by an engine of other people.
+
+use std::{process::ExitCode, sync::Arc, time::Instant};
+
+use bottega_engines::RenderEngine;
+use bottega_farm::{Observer, StopSwitch};
+use bottega_image::check_writable;
+use bottega_web::{Dashboard, wire::Event};
+
+use super::Painter;
+use crate::{
+    cli::RenderArgs,
+    error::CliError,
+    farm::{Asked, Painted, Tools},
+    keeping::Keeping,
+    preview::{Look, Show, check_preview},
+    render,
+    reporter::Reporter,
+    rules::{experts, rule_texts},
+    scene::shown,
+};
+
+/// Paints one picture.
+pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliError> {
+    let begun = Instant::now();
+    let format = check_writable(&args.output)?;
+    args.preview.as_deref().map(check_preview).transpose()?;
+    let (experts, notes) = experts(rule_texts(&args.rules)?)?;
+    let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
+    let reporter = Arc::new(render::reporter(args, dashboard.clone())?);
+    let mut painter = Painter::open(args, experts)?;
+    notes.into_iter().for_each(|note| reporter.warn(note));
+    painter.settings.goal = render::goal(args, begun)?;
+    let keeping = Keeping::begin(&args.output, &painter.name(args)?, args.resume)?;
+    started(&reporter, args, &painter);
+    watch(args, dashboard, &painter, &reporter, begun);
+    painter.settings.goal = render::goal(args, begun)?;
+    let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
+        (Arc::clone(&painter.engine) as _, Arc::clone(&reporter) as _);
+    let settings = painter.settings.clone();
+    let tools = Tools { settings, engine, observer, store: Some(keeping.store), kept: keeping.kept };
+    let asked: Option<Asked> = None;
+    let report = match render::painted(asked.as_ref(), tools, stop, &reporter)? {
+        Painted::Here(report, _) => *report,
+        Painted::Elsewhere(picture) => return render::had(args, &reporter, &picture, &keeping.path),
+    };
+    reporter.finish();
+    if painter.engine.dropped_count() > 0 {
+        reporter.warn(format!("{} pixels had no finite values and count as black", painter.engine.dropped_count()));
+    }
+    render::write(args, &args.output, format, &report.film, &painter.metadata(args, &report))?;
+    render::end(args, &reporter, &painter.settings, &report, &keeping.path)
+}
+
+fn started(reporter: &Reporter, args: &RenderArgs, painter: &Painter) {
+    let settings = &painter.settings;
+    let crop = settings.crop;
+    reporter.say(&format!(
+        "{}: {}x{} pixels, {} samples each, by {}",
+        shown(&args.scene.file.scene),
+        crop.width(),
+        crop.height(),
+        settings.samples,
+        painter.title(),
+    ));
+    reporter.tell(Event::Started {
+        version: 1,
+        scene: shown(&args.scene.file.scene),
+        output: shown(&args.output),
+        width: settings.width,
+        height: settings.height,
+        crop: [crop.x0, crop.y0, crop.x1, crop.y1],
+        samples_per_pixel: settings.samples,
+        agents: settings.agents,
+        threads: settings.processors,
+        gpus: Vec::new(),
+        seed: args.seed,
+    });
+}
+
+/// From now on tells what goes wrong and how far it is, and shows what is painted.
+fn watch(
+    args: &RenderArgs,
+    dashboard: Option<Dashboard>,
+    painter: &Painter,
+    reporter: &Arc<Reporter>,
+    begun: Instant,
+) {
+    let engine = Arc::clone(&painter.engine);
+    reporter.watch(move || engine.samples_done());
+    let (teller, title) = (Arc::downgrade(reporter), painter.title());
+    painter.engine.watch_faults(move |fault| {
+        if let Some(reporter) = teller.upgrade() {
+            reporter.warn(format!("{title}: {fault}"));
+        }
+    });
+    if args.preview.is_none() && dashboard.is_none() {
+        return;
+    }
+    let frame = bottega_image::Rect::of_size(painter.settings.width, painter.settings.height);
+    let look =
+        Look { frame, crop: painter.settings.crop, exposure: args.exposure, tone: render::tone(args.tonemap) };
+    let show = Arc::new(Show::new(look, args.preview.clone(), dashboard));
+    reporter.show(&show, begun);
+    painter.engine.watch(move |tile| show.painted(tile));
+}
