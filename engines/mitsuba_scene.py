@@ -1,0 +1,248 @@
+"""A scene that Mitsuba has loaded: its frame, its integrators by depth, its layers, and painting by `mitsuba.render`."""
+
+import os
+
+import mitsuba as mi
+import numpy as np
+
+from line_protocol import Refusal
+
+LAYER_OF_TYPE = {"depth": ("depth", ["Z"]), "albedo": ("albedo", ["R", "G", "B"]),
+                 "sh_normal": ("normal", ["X", "Y", "Z"]), "position": ("position", ["X", "Y", "Z"]),
+                 "geo_normal": ("geometric_normal", ["X", "Y", "Z"]), "uv": ("uv", ["U", "V"])}
+
+
+def parse(path, variant, defines):
+    """Mitsuba's own reader: (configuration, nodes). The scene's folder is where its files are looked for first."""
+    resolver = mi.file_resolver()
+    resolver.prepend(os.path.dirname(os.path.abspath(path)))
+    config = mi.parser.ParserConfig(variant)
+    values = dict(item.split("=", 1) for item in defines.split())
+    return config, mi.parser.parse_file(config, path, **values)
+
+
+def children(state, node, kind):
+    """Indices of the nodes of a kind that stand in `node`."""
+    resolved = mi.Properties.Type.ResolvedReference
+    props = node.props
+    for key in props.keys():
+        if props.type(key) == resolved:
+            index = props[key].index()
+            if state.nodes[index].type == kind:
+                yield index
+
+
+def referred_files(path):
+    """All files that the scene names: included scenes, meshes, textures, volumes, spectra. Missing ones are named as
+    they would stand beside the scene."""
+    _, state = parse(path, mi.variant(), "")
+    folder = os.path.dirname(os.path.abspath(path))
+    own = os.path.abspath(path)
+    found = {os.path.abspath(str(file)) for file in state.files} - {own}
+    for node in state.nodes:
+        props = node.props
+        for key in props.keys():
+            if props.type(key) != mi.Properties.Type.String:
+                continue
+            value = props[key]
+            place = str(mi.file_resolver().resolve(value))
+            if os.path.isfile(place):
+                found.add(os.path.abspath(place))
+            elif key == "filename" or key.endswith("_filename"):
+                found.add(os.path.join(folder, value))
+    return found - {own}
+
+
+class MitsubaScene:
+    def __init__(self, request, variant, sensor_index, defines):
+        path = request["scene"]
+        config, state = parse(path, variant, defines)
+        self._set_frame(state, sensor_index, request.get("width"), request.get("height"))
+        self._read_integrator(state)
+        self.with_alpha = self._has_alpha(state, sensor_index)
+        mi.parser.transform_all(config, state)
+        scene = mi.parser.instantiate(config, state)
+        self.scene = scene[0] if isinstance(scene, list) else scene
+        self.sensor = self.scene.sensors()[sensor_index]
+        self.sensor_index = sensor_index
+        self.film = self.sensor.film()
+        self.film_size = tuple(int(n) for n in self.film.size())
+        self.offset = tuple(int(n) for n in self.film.crop_offset())
+        self.width, self.height = (int(n) for n in self.film.crop_size())
+        # Sensors take places on the film relative to its crop: left, top, width, height.
+        self.film_crop = (*self.offset, self.width, self.height)
+        self.filter = self.film.rfilter()
+        # The samples of a pixel reach so many pixels further than itself.
+        self.margin = 0 if self.filter.is_box_filter() else int(np.ceil(self.filter.radius() - 0.5 - 1e-4))
+        self.integrators = {}
+        self.layer_channels = self._layer_channels()
+
+    def _film_node(self, state, sensor_index):
+        sensors = [node for node in state.nodes if node.type == mi.ObjectType.Sensor]
+        if not sensors:
+            raise Refusal("the scene has no sensor")
+        if not 0 <= sensor_index < len(sensors):
+            raise Refusal(f"the scene has {len(sensors)} sensors; there is none with index {sensor_index}")
+        for index in children(state, sensors[sensor_index], mi.ObjectType.Film):
+            return state.nodes[index]
+        return None
+
+    def _set_frame(self, state, sensor_index, width, height):
+        """Changes the film to the size asked for. A film that crops keeps its crop, with the crop's size as the frame."""
+        film = self._film_node(state, sensor_index)
+        if width is None and height is None:
+            return
+        if film is None:
+            raise Refusal("the scene's sensor has no film, so that it cannot be given another size")
+        props = film.props
+        old = {"width": props.get("width", 768), "height": props.get("height", 576)}
+        for size, crop, offset, asked in (("width", "crop_width", "crop_offset_x", width),
+                                          ("height", "crop_height", "crop_offset_y", height)):
+            if asked is None:
+                continue
+            scale = asked / props.get(crop, old[size])
+            if crop in props:
+                props[offset] = round(props.get(offset, 0) * scale)
+                props[crop] = int(asked)
+            props[size] = max(round(old[size] * scale), int(asked) + props.get(offset, 0))
+
+    def _has_alpha(self, state, sensor_index):
+        film = self._film_node(state, sensor_index)
+        text = film.props.get("pixel_format", "rgb") if film else "rgb"
+        return text.lower().endswith("a") and text.lower() != "luma"
+
+    def _read_integrator(self, state):
+        """Keeps what the file says of the integrator, so that others of the same kind can be made with other depths."""
+        roots = [node for node in state.nodes if node.type == mi.ObjectType.Integrator]
+        nested = {index for node in roots for index in children(state, node, mi.ObjectType.Integrator)}
+        self.integrator_tree = None
+        for index, node in enumerate(state.nodes):
+            if node.type == mi.ObjectType.Integrator and index not in nested:
+                self.integrator_tree = self._tree(state, node)
+
+    def _tree(self, state, node):
+        kinds = mi.Properties.Type
+        tree = {"type": node.props.plugin_name()}
+        for key in node.props.keys():
+            kind = node.props.type(key)
+            if kind in (kinds.Bool, kinds.Integer, kinds.Float, kinds.String):
+                tree[key] = node.props[key]
+            elif kind == kinds.ResolvedReference:
+                child = state.nodes[node.props[key].index()]
+                name = child.props.id() or f"{key.strip('_')}"
+                tree[name] = self._tree(state, child) if child.type == mi.ObjectType.Integrator else None
+            else:
+                tree[key] = None
+        return tree
+
+    def integrator_for(self, max_depth, light_samples):
+        """The scene's integrator, or one of its kind with another depth. Bottega counts bounces after the direct
+        light, Mitsuba edges of the path: 0 is 2."""
+        if max_depth is None and light_samples is None:
+            return self.scene.integrator()
+        key = (max_depth, light_samples)
+        if key not in self.integrators:
+            tree = self.integrator_tree or {"type": "path"}
+            self.integrators[key] = mi.load_dict(self._changed(tree, max_depth, light_samples))
+        return self.integrators[key]
+
+    def _changed(self, tree, max_depth, light_samples):
+        if None in tree.values():
+            raise Refusal(f"the scene's `{tree['type']}` integrator has parts that cannot be made again with another "
+                          "depth; leave the depth to the scene")
+        changed = {key: self._changed(value, max_depth, light_samples) if isinstance(value, dict) else value
+                   for key, value in tree.items()}
+        if tree["type"] in ("aov", "moment", "stokes", "depth"):
+            return changed
+        if tree["type"] == "direct":
+            if light_samples is not None:
+                changed.pop("shading_samples", None)
+                changed["emitter_samples"] = light_samples
+                changed.setdefault("bsdf_samples", 1)
+            return changed
+        if light_samples is not None:
+            raise Refusal(f"Mitsuba's `{tree['type']}` integrator has no number of light samples; only `direct` has one")
+        if max_depth is not None:
+            changed["max_depth"] = max_depth + 2
+        return changed
+
+    def _layer_channels(self):
+        """Our name of each channel that the integrator gives beside the color, by Mitsuba's name, in Mitsuba's order.
+        None: the `aov` integrator gives the color of the first integrator in it once more."""
+        kinds, nested = {}, False
+        for tree in self._trees(self.integrator_tree or {}):
+            nested = nested or (tree.get("type") == "aov" and any(isinstance(part, dict) for part in tree.values()))
+            for item in str(tree.get("aovs") or "").split(","):
+                name, _, kind = item.strip().partition(":")
+                kinds[name] = kind
+        given = list(self.scene.integrator().aov_names())
+        again = [name.rpartition(".")[0] for name in given[:4]]
+        names = {}
+        for index, name in enumerate(given):
+            layer, _, channel = name.rpartition(".")
+            if nested and index < 4 and layer == again[0] and layer not in kinds:
+                names[name] = None
+                continue
+            better = name if layer else f"{channel}.Y"
+            if kinds.get(layer) in LAYER_OF_TYPE:
+                known, channels = LAYER_OF_TYPE[kinds[layer]]
+                place = [other for other in given if other.rpartition(".")[0] == layer].index(name)
+                better = f"{known}.{channels[place]}"
+            names[name] = name if better in names.values() else better
+        return names
+
+    def _trees(self, tree):
+        yield tree
+        for value in tree.values():
+            if isinstance(value, dict):
+                yield from self._trees(value)
+
+    def layers(self):
+        return sorted({name.rpartition(".")[0] for name in self.layer_channels.values() if name})
+
+    def in_lanes(self, integrator):
+        """Whether our own loop can paint: a compiled variant, a plain film, and integrators written in C++, whose
+        `sample` follows a ray (those in Python take other arguments, those that start at lights have none)."""
+        written_in_python = any(str(tree.get("type")).startswith(("prb", "direct_projective", "volprim"))
+                                for tree in self._trees(self.integrator_tree or {}))
+        return (mi.variant().startswith(("llvm", "cuda")) and "polarized" not in mi.variant()
+                and self.film.class_name() == "HDRFilm" and not written_in_python
+                and type(integrator).__module__ == "mitsuba" and isinstance(integrator, mi.SamplingIntegrator))
+
+    def paint_by_render(self, integrator, order, passes, progress):
+        """`mitsuba.render` of the window and the margin of the filter, in a few passes. -> (channels, samples)."""
+        window = order.window
+        wide = window.grown(self.margin, self.width, self.height)
+        film = mi.traverse(self.sensor)
+        film["film.crop_size"] = (wide.width, wide.height)
+        film["film.crop_offset"] = (wide.x0 + self.offset[0], wide.y0 + self.offset[1])
+        film.update()
+        total, taken = None, 0
+        passes = min(passes, order.samples)
+        for index in range(passes):
+            asked = order.samples * (index + 1) // passes - order.samples * index // passes
+            seed = order.hashed_seed(31, "pass", index, *window.as_list())
+            mi.render(self.scene, sensor=self.sensor, integrator=integrator, spp=asked, seed=seed)
+            bitmap = self.film.bitmap()
+            image = np.array(bitmap, np.float64)
+            image = image.reshape(wide.height, wide.width, -1)
+            really = int(self.sensor.sampler().sample_count())
+            total = image * really if total is None else total + image * really
+            taken += really
+            progress((index + 1) / passes)
+        left, top = window.x0 - wide.x0, window.y0 - wide.y0
+        mean = (total / taken)[top:top + window.height, left:left + window.width].astype(np.float32)
+        return self._named(mean, [field.name for field in bitmap.struct_()]), taken
+
+    def _named(self, planes, given):
+        """Channels of a bitmap by our names. A film of luminance becomes one of grey."""
+        channels = {}
+        for index, name in enumerate(given):
+            name = self.layer_channels.get(name, name)
+            if name is not None:
+                channels[name] = np.ascontiguousarray(planes[..., index])
+        if "Y" in channels:
+            channels.update(R=channels["Y"], G=channels["Y"], B=channels.pop("Y"))
+        if not {"R", "G", "B"} <= channels.keys():
+            raise Refusal(f"the scene's film gives no colors that can be told apart: {', '.join(given)}")
+        return channels
