@@ -84,17 +84,18 @@ class Picture:
         return Picture(x1 - x0, y1 - y0, {name: rows(plane) for name, plane in self.channels.items()})
 
 
-def read(path):
-    """Reads the whole data window. Raises ValueError, with the path, on what this reader does not know."""
+def read(path, rows=None):
+    """Reads the whole data window, or only `rows` (first, end) of it: then the others are black. Raises ValueError,
+    with the path, on what this reader does not know."""
     with open(path, "rb") as file:
         data = file.read()
     try:
-        return _read(data)
+        return _read(data, rows)
     except (struct.error, IndexError, zlib.error, KeyError, ValueError) as error:
         raise ValueError(f"{path}: not an OpenEXR file that can be read here: {error}") from error
 
 
-def _read(data):
+def _read(data, wanted_rows):
     magic, version = struct.unpack_from("<ii", data, 0)
     if magic != MAGIC or version & 0x1A00:
         raise ValueError("neither tiles, deep data nor several parts can be read")
@@ -111,6 +112,8 @@ def _read(data):
     for start in struct.unpack_from(f"<{-(-height // rows)}Q", data, at):
         y, size = struct.unpack_from("<ii", data, start)
         y -= top
+        if wanted_rows and (y >= wanted_rows[1] or y + rows <= wanted_rows[0]):
+            continue
         wanted = row_bytes * min(rows, height - y)
         chunk = data[start + 8:start + 8 + size]
         if compression != NONE and size < wanted:
