@@ -11,6 +11,7 @@ mod locate;
 pub mod manifest;
 mod picture;
 mod protocol;
+mod quarantine;
 mod refers;
 mod session;
 mod shelf;

@@ -3,6 +3,7 @@
 mod args;
 mod attempt;
 mod list;
+mod material;
 mod painter;
 mod render;
 
@@ -11,6 +12,7 @@ use std::{path::PathBuf, process::ExitCode, sync::Arc};
 pub(crate) use args::{EngineArgs, EnginesArgs};
 use args::EnginesCommand;
 use bottega_engines::external::{Entry, Located, Shelf};
+pub(crate) use material::Material;
 pub(crate) use painter::Painter;
 pub(crate) use render::one;
 

@@ -112,6 +112,17 @@ impl CliError {
         matches!(self, Self::Blob(error) if !error.is_lasting)
     }
 
+    /// With all that it is due to, in one line.
+    pub(crate) fn told(&self) -> String {
+        let mut text = self.to_string();
+        let mut source = std::error::Error::source(self);
+        while let Some(error) = source {
+            text += &format!(": {error}");
+            source = error.source();
+        }
+        text
+    }
+
     pub(crate) fn manifest(error: ManifestError) -> Self {
         let text = NamedSource::new(error.path.display().to_string(), error.text.clone());
         let span = error.span.clone().into();

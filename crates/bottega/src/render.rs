@@ -19,7 +19,7 @@ use bottega_web::{Dashboard, wire::Event};
 use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     devices::{Crew, costs, incident_line},
-    engines,
+    engines::{self, Material},
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
     frames,
@@ -76,7 +76,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.as_ref(), args, &subject, stop)?;
+        let asked = Asked::submit(farm.as_ref(), args, &Material::of(&subject), stop)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -109,7 +109,8 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &subject, stop)).transpose()?;
+    let material = Material::of(&subject);
+    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &material, stop)).transpose()?;
     let tools =
         Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
     let (report, leading) = match painted(asked.as_ref(), tools, stop, &reporter)? {

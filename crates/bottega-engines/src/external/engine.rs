@@ -17,7 +17,7 @@ use super::{
     error::EngineFault,
     locate::Located,
     manifest::Determinism,
-    picture,
+    picture, quarantine,
     session::{SceneRequest, Session, WindowRequest},
     tiny,
 };
@@ -39,6 +39,8 @@ pub struct ExternalOptions {
     pub request: SceneRequest,
     /// Another seed gives other noise.
     pub seed: u64,
+    /// Samples of the whole picture, all pixels together.
+    pub samples: u64,
     /// Which values a pixel keeps.
     pub layout: Layout,
     /// With this depth the engine is told none, and does as the scene says.
@@ -56,6 +58,7 @@ type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
 enum Work {
     Zone(ZoneTask, Done),
     Survey(u32, u32, mpsc::Sender<Result<Survey, EngineFault>>),
+    Pace(mpsc::Sender<Result<tiny::Pace, EngineFault>>),
 }
 
 #[derive(Default)]
@@ -170,7 +173,7 @@ impl RenderEngine for ExternalEngine {
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
-        let survey = match seen {
+        let mut survey = match seen {
             Some(survey) => survey,
             None => {
                 let (sender, answer) = mpsc::channel();
@@ -179,6 +182,13 @@ impl RenderEngine for ExternalEngine {
                 outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
             }
         };
+        let (sender, answer) = mpsc::channel();
+        self.shared.submit(Work::Pace(sender));
+        match answer.recv().unwrap_or(Err(EngineFault::Cancelled)) {
+            Ok(pace) => survey.zones_max = Some(pace.zones_max(self.shared.options.samples)),
+            // The zones will say it again, if it is of any weight.
+            Err(fault) => tracing::debug!(%fault, "the pace of the engine is not known"),
+        }
         let _ = self.shared.surveyed.set(survey.clone());
         Ok(survey)
     }
@@ -251,7 +261,12 @@ impl Shared {
                 }
                 let mut health = self.health();
                 health.failures += 1;
-                health.last = told;
+                health.last.clone_from(&told);
+                // What it refuses is the scene's matter; what it does wrong, its own.
+                let is_its_own = !matches!(fault, EngineFault::Refused { .. });
+                if health.failures >= FAILURES_MAX && is_its_own {
+                    quarantine::put(&self.located, health.failures, told);
+                }
             }
         }
     }
@@ -298,6 +313,12 @@ impl Lane {
                     // Nobody may want it any more.
                     let _ = answer.send(survey);
                 }
+                Work::Pace(answer) => {
+                    let pace = self.pace();
+                    self.settle(pace.as_ref().map(drop));
+                    tracing::debug!(?pace, "what windows cost");
+                    let _ = answer.send(pace);
+                }
                 Work::Zone(task, done) => {
                     let (rect, engine) = (task.rect, self.shared.name());
                     let painted = self.zone(task);
@@ -333,18 +354,29 @@ impl Lane {
         SceneRequest { threads: (request.threads / self.shared.lanes).max(1), ..request }
     }
 
-    fn survey(&mut self, width: u32, height: u32) -> Result<Survey, EngineFault> {
-        let (request, located) = (self.request(), Arc::clone(&self.shared.located));
-        let tunables = &located.manifest().tunables;
-        let window = WindowRequest {
+    /// A window that only looks at the scene.
+    fn look(&self, width: u32, height: u32, samples: u32) -> WindowRequest {
+        let tunables = &self.shared.located.manifest().tunables;
+        WindowRequest {
             window: Rect::of_size(width, height),
-            samples: tunables.samples.map_or(tiny::SAMPLES, |range| range.fit(tiny::SAMPLES)),
+            samples: tunables.samples.map_or(samples, |range| range.fit(samples)),
             first_sample: 0,
             seed: (self.shared.options.seed & SEED_MASK) as u32,
             max_depth: None,
             light_samples: None,
             cancel: self.shared.closing.clone(),
-        };
+        }
+    }
+
+    fn pace(&mut self) -> Result<tiny::Pace, EngineFault> {
+        let (width, height) = self.shared.options.request.size.unwrap_or((1, 1));
+        let window = self.look(width, height, 1);
+        tiny::Pace::measure(self.session()?, &window)
+    }
+
+    fn survey(&mut self, width: u32, height: u32) -> Result<Survey, EngineFault> {
+        let (request, located) = (self.request(), Arc::clone(&self.shared.located));
+        let window = self.look(width, height, tiny::SAMPLES);
         let session = self.session()?;
         session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
         let survey = tiny::survey(session, &window);

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 use bottega_image::Rect;
 
 pub use super::protocol::{Files, Opened};
-use super::{error::EngineFault, locate::Located, manifest::Kind};
+use super::{error::EngineFault, locate::Located, manifest::Kind, quarantine};
 use crate::CancelSwitch;
 use command::CommandLine;
 use worker::Worker;
@@ -71,6 +71,7 @@ impl Session {
     /// # Errors
     /// The engine does not start, or refuses the scene.
     pub fn open(engine: &Arc<Located>, request: &SceneRequest) -> Result<Self, EngineFault> {
+        quarantine::check(engine)?;
         match engine.manifest().kind {
             Kind::Worker => {
                 let mut worker = Worker::start(engine)?;

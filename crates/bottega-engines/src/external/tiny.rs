@@ -17,6 +17,16 @@ pub(super) const SAMPLES: u32 = 4;
 const PROBES: u32 = 4;
 /// No more time than this goes into them, if the whole tiny picture took less.
 const PROBE_TIME: Duration = Duration::from_millis(1500);
+/// Side of the window whose time is taken, as a part of the frame's shorter side on each side of its middle.
+const PART: u32 = 12;
+/// A window that takes so many seconds tells enough.
+const PACE_TIME: f64 = 0.5;
+/// No more samples are taken for it.
+const SAMPLES_PACED: u32 = 1024;
+/// Windows may cost this share of the time beside their samples.
+const WINDOWS_SHARE: f64 = 0.04;
+/// Each zone is painted twice: a little for its profile, and then.
+const WINDOWS_OF_ZONE: f64 = 2.0;
 /// Times tell places apart when at least this share of them is not what every window costs.
 const TELLING_SHARE: f64 = 0.3;
 
@@ -27,7 +37,7 @@ pub(super) fn survey(session: &mut Session, whole: &WindowRequest) -> Result<Sur
     let picture = paint(session, whole, frame)?;
     let took = begun.elapsed();
     let costs = probe(session, whole, took)?;
-    let mut survey = Survey { width: frame.width(), height: frame.height(), pixels: Vec::new() };
+    let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame
         .pixels()
         .map(|(x, y)| {
@@ -82,6 +92,49 @@ fn probe(session: &mut Session, whole: &WindowRequest, took: Duration) -> Result
     Ok(if beyond < TELLING_SHARE * all { same } else { times.into_iter().map(|(_, each)| each).collect() })
 }
 
+/// What windows cost, and their samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pace {
+    /// A window beside its samples, in seconds.
+    pub(super) window: f64,
+    /// A sample of a pixel, in seconds.
+    pub(super) sample: f64,
+}
+
+impl Pace {
+    /// Takes the time of windows of the frame that the session has open.
+    pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
+        let frame = whole.window;
+        let dot = Rect::new(frame.x1 / 2, frame.y1 / 2, frame.x1 / 2 + 1, frame.y1 / 2 + 1);
+        let mut timed = |window: Rect, samples: u32| {
+            let begun = Instant::now();
+            let request = WindowRequest { window, samples, ..whole.clone() };
+            let written = session.paint(&request, &mut |_| {})?;
+            picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
+        };
+        // The first one may be the one for which something is compiled.
+        timed(dot, whole.samples)?;
+        let window = timed(dot, whole.samples)?;
+        let part = dot.grown(frame.width().min(frame.height()) / PART, &frame);
+        let mut samples = whole.samples;
+        loop {
+            let took = timed(part, samples)?;
+            let beyond = (took - window).max(1e-4);
+            if beyond > window || took > PACE_TIME || samples >= SAMPLES_PACED {
+                let sample = beyond / (part.area() as f64 * f64::from(samples));
+                return Ok(Self { window, sample });
+            }
+            samples = samples.saturating_mul(4);
+        }
+    }
+
+    /// How many zones a picture of so many samples is worth: what windows cost beside their samples is little then.
+    pub(super) fn zones_max(self, samples: u64) -> u32 {
+        let all = self.sample * samples as f64;
+        (all * WINDOWS_SHARE / (WINDOWS_OF_ZONE * self.window).max(1e-6)).clamp(1.0, f64::from(1 << 20)) as u32
+    }
+}
+
 fn cell(frame: Rect, column: u32, row: u32) -> Rect {
     let edge = |side: u32, i: u32| side * i / PROBES;
     let (width, height) = (frame.width(), frame.height());
@@ -101,4 +154,27 @@ fn contrast(picture: &Picture, x: u32, y: u32) -> f32 {
     let around = Rect::new(x, y, x + 1, y + 1).grown(1, &Rect::of_size(picture.width, picture.height));
     let difference = |(x, y)| (luminance(picture.pixel(x, y)) - own).abs();
     around.pixels().map(difference).sum::<f32>() / around.area() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dear_windows_make_few_zones() {
+        let pace = Pace { window: 0.1, sample: 1e-6 };
+        // A minute of samples bears 2.4 s of windows, two a zone.
+        assert_eq!(pace.zones_max(60_000_000), 12);
+        assert_eq!(pace.zones_max(1), 1);
+        assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX), 1 << 20);
+    }
+
+    #[test]
+    fn costs_are_where_they_were_measured() {
+        let frame = Rect::of_size(16, 8);
+        let costs: Vec<f64> = (0..16).map(f64::from).collect();
+        assert_eq!(cost_at(&costs, frame, 0, 0), 0.0);
+        assert_eq!(cost_at(&costs, frame, 15, 7), 2.0);
+        assert_eq!(cost_at(&costs, frame, 4, 2), 5.0 / 7.5);
+    }
 }

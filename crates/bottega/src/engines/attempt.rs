@@ -117,6 +117,7 @@ impl Trial {
         let options = ExternalOptions {
             request: request.clone(),
             seed,
+            samples: 0,
             layout: Layout::new(AovSet::NONE),
             scene_depth: Some(0),
             scene_light_samples: Some(0),

@@ -8,7 +8,7 @@ use std::{
 
 use bottega_engines::{
     RenderEngine, Survey, Tunables,
-    external::{EngineFault, ExternalEngine, ExternalOptions, Files, Located, Opened, SceneRequest, Session},
+    external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session},
 };
 use bottega_farm::{Expert, JobReport, JobSettings};
 use bottega_image::{AovSet, Layout, Metadata, Rect};
@@ -34,7 +34,6 @@ pub(crate) struct Painter {
     pub(crate) located: Arc<Located>,
     pub(crate) engine: Arc<ExternalEngine>,
     pub(crate) settings: JobSettings,
-    pub(crate) opened: Opened,
     scene: PathBuf,
     request: SceneRequest,
     /// Whether the engine is told a depth.
@@ -67,6 +66,7 @@ impl Painter {
         let options = ExternalOptions {
             request: request.clone(),
             seed: args.seed,
+            samples: settings.crop.area() * u64::from(settings.samples),
             layout: settings.layout,
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
             scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
@@ -74,20 +74,12 @@ impl Painter {
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
         let settings = JobSettings { agents: agents_of(args, &engine), ..settings };
-        Ok(Self { located, engine, settings, opened, scene: scene.clone(), request, has_depth: depth.is_some() })
-    }
-
-    /// The files that the scene refers to.
-    pub(crate) fn files(&self) -> Result<Files, CliError> {
-        let name = &self.located.manifest().name;
-        let files = self.located.scene_files(&self.request.scene);
-        files.map_err(|source: EngineFault| CliError::External { engine: name.clone(), source })
+        Ok(Self { located, engine, settings, scene: scene.clone(), request, has_depth: depth.is_some() })
     }
 
     /// What makes the picture what it is, as for our own engine.
     pub(crate) fn name(&self, args: &RenderArgs) -> Result<String, CliError> {
         let settings = &self.settings;
-        let digest = blake3::hash(&self.located.entry.identity()).to_hex();
         let bytes = std::fs::read(&self.scene).map_err(|source| CliError::Read { path: self.scene.clone(), source })?;
         let mut options = String::new();
         for (name, value) in &self.request.parameters {
@@ -96,7 +88,7 @@ impl Painter {
         }
         let parts = [
             format!("version={}", env!("CARGO_PKG_VERSION")),
-            format!("engine={} {} {}", self.located.manifest().name, self.located.version, &digest[..16]),
+            format!("engine={}", self.located.identity()),
             format!("scene={}", blake3::hash(&bytes).to_hex()),
             format!("size={}x{}", settings.width, settings.height),
             format!("crop={}", settings.crop),

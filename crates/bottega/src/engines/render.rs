@@ -7,7 +7,7 @@ use bottega_farm::{Observer, StopSwitch};
 use bottega_image::check_writable;
 use bottega_web::{Dashboard, wire::Event};
 
-use super::Painter;
+use super::{Material, Painter};
 use crate::{
     cli::RenderArgs,
     error::CliError,
@@ -28,8 +28,14 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let (experts, notes) = experts(rule_texts(&args.rules)?)?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Arc::new(render::reporter(args, dashboard.clone())?);
-    let mut painter = Painter::open(args, experts)?;
     notes.into_iter().for_each(|note| reporter.warn(note));
+    if let (Some(farm), true) = (&args.farm, args.detach) {
+        let number = Asked::submit(farm.as_ref(), args, &Material::gather(args)?, stop)?.number;
+        reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
+        reporter.tell(Event::Asked { job: number });
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut painter = Painter::open(args, experts)?;
     painter.settings.goal = render::goal(args, begun)?;
     let keeping = Keeping::begin(&args.output, &painter.name(args)?, args.resume)?;
     started(&reporter, args, &painter);
@@ -39,9 +45,9 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         (Arc::clone(&painter.engine) as _, Arc::clone(&reporter) as _);
     let settings = painter.settings.clone();
     let tools = Tools { settings, engine, observer, store: Some(keeping.store), kept: keeping.kept };
-    let asked: Option<Asked> = None;
-    let report = match render::painted(asked.as_ref(), tools, stop, &reporter)? {
-        Painted::Here(report, _) => *report,
+    let asked = asked(args, stop, &reporter)?;
+    let (report, leading) = match render::painted(asked.as_ref(), tools, stop, &reporter)? {
+        Painted::Here(report, leading) => (*report, leading),
         Painted::Elsewhere(picture) => return render::had(args, &reporter, &picture, &keeping.path),
     };
     reporter.finish();
@@ -49,7 +55,20 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         reporter.warn(format!("{} pixels had no finite values and count as black", painter.engine.dropped_count()));
     }
     render::write(args, &args.output, format, &report.film, &painter.metadata(args, &report))?;
+    if let (Some(asked), Some(leading)) = (&asked, leading)
+        && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
+    {
+        reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+    }
     render::end(args, &reporter, &painter.settings, &report, &keeping.path)
+}
+
+/// Asks a farm, where one is named.
+fn asked(args: &RenderArgs, stop: &StopSwitch, reporter: &Reporter) -> Result<Option<Asked>, CliError> {
+    let Some(farm) = &args.farm else { return Ok(None) };
+    let material = Material::gather(args)?;
+    material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
+    Asked::submit(farm.as_ref(), args, &material, stop).map(Some)
 }
 
 fn started(reporter: &Reporter, args: &RenderArgs, painter: &Painter) {
