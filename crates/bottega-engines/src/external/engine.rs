@@ -308,8 +308,17 @@ impl Lane {
         while let Some(work) = self.shared.next() {
             match work {
                 Work::Survey(width, height, answer) => {
-                    let survey = self.survey(width, height);
+                    let mut survey = self.survey(width, height);
                     self.settle(survey.as_ref().map(drop));
+                    if survey.as_ref().is_err_and(EngineFault::ends_process) && !self.shared.closing.is_cancelled() {
+                        // As a zone is given to somebody else after a crash.
+                        survey = self.survey(width, height);
+                        self.settle(survey.as_ref().map(drop));
+                    }
+                    if survey.is_err() {
+                        // What it has open is of another size.
+                        self.session = None;
+                    }
                     // Nobody may want it any more.
                     let _ = answer.send(survey);
                 }
@@ -379,10 +388,10 @@ impl Lane {
         let window = self.look(width, height, tiny::SAMPLES);
         let session = self.session()?;
         session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
-        let survey = tiny::survey(session, &window);
-        // Whatever came of it, zones are of the whole picture.
+        let survey = tiny::survey(session, &window)?;
+        // Zones are of the whole picture.
         session.reopen(&located, &request)?;
-        survey
+        Ok(survey)
     }
 
     fn zone(&mut self, task: ZoneTask) -> Result<Painted, EngineFault> {

@@ -21,9 +21,13 @@ def paint(request, mode, size, scratch):
     x0, y0, x1, y1 = request["window"]
     path = os.path.join(scratch, f"{request['id']}.exr")
     color, width, height = sound, x1 - x0, y1 - y0
+    if mode.startswith("early "):
+        mode = mode[6:]
+    elif size[0] * size[1] <= 4096:
+        mode = "sound"
     if mode == "nan":
         color = lambda x, y: (float("nan"), 1.0, 1.0)
-    if mode == "black" and size[0] * size[1] > 4096:
+    if mode == "black":
         color = lambda x, y: (0.0, 0.0, 0.0)
     if mode == "frames":
         color = lambda x, y: (float(request["frame"]), 0.0, 0.0)

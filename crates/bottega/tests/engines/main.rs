@@ -117,6 +117,9 @@ fn a_crash_costs_a_zone_and_no_picture() {
 fn what_engines_do_wrong_is_told() {
     for (scene, says) in [
         ("crash", "signal 6 (aborted)"),
+        ("early crash", "signal 6 (aborted)"),
+        ("early hang", "without a word"),
+        ("early refuses", "not to my taste"),
         ("hang", "without a word"),
         ("flood", "more than 256 KiB to its log"),
         ("nothing", "wrote no picture"),

@@ -52,7 +52,7 @@ fn check(name: &str, scene: &Path, spp: &str) {
     let paint = |file: &str, more: &[&str]| {
         let output = folder.path().join(file);
         let usual = ["render", text(scene), "--engine", name, "--size", "96x72", "--spp", spp, "--quiet", "-o"];
-        let done = bottega(&[&usual, &[text(&output)], more].concat()).output().expect("the program starts");
+        let done = bottega(&[usual.as_slice(), &[text(&output)], more].concat()).output().expect("the program starts");
         assert!(done.status.success(), "{name}: {}", told(&done.stderr));
         read_picture(output).expect("a picture")
     };

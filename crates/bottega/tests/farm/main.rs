@@ -4,6 +4,7 @@
 //! skipped.
 
 mod fixture;
+mod engines;
 mod guests;
 mod jobs;
 mod others;
