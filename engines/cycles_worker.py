@@ -21,7 +21,9 @@ import plain_exr
 
 LAYER_OF_PASS = {"Depth": "depth", "Normal": "normal", "Position": "position", "DiffCol": "albedo", "UV": "uv",
                  "Vector": "vector", "Mist": "mist", "Emit": "emission", "Env": "environment", "AO": "occlusion",
-                 "IndexOB": "object_index", "IndexMA": "material_index", "Denoising Albedo": "denoising_albedo",
+                 "IndexOB": "object_index", "IndexMA": "material_index", "Diffuse Color": "albedo",
+                 "Object Index": "object_index", "Material Index": "material_index", "Emission": "emission",
+                 "Environment": "environment", "Ambient Occlusion": "occlusion", "Denoising Albedo": "denoising_albedo",
                  "Denoising Normal": "denoising_normal", "Denoising Depth": "denoising_depth"}
 # Denoisers of the whole picture look for `albedo` and `normal`: what Cycles made for them comes first.
 PREFERRED = {"albedo": "Denoising Albedo"}

@@ -205,6 +205,8 @@ def serve(line, worker):
             if not isinstance(request, dict):
                 raise Refusal("a request is not a JSON object")
             request_id = request.get("id")
+            if request.get("do") == "open":
+                frame = None  # A scene that cannot be opened leaves none open.
             frame = answer(line, worker, request, frame)
         except Refusal as refusal:
             line.fail(refusal.reason, request_id, refusal.fatal)
@@ -220,7 +222,6 @@ def answer(line, worker, request, frame):
     """Does one request. `frame`: (width, height, scratch) of the open scene, or None; returns it as it is afterwards."""
     what = request.get("do")
     if what == "open":
-        frame = None
         existing_file(request["scene"])
         opened = worker.open(request)
         frame = (opened["width"], opened["height"], request["scratch"])

@@ -21,6 +21,7 @@ import time
 
 import plain_exr
 
+FAR = 1e10
 DEFAULT_FRAME = (640, 480)
 # Looking takes time from the painting, and LuxCore stops only when it is looked at: every so much of the time so far.
 LEAST_WAIT, MOST_WAIT, SHARE_OF_WAIT = 0.002, 0.1, 0.03
@@ -227,6 +228,8 @@ class LuxCore:
         whole = np.zeros((self.height, self.width, count), np.float32)
         film.GetOutputFloat(getattr(pyluxcore.FilmOutputType, kind), whole)
         part = whole[::-1][window.y0:window.y1, window.x0:window.x1]
+        if kind == "DEPTH":
+            part = np.where(np.isfinite(part), part, np.float32(FAR))  # What is not there is at no finite depth.
         return [np.ascontiguousarray(part[..., index]) for index in range(count)]
 
     def files(self, path):

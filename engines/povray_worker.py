@@ -102,7 +102,7 @@ class PovRay:
         self.library += [value for name, value in settings.items() if name == "library_path"]
         self.declare = str(parameters.get("declare") or "").split()
         self.jitter = str(parameters.get("jitter") or "off").lower() == "on"
-        files, _ = referred_files(scene, self.library)
+        files, self.missing = referred_files(scene, self.library)
         self.home = common_folder([scene] + files)
         width, height = size_in_comment(scene)
         self.width = int(request.get("width") or settings.get("width", width))
@@ -190,7 +190,10 @@ class PovRay:
         code = self.child.wait()
         self.child = None
         if code != 0:
-            raise Refusal(reason_in(log) or f"POV-Ray ended with status {code}")
+            reason = reason_in(log) or f"POV-Ray ended with status {code}"
+            if self.missing and "pars" in reason.lower():
+                reason += "; these files are missing: " + ", ".join(self.missing[:5])
+            raise Refusal(reason)
 
     def _follow(self, progress):
         """Passes the log on, and the progress that POV-Ray tells between carriage returns; returns the log's end."""
