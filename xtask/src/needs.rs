@@ -104,7 +104,8 @@ pub(crate) fn engines(all: bool) {
         println!("the tests of engines need {package}: installing it for this user (pip)");
         let plain = run("python3", &["-m", "pip", "install", "--quiet", "--user", package]);
         // Distributions that keep their Python to themselves want to be asked twice.
-        if !plain && !run("python3", &["-m", "pip", "install", "--quiet", "--user", "--break-system-packages", package]) {
+        if !plain && !run("python3", &["-m", "pip", "install", "--quiet", "--user", "--break-system-packages", package])
+        {
             println!("could not install it (no pip, or no wheel for this Python): it is not tested");
         }
     }

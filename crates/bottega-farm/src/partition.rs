@@ -366,8 +366,12 @@ mod tests {
     /// A map of as many cells as pixels, by recursion levels.
     fn map_of(frame: Rect, levels: impl Fn(u32, u32) -> f32) -> ImportanceMap {
         let pixel = |(x, y)| SurveyPixel { recursion_levels: levels(x, y), ..SurveyPixel::default() };
-        let survey =
-            Survey { width: frame.width(), height: frame.height(), pixels: frame.pixels().map(pixel).collect(), zones_max: None };
+        let survey = Survey {
+            width: frame.width(),
+            height: frame.height(),
+            pixels: frame.pixels().map(pixel).collect(),
+            zones_max: None,
+        };
         ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap()
     }
 

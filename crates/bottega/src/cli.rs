@@ -19,8 +19,8 @@ pub(crate) use self::values::{
     ToneArg, parse_define, parse_duration, parse_size,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_criterion, parse_distance, parse_environment, parse_error,
-    parse_factor, parse_rate, parse_rect, parse_share, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_criterion, parse_distance, parse_environment, parse_error, parse_factor,
+    parse_rate, parse_rect, parse_share, parse_stops, parse_time,
 };
 use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{

@@ -9,8 +9,8 @@ mod render;
 
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
-pub(crate) use args::{EngineArgs, EnginesArgs};
 use args::EnginesCommand;
+pub(crate) use args::{EngineArgs, EnginesArgs};
 use bottega_engines::external::{Entry, Located, Shelf};
 pub(crate) use material::Material;
 pub(crate) use painter::Painter;

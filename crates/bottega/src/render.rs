@@ -142,7 +142,12 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
 }
 
 /// Paints alone, or with the machines of a farm.
-pub(crate) fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Reporter) -> Result<Painted, CliError> {
+pub(crate) fn painted(
+    asked: Option<&Asked>,
+    tools: Tools,
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<Painted, CliError> {
     let Some(asked) = asked else {
         let Tools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
@@ -154,7 +159,12 @@ pub(crate) fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, re
 }
 
 /// The picture was led to its end by another machine.
-pub(crate) fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -> Result<ExitCode, CliError> {
+pub(crate) fn had(
+    args: &RenderArgs,
+    reporter: &Reporter,
+    picture: &[u8],
+    journal: &Path,
+) -> Result<ExitCode, CliError> {
     reporter.finish();
     write_picture(&args.output, picture)?;
     if let Err(error) = fs::remove_file(journal) {

@@ -36,8 +36,16 @@ const PROCESSES_MAX: usize = 1024;
 const GRACE: Duration = Duration::from_millis(500);
 /// Variables that a child is given as the user has them.
 const PASSED_ON: &[&str] = &[
-    "PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "VIRTUAL_ENV", "PYENV_ROOT", "PYENV_VERSION", "SYSTEMROOT", "LOCALAPPDATA",
-    "CUDA_VISIBLE_DEVICES", "XDG_DATA_DIRS",
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "PYTHONPATH",
+    "VIRTUAL_ENV",
+    "PYENV_ROOT",
+    "PYENV_VERSION",
+    "SYSTEMROOT",
+    "LOCALAPPDATA",
+    "CUDA_VISIBLE_DEVICES",
+    "XDG_DATA_DIRS",
 ];
 
 /// What is to be started.
@@ -129,7 +137,10 @@ impl Guarded {
         let (stdin, stdout, stderr) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         if let Some(stderr) = stderr {
             let log = Arc::clone(&log);
-            thread::Builder::new().name("engine log".to_owned()).spawn(move || read_log(stderr, &log)).map_err(start)?;
+            thread::Builder::new()
+                .name("engine log".to_owned())
+                .spawn(move || read_log(stderr, &log))
+                .map_err(start)?;
         }
         let (sender, lines) = mpsc::sync_channel(64);
         if let Some(stdout) = stdout {

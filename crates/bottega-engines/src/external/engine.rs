@@ -273,7 +273,9 @@ impl Shared {
 
     /// Whether the look at the scene says that there is light in the window.
     fn expects_light(&self, window: Rect) -> bool {
-        let (Some(survey), Some((width, height))) = (self.surveyed.get(), self.options.request.size) else { return false };
+        let (Some(survey), Some((width, height))) = (self.surveyed.get(), self.options.request.size) else {
+            return false;
+        };
         let frame = Rect::of_size(width, height);
         let cell = |x: u32, y: u32| {
             let column = u64::from(x) * u64::from(survey.width) / u64::from(frame.width());

@@ -149,7 +149,11 @@ impl EngineFault {
     pub(super) fn ends_process(&self) -> bool {
         match self {
             Self::Refused { fatal, .. } => *fatal,
-            Self::NoPicture { .. } | Self::Picture(_) | Self::Size { .. } | Self::NotFinite { .. } | Self::Black { .. } => false,
+            Self::NoPicture { .. }
+            | Self::Picture(_)
+            | Self::Size { .. }
+            | Self::NotFinite { .. }
+            | Self::Black { .. } => false,
             _ => true,
         }
     }

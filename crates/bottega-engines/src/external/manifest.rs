@@ -374,7 +374,10 @@ impl Manifest {
         let is_plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
         let is_name = !self.name.is_empty() && self.name.len() <= NAME_MAX && self.name.chars().all(is_plain);
         if !is_name || self.name == crate::builtin::NAME {
-            return Err(("name", format!("`{}` cannot be: a-z, 0-9 and - are allowed, and `builtin` is taken", self.name)));
+            return Err((
+                "name",
+                format!("`{}` cannot be: a-z, 0-9 and - are allowed, and `builtin` is taken", self.name),
+            ));
         }
         if path.file_stem().is_some_and(|stem| stem.to_string_lossy() != *self.name) {
             return Err(("name", format!("the file must be called `{}.toml`", self.name)));

@@ -102,11 +102,7 @@ impl Session {
     /// Paints a window.
     ///
     /// - `told`: is told the share that is painted, as often as the engine says.
-    pub(super) fn paint(
-        &mut self,
-        request: &WindowRequest,
-        told: &mut dyn FnMut(f64),
-    ) -> Result<Written, EngineFault> {
+    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         match &mut self.driver {
             Driver::Worker(worker) => worker.paint(request, told),
             Driver::Command(line) => line.paint(request, told),

@@ -4,12 +4,16 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::cli::{Size, parse_define, parse_size};
+use crate::{
+    cli::{Size, parse_define, parse_size},
+    error::CliError,
+};
 
 /// Which engine paints, and what it is told beside the usual.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EngineArgs {
-    /// Who paints: our own engine, or another renderer that is installed here; see `bottega engines list`.
+    /// Who paints: our own engine, or another renderer that is installed here, see `bottega engines list`; or both, as
+    /// `builtin,NAME`: each zone goes to the one that will have it soonest.
     #[arg(long, value_name = "NAME", default_value = "builtin", value_delimiter = ',', help_heading = "Engine")]
     pub(crate) engine: Vec<String>,
     /// More manifests of engines: the files NAME.toml of this folder.
@@ -27,6 +31,19 @@ pub(crate) struct EngineArgs {
 }
 
 impl EngineArgs {
+    /// The engine of other people that paints, and whether ours paints with it.
+    pub(crate) fn other(&self) -> Result<(&str, bool), CliError> {
+        let others: Vec<&String> = self.engine.iter().filter(|name| *name != super::BUILTIN).collect();
+        match (others.as_slice(), self.engine.len()) {
+            ([name], 1) => Ok((name.as_str(), false)),
+            ([name], 2) => Ok((name.as_str(), true)),
+            _ => Err(CliError::usage(
+                "these engines cannot paint one picture",
+                "give --engine one name, or `builtin` and one other that reads the same scene",
+            )),
+        }
+    }
+
     /// Whether our own engine paints, and no other.
     pub(crate) fn is_builtin(&self) -> bool {
         self.engine == [super::BUILTIN]

@@ -13,9 +13,7 @@ use bottega_engines::{
     CancelSwitch, RenderEngine, TaskProgress, Tunables, ZoneTask,
     external::{EngineFault, ExternalEngine, ExternalOptions, Located, SceneRequest, Session, manifest::Determinism},
 };
-use bottega_image::{
-    AovSet, ExrOptions, Film, Layout, Metadata, Picture, Rect, Tile, rel_mse, seams, write_exr,
-};
+use bottega_image::{AovSet, ExrOptions, Film, Layout, Metadata, Picture, Rect, Tile, rel_mse, seams, write_exr};
 
 use super::{args::TryArgs, located};
 use crate::{devices::processors, error::CliError, scene::shown};

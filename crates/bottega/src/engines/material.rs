@@ -33,21 +33,22 @@ impl Material {
         if args.engines.is_builtin() {
             return Ok(Self::of(&Subject::load(&args.scene)?));
         }
-        let [name] = args.engines.engine.as_slice() else {
-            return Err(CliError::usage("one engine paints a picture", "give --engine a single name"));
-        };
+        let (name, _) = args.engines.other()?;
         let engine = located(&args.engines.folders, name)?;
         let scene = absolute(&args.scene.file.scene)?;
         let found = engine.scene_files(&scene);
         let Files { files, missing } =
-            found.map_err(|source| CliError::External { engine: name.clone(), source })?;
+            found.map_err(|source| CliError::External { engine: name.to_owned(), source })?;
         let folder = scene.parent().unwrap_or(Path::new("/"));
         let own = scene.file_name().map(PathBuf::from);
         let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();
         let files = files.into_iter().filter(|file| *file != scene);
         let files = files.map(|path| SceneFile { name: relative(folder, &path), path, hash: [0; 32] });
         let warnings = missing.iter().map(|file| {
-            format!("`{file}`, to which {} refers, is not there", own.as_deref().unwrap_or(Path::new("the scene")).display())
+            format!(
+                "`{file}`, to which {} refers, is not there",
+                own.as_deref().unwrap_or(Path::new("the scene")).display()
+            )
         });
         Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings: warnings.collect() })
     }

@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_engines::{
-    RenderEngine, Survey, Tunables,
+    BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
     external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session},
 };
 use bottega_farm::{Expert, JobReport, JobSettings};
@@ -33,6 +33,8 @@ const DEFAULT_SAMPLES: u32 = 64;
 pub(crate) struct Painter {
     pub(crate) located: Arc<Located>,
     pub(crate) engine: Arc<ExternalEngine>,
+    /// Where our own engine paints, too.
+    pub(crate) mix: Option<Mix>,
     pub(crate) settings: JobSettings,
     scene: PathBuf,
     request: SceneRequest,
@@ -40,13 +42,17 @@ pub(crate) struct Painter {
     has_depth: bool,
 }
 
+/// Our own engine beside the other one.
+pub(crate) struct Mix {
+    pub(crate) own: Arc<BuiltinEngine>,
+    pub(crate) mixed: Arc<MixedEngine>,
+}
+
 impl Painter {
     /// Finds the engine, opens the scene with it, and makes it ready.
     pub(crate) fn open(args: &RenderArgs, experts: Vec<Expert>) -> Result<Self, CliError> {
         check(args)?;
-        let [name] = args.engines.engine.as_slice() else {
-            return Err(CliError::usage("one engine paints a picture", "give --engine a single name"));
-        };
+        let (name, is_mixed) = args.engines.other()?;
         let located = located(&args.engines.folders, name)?;
         let manifest = located.manifest();
         let scene = &args.scene.file.scene;
@@ -56,12 +62,20 @@ impl Painter {
                 format!("it reads {}", manifest.scene.extensions.join(", ")),
             ));
         }
-        let failed = |source| CliError::External { engine: name.clone(), source };
+        let failed = |source| CliError::External { engine: name.to_owned(), source };
         let mut request = request(args, &located)?;
+        if is_mixed {
+            // Half of the processors for each.
+            request.threads = (request.threads / 2).max(1);
+        }
         let session = Session::open(&located, &request).map_err(failed)?;
         let opened = session.opened().clone();
         request.size = Some((opened.width, opened.height));
-        let settings = settings(args, &located, &opened, experts)?;
+        let own = is_mixed.then(|| own(args, &opened, experts.clone())).transpose()?;
+        let settings = match &own {
+            Some((_, settings)) => settings.clone(),
+            None => settings(args, &located, &opened, experts)?,
+        };
         let depth = args.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
         let options = ExternalOptions {
             request: request.clone(),
@@ -73,8 +87,27 @@ impl Painter {
             surveyor: surveyor(args, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
-        let settings = JobSettings { agents: agents_of(args, &engine), ..settings };
-        Ok(Self { located, engine, settings, scene: scene.clone(), request, has_depth: depth.is_some() })
+        let mix = own.map(|(own, _)| {
+            let both: Vec<Arc<dyn RenderEngine>> = vec![Arc::clone(&own) as _, Arc::clone(&engine) as _];
+            Mix { own, mixed: Arc::new(MixedEngine::new(both)) }
+        });
+        let agents = agents_of(args, &engine).max(if is_mixed { 2 } else { 1 });
+        let settings = JobSettings { agents, ..settings };
+        Ok(Self { located, engine, mix, settings, scene: scene.clone(), request, has_depth: depth.is_some() })
+    }
+
+    /// Who paints.
+    pub(crate) fn paints(&self) -> Arc<dyn RenderEngine> {
+        match &self.mix {
+            Some(mix) => Arc::clone(&mix.mixed) as _,
+            None => Arc::clone(&self.engine) as _,
+        }
+    }
+
+    /// Counts the samples taken so far, all pixels together.
+    pub(crate) fn counter(&self) -> impl Fn() -> u64 + Send + 'static {
+        let (other, own) = (Arc::clone(&self.engine), self.mix.as_ref().map(|mix| Arc::clone(&mix.own)));
+        move || other.samples_done() + own.as_ref().map_or(0, |own| own.samples_done())
     }
 
     /// What makes the picture what it is, as for our own engine.
@@ -89,6 +122,7 @@ impl Painter {
         let parts = [
             format!("version={}", env!("CARGO_PKG_VERSION")),
             format!("engine={}", self.located.identity()),
+            format!("mixed={}", self.mix.is_some()),
             format!("scene={}", blake3::hash(&bytes).to_hex()),
             format!("size={}x{}", settings.width, settings.height),
             format!("crop={}", settings.crop),
@@ -109,22 +143,22 @@ impl Painter {
     /// What the picture says of how it was made.
     pub(crate) fn metadata(&self, args: &RenderArgs, report: &JobReport) -> Metadata {
         let settings = &self.settings;
-        let manifest = self.located.manifest();
         let mut metadata = Metadata::new();
         metadata.set("scene", shown(&args.scene.file.scene));
-        metadata.set("engine", &*manifest.name);
+        metadata.set("engine", self.paints().describe().name);
         metadata.set("engine_version", self.located.version.to_string());
         metadata.set("samples_per_pixel", settings.samples.to_string());
         if let Some(frame) = self.request.frame {
             metadata.set("frame", frame.to_string());
         }
-        let depth = if self.has_depth { settings.tunables.max_depth.to_string() } else { "as the scene says".to_owned() };
+        let depth =
+            if self.has_depth { settings.tunables.max_depth.to_string() } else { "as the scene says".to_owned() };
         metadata.set("max_depth", depth);
         metadata.set("seed", args.seed.to_string());
         metadata.set("optimize", settings.optimization.to_string());
         metadata.set("level", args.scene.level.to_string());
         metadata.set("agents", settings.agents.to_string());
-        metadata.set("exact", self.engine.describe().exact_by_pixel.to_string());
+        metadata.set("exact", self.paints().describe().exact_by_pixel.to_string());
         metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
         metadata.set("complete", (!report.stopped).to_string());
         metadata
@@ -132,7 +166,8 @@ impl Painter {
 
     /// Engine and version, as people read it.
     pub(crate) fn title(&self) -> String {
-        format!("{} {}", self.located.manifest().title, self.located.version)
+        let with = if self.mix.is_some() { " and the built-in engine" } else { "" };
+        format!("{} {}{with}", self.located.manifest().title, self.located.version)
     }
 }
 
@@ -235,6 +270,21 @@ fn settings(
         verify: args.verify.unwrap_or(1),
         ..JobSettings::new(frame.width(), frame.height(), samples, asked, Layout::new(AovSet::NONE))
     })
+}
+
+/// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
+fn own(
+    args: &RenderArgs,
+    opened: &Opened,
+    experts: Vec<Expert>,
+) -> Result<(Arc<BuiltinEngine>, JobSettings), CliError> {
+    let mut args = args.clone();
+    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
+    let subject = Subject::load(&args.scene)?;
+    let settings = render::job_settings(&args, &subject, experts)?;
+    let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
+    let (engine, _) = render::engine(&args, &subject, &half)?;
+    Ok((Arc::new(engine), settings))
 }
 
 /// An agent for each process that paints: more would only wait for one another.

@@ -3,8 +3,8 @@
 use std::{process::ExitCode, sync::Arc, time::Instant};
 
 use bottega_engines::RenderEngine;
-use bottega_farm::{Observer, StopSwitch};
-use bottega_image::check_writable;
+use bottega_farm::{JobReport, Observer, StopSwitch};
+use bottega_image::{Rect, check_writable, seams};
 use bottega_web::{Dashboard, wire::Event};
 
 use super::{Material, Painter};
@@ -19,6 +19,9 @@ use crate::{
     rules::{experts, rule_texts},
     scene::shown,
 };
+
+/// So small a probability of no seams is none.
+const SEAMS_SEEN: f64 = 1e-4;
 
 /// Paints one picture.
 pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliError> {
@@ -41,8 +44,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     started(&reporter, args, &painter);
     watch(args, dashboard, &painter, &reporter, begun);
     painter.settings.goal = render::goal(args, begun)?;
-    let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
-        (Arc::clone(&painter.engine) as _, Arc::clone(&reporter) as _);
+    let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) = (painter.paints(), Arc::clone(&reporter) as _);
     let settings = painter.settings.clone();
     let tools = Tools { settings, engine, observer, store: Some(keeping.store), kept: keeping.kept };
     let asked = asked(args, stop, &reporter)?;
@@ -54,6 +56,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     if painter.engine.dropped_count() > 0 {
         reporter.warn(format!("{} pixels had no finite values and count as black", painter.engine.dropped_count()));
     }
+    tell_mix(&painter, &report, &reporter)?;
     render::write(args, &args.output, format, &report.film, &painter.metadata(args, &report))?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
@@ -61,6 +64,23 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
     }
     render::end(args, &reporter, &painter.settings, &report, &keeping.path)
+}
+
+/// Tells who painted how much of a picture of two engines, and whether one sees where.
+fn tell_mix(painter: &Painter, report: &JobReport, reporter: &Reporter) -> Result<(), CliError> {
+    let Some(mix) = &painter.mix else { return Ok(()) };
+    let zones: Vec<String> =
+        mix.mixed.zones_by_engine().iter().map(|(name, zones)| format!("{zones} by {name}")).collect();
+    let crop = painter.settings.crop;
+    // Edges in pixels of the film, which begins at the crop.
+    let moved = |rect: Rect| Rect::new(rect.x0 - crop.x0, rect.y0 - crop.y0, rect.x1 - crop.x0, rect.y1 - crop.y0);
+    let rects: Vec<Rect> = report.rows.iter().map(|row| moved(row.rect)).collect();
+    let found = seams(&report.film.to_picture(), None, &rects)?;
+    reporter.say(&format!("passes of zones: {}; seams z = {:.2}, p = {:.3}", zones.join(", "), found.z, found.p()));
+    if found.p() < SEAMS_SEEN {
+        reporter.warn("the edges of zones can be seen: the engines do not agree on this scene".to_owned());
+    }
+    Ok(())
 }
 
 /// Asks a farm, where one is named.
@@ -98,15 +118,8 @@ fn started(reporter: &Reporter, args: &RenderArgs, painter: &Painter) {
 }
 
 /// From now on tells what goes wrong and how far it is, and shows what is painted.
-fn watch(
-    args: &RenderArgs,
-    dashboard: Option<Dashboard>,
-    painter: &Painter,
-    reporter: &Arc<Reporter>,
-    begun: Instant,
-) {
-    let engine = Arc::clone(&painter.engine);
-    reporter.watch(move || engine.samples_done());
+fn watch(args: &RenderArgs, dashboard: Option<Dashboard>, painter: &Painter, reporter: &Arc<Reporter>, begun: Instant) {
+    reporter.watch(painter.counter());
     let (teller, title) = (Arc::downgrade(reporter), painter.title());
     painter.engine.watch_faults(move |fault| {
         if let Some(reporter) = teller.upgrade() {
@@ -117,8 +130,7 @@ fn watch(
         return;
     }
     let frame = bottega_image::Rect::of_size(painter.settings.width, painter.settings.height);
-    let look =
-        Look { frame, crop: painter.settings.crop, exposure: args.exposure, tone: render::tone(args.tonemap) };
+    let look = Look { frame, crop: painter.settings.crop, exposure: args.exposure, tone: render::tone(args.tonemap) };
     let show = Arc::new(Show::new(look, args.preview.clone(), dashboard));
     reporter.show(&show, begun);
     painter.engine.watch(move |tile| show.painted(tile));

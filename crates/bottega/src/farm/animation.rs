@@ -29,13 +29,7 @@ use super::{
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
-    cli::RenderArgs,
-    engines::Material,
-    error::CliError,
-    frames::Frames,
-    render,
-    reporter::Reporter,
-    scene::threads,
+    cli::RenderArgs, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter, scene::threads,
 };
 
 /// How often is looked for frames that are painted.

@@ -180,7 +180,13 @@ pub(super) fn order(
     material: &Material,
 ) -> Result<Order, CliError> {
     let files = send_files(uplink, args, &material.files)?;
-    Ok(Order { words: public(env::args_os().skip(1))?, files, rules: rule_texts(&args.rules)?, frame: None, engine: material.engine.clone() })
+    Ok(Order {
+        words: public(env::args_os().skip(1))?,
+        files,
+        rules: rule_texts(&args.rules)?,
+        frame: None,
+        engine: material.engine.clone(),
+    })
 }
 
 /// What the user wrote, from `render` on, but for the secret that an address holds: who may only paint reads it too.

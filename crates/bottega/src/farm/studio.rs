@@ -139,14 +139,14 @@ impl Hand {
     fn engine(&self) -> Arc<dyn RenderEngine> {
         match self {
             Self::Own { engine, .. } => Arc::clone(engine) as _,
-            Self::Other(painter) => Arc::clone(&painter.engine) as _,
+            Self::Other(painter) => painter.paints(),
         }
     }
 
     fn samples_done(&self) -> u64 {
         match self {
             Self::Own { engine, .. } => engine.samples_done(),
-            Self::Other(painter) => painter.engine.samples_done(),
+            Self::Other(painter) => painter.counter()(),
         }
     }
 

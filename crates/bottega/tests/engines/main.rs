@@ -79,7 +79,8 @@ impl Stage {
 
     fn render(&self, more: &[&str]) -> Output {
         let (scene, output) = (self.path("scene.toy"), self.path("out.exr"));
-        let usual = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--level", "1", "--zones", "4"];
+        let usual =
+            ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--level", "1", "--zones", "4"];
         self.command(&[&usual, more].concat()).output().expect("the program starts")
     }
 
@@ -271,7 +272,8 @@ output = "out.exr"
     )
     .expect("written");
     let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
-    let arguments = ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--zones", "4"];
+    let arguments =
+        ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--zones", "4"];
     let done = stage.command(&arguments).output().expect("the program starts");
     assert!(done.status.success(), "{}", told(&done));
     assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 1.0]));

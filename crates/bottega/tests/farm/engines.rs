@@ -21,7 +21,7 @@ const SCENE: &str = r#"<scene version="3.0.0">
 </scene>"#;
 
 const SQUARE: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
-    element face 1\nproperty list uchar int vertex_indices\nend_header\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n4 0 1 2 3\n";
+    element face 2\nproperty list uchar int vertex_indices\nend_header\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n3 0 1 2\n3 0 2 3\n";
 
 #[test]
 fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
@@ -36,7 +36,8 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     fs::write(farm.path("scene.xml"), SCENE).expect("written");
     fs::write(farm.path("meshes/square.ply"), SQUARE).expect("written");
     let (scene, output) = (farm.path("scene.xml"), farm.path("a.exr"));
-    let words = ["render", text(&scene), "--engine", "mitsuba", "-o", text(&output), "--spp=16", "--zones=6", "--quiet"];
+    let words =
+        ["render", text(&scene), "--engine", "mitsuba", "-o", text(&output), "--spp=16", "--zones=6", "--quiet"];
     let alone = farm.path("alone.exr");
     farm.succeed(&["render", text(&scene), "--engine", "mitsuba", "-o", text(&alone), "--spp=16", "--quiet"]);
     farm.succeed(&[&words, ["--farm", "--detach"].as_slice()].concat());
@@ -44,7 +45,8 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     // A machine without any Python.
     poor.env("PATH", farm.path("nowhere"));
     let log = fs::File::create(farm.path("poor")).expect("a log");
-    let _poor = super::fixture::Process(poor.stdout(log.try_clone().expect("a log")).stderr(log).spawn().expect("it starts"));
+    let _poor =
+        super::fixture::Process(poor.stdout(log.try_clone().expect("a log")).stderr(log).spawn().expect("it starts"));
     farm.until("the poor machine refuses", || {
         let shown = farm.succeed(&["jobs", "log", "1"]);
         shown.contains("is left out") && shown.contains("not installed here")

@@ -44,7 +44,8 @@ fn a_flood_is_stemmed() {
 #[test]
 fn a_glutton_is_noticed() {
     let limits = Limits { memory_mib: 64, ..Limits::default() };
-    let (_scratch, mut child) = spawn("exec python3 -c 'x = bytearray(300 << 20); import time; time.sleep(60)'", limits);
+    let (_scratch, mut child) =
+        spawn("exec python3 -c 'x = bytearray(300 << 20); import time; time.sleep(60)'", limits);
     assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Memory { mib: 64 })));
 }
 

@@ -119,7 +119,8 @@ pub struct Versions {
 impl Versions {
     /// Whether it is one of them.
     pub fn include(&self, version: &Version) -> bool {
-        self.least.as_ref().is_none_or(|least| version >= least) && self.below.as_ref().is_none_or(|below| version < below)
+        self.least.as_ref().is_none_or(|least| version >= least)
+            && self.below.as_ref().is_none_or(|below| version < below)
     }
 }
 

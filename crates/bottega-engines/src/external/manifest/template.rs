@@ -9,8 +9,28 @@ use serde::{
 
 /// What placeholders there are.
 const PLACEHOLDERS: &[&str] = &[
-    "program", "folder", "scene", "scratch", "output", "width", "height", "x0", "y0", "x1", "y1", "b0", "b1", "w", "h",
-    "samples", "max_depth", "light_samples", "seed", "first_sample", "frame", "threads",
+    "program",
+    "folder",
+    "scene",
+    "scratch",
+    "output",
+    "width",
+    "height",
+    "x0",
+    "y0",
+    "x1",
+    "y1",
+    "b0",
+    "b1",
+    "w",
+    "h",
+    "samples",
+    "max_depth",
+    "light_samples",
+    "seed",
+    "first_sample",
+    "frame",
+    "threads",
 ];
 
 /// What stands for the placeholders. One that is not in it has no value.
@@ -45,7 +65,11 @@ impl Template {
             }
             let (inner, after) = match (brace, rest.split_once('}')) {
                 ("{", Some(found)) => found,
-                _ => return Err(format!("a `{brace}` stands alone in `{text}`; write `{brace}{brace}` for the sign itself")),
+                _ => {
+                    return Err(format!(
+                        "a `{brace}` stands alone in `{text}`; write `{brace}{brace}` for the sign itself"
+                    ));
+                }
             };
             parts.push(placeholder(inner)?);
             rest = after;
@@ -91,7 +115,8 @@ fn placeholder(inner: &str) -> Result<Part, String> {
     let end = inner.find(['+', '-']).unwrap_or(inner.len());
     let (name, plus) = inner.split_at(end);
     let name = PLACEHOLDERS.iter().find(|known| **known == name);
-    let name = name.ok_or_else(|| format!("there is no placeholder {{{inner}}}; there are {}", PLACEHOLDERS.join(", ")))?;
+    let name =
+        name.ok_or_else(|| format!("there is no placeholder {{{inner}}}; there are {}", PLACEHOLDERS.join(", ")))?;
     let plus = if plus.is_empty() { Ok(0) } else { plus.parse::<i32>() };
     let plus = plus.map_err(|_| format!("{{{inner}}}: only a whole number may be added"))?;
     Ok(Part::Value { name, plus: i64::from(plus) })

@@ -99,10 +99,16 @@ fn no_text_is_too_odd() {
 #[test]
 fn versions_are_compared_by_number() {
     let version = |text: &str| Version::parse(text).expect("a version");
-    assert!(version("3.10") > version("3.9.1") && version("4") == version("4.0.0") && version("4.2-beta") > version("4.1"));
+    assert!(
+        version("3.10") > version("3.9.1") && version("4") == version("4.0.0") && version("4.2-beta") > version("4.1")
+    );
     assert!(Version::parse("v3").is_none() && Version::parse("").is_none() && Version::parse("3..1").is_none());
     let versions = Versions { least: Some(version("3.5")), below: Some(version("4")) };
-    assert!(versions.include(&version("3.9.1")) && !versions.include(&version("4.0")) && !versions.include(&version("3.4.9")));
+    assert!(
+        versions.include(&version("3.9.1"))
+            && !versions.include(&version("4.0"))
+            && !versions.include(&version("3.4.9"))
+    );
 }
 
 #[test]

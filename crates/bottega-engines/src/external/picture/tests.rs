@@ -42,7 +42,10 @@ fn a_picture_of_another_size_is_refused() {
     for (width, height) in [(8, 9), (8, 7), (100, 100)] {
         let wrong = written(folder.path(), &numbered(width, height), Rect::of_size(8, 8));
         let fault = read(&wrong, Rect::of_size(2, 2)).expect_err("another size");
-        assert!(matches!(fault, EngineFault::Size { found, wanted: (8, 8), .. } if found == (width, height)), "{fault}");
+        assert!(
+            matches!(fault, EngineFault::Size { found, wanted: (8, 8), .. } if found == (width, height)),
+            "{fault}"
+        );
     }
 }
 

@@ -111,11 +111,7 @@ impl CommandLine {
         values
     }
 
-    pub(super) fn paint(
-        &mut self,
-        request: &WindowRequest,
-        told: &mut dyn FnMut(f64),
-    ) -> Result<Written, EngineFault> {
+    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let engine = Arc::clone(&self.engine);
         let (manifest, way) = (engine.manifest(), engine.way());
         let invocation = self.invocation()?.clone();

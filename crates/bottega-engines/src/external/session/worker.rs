@@ -69,8 +69,7 @@ impl Worker {
             limits: manifest.limits,
         };
         let child = Guarded::spawn(&program)?;
-        let mut worker =
-            Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, wrong_lines: 0 };
+        let mut worker = Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, wrong_lines: 0 };
         let Limits { start_seconds, .. } = manifest.limits;
         let ready = worker.wait(&Patience::plain(start_seconds, "being ready"), &mut |_| {})?;
         match ready {
@@ -120,11 +119,7 @@ impl Worker {
         }
     }
 
-    pub(super) fn paint(
-        &mut self,
-        request: &WindowRequest,
-        told: &mut dyn FnMut(f64),
-    ) -> Result<Written, EngineFault> {
+    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let id = self.next_id;
         self.next_id += 1;
         let Rect { x0, y0, x1, y1 } = request.window;
