@@ -205,38 +205,25 @@ fn unfit(located: &Located, option: &str) -> CliError {
 
 /// What only our own engine knows is refused, not left out in silence.
 fn check(args: &RenderArgs) -> Result<(), CliError> {
-    let SceneArgsOf { name, .. } = [
-        SceneArgsOf::new("--camera", args.scene.camera.is_some()),
-        SceneArgsOf::new("--lens-radius", args.scene.lens_radius.is_some()),
-        SceneArgsOf::new("--env", args.scene.env.is_some()),
-        SceneArgsOf::new("--env-strength", args.scene.env_strength != 1.0),
-        SceneArgsOf::new("--filter", args.filter.is_some()),
-        SceneArgsOf::new("--integrator", args.integrator != IntegratorArg::Path),
-        SceneArgsOf::new("--variant", args.scene.file.variant.is_some()),
-        SceneArgsOf::new("--animation", args.scene.file.animation.is_some()),
-        SceneArgsOf::new("--exact", args.exact),
-        SceneArgsOf::new("--record", args.record.is_some()),
-    ]
-    .into_iter()
-    .find(|option| option.is_set)
-    .unwrap_or(SceneArgsOf::new("", false));
-    if name.is_empty() {
-        return Ok(());
-    }
-    Err(CliError::usage(
-        format!("{name} is for our own engine"),
-        "other engines do as their scene says; leave it out, or leave out --engine",
-    ))
-}
-
-struct SceneArgsOf {
-    name: &'static str,
-    is_set: bool,
-}
-
-impl SceneArgsOf {
-    fn new(name: &'static str, is_set: bool) -> Self {
-        Self { name, is_set }
+    let options = [
+        ("--camera", args.scene.camera.is_some()),
+        ("--lens-radius", args.scene.lens_radius.is_some()),
+        ("--env", args.scene.env.is_some()),
+        ("--env-strength", args.scene.env_strength != 1.0),
+        ("--filter", args.filter.is_some()),
+        ("--integrator", args.integrator != IntegratorArg::Path),
+        ("--variant", args.scene.file.variant.is_some()),
+        ("--animation", args.scene.file.animation.is_some()),
+        ("--aov", !args.aov.is_empty()),
+        ("--exact", args.exact),
+        ("--record", args.record.is_some()),
+    ];
+    match options.into_iter().find(|(_, is_given)| *is_given) {
+        None => Ok(()),
+        Some((option, _)) => Err(CliError::usage(
+            format!("{option} is for our own engine"),
+            "other engines do as their scene says; leave it out, or leave out --engine",
+        )),
     }
 }
 

@@ -200,6 +200,7 @@ fn what_an_engine_lacks_is_told_before_anything_is_painted() {
         assert!(!output.status.success() && told(&output).contains(says), "{arguments:?}: {}", told(&output));
     };
     refuse(&["--camera", "x"], "--camera is for our own engine");
+    refuse(&["--aov", "albedo"], "--aov is for our own engine");
     refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
     refuse(&["-D", "a=b"], "--define means nothing to Hostile");
     refuse(&["--crop", "0,0,97,64"], "not within the picture");

@@ -95,3 +95,27 @@ fn cycles_paints_in_zones() {
         check("cycles", &scene, "16");
     }
 }
+
+#[test]
+fn two_engines_paint_one_picture() {
+    if !is_here("mitsuba") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene.xml");
+    fs::write(&scene, MITSUBA).expect("written");
+    let paint = |engine: &str| {
+        let output = folder.path().join(format!("{engine}.exr"));
+        let words = ["render", text(&scene), "--engine", engine, "--spp", "64", "--zones", "8", "-o", text(&output)];
+        let done = bottega(&words).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{engine}: {told}");
+        assert!(!told.contains("can be seen"), "{engine}: {told}");
+        (read_picture(output).expect("a picture"), told)
+    };
+    let (own, _) = paint("builtin");
+    let (other, _) = paint("mitsuba");
+    let (both, told) = paint("builtin,mitsuba");
+    assert!(told.contains("by builtin") && told.contains("by mitsuba"), "{told}");
+    assert!((mean(&both) / mean(&other) - 1.0).abs() < 0.02 && (mean(&both) / mean(&own) - 1.0).abs() < 0.02);
+}

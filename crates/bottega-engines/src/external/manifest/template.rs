@@ -63,13 +63,10 @@ impl Template {
                 rest = &rest[1..];
                 continue;
             }
-            let (inner, after) = match (brace, rest.split_once('}')) {
-                ("{", Some(found)) => found,
-                _ => {
-                    return Err(format!(
-                        "a `{brace}` stands alone in `{text}`; write `{brace}{brace}` for the sign itself"
-                    ));
-                }
+            let ("{", Some((inner, after))) = (brace, rest.split_once('}')) else {
+                return Err(format!(
+                    "a `{brace}` stands alone in `{text}`; write `{brace}{brace}` for the sign itself"
+                ));
             };
             parts.push(placeholder(inner)?);
             rest = after;

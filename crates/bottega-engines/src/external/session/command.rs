@@ -68,7 +68,7 @@ impl CommandLine {
             }
             _ => None,
         });
-        size.ok_or_else(|| EngineFault::Refused { reason: said, fatal: false })
+        size.ok_or(EngineFault::Refused { reason: said, fatal: false })
     }
 
     fn scene_values(&self) -> Values {
