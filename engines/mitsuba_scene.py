@@ -74,6 +74,8 @@ class MitsubaScene:
         self.filter = self.film.rfilter()
         # The samples of a pixel reach so many pixels further than itself.
         self.margin = 0 if self.filter.is_box_filter() else int(np.ceil(self.filter.radius() - 0.5 - 1e-4))
+        # Mitsuba itself refuses a scene that names none; what people mean is the path tracer.
+        self.integrator = self.scene.integrator() or mi.load_dict({"type": "path"})
         self.integrators = {}
         self.layer_channels = self._layer_channels()
 
@@ -139,7 +141,7 @@ class MitsubaScene:
         """The scene's integrator, or one of its kind with another depth. Bottega counts bounces after the direct
         light, Mitsuba edges of the path: 0 is 2."""
         if max_depth is None and light_samples is None:
-            return self.scene.integrator()
+            return self.integrator
         key = (max_depth, light_samples)
         if key not in self.integrators:
             tree = self.integrator_tree or {"type": "path"}
@@ -175,7 +177,7 @@ class MitsubaScene:
             for item in str(tree.get("aovs") or "").split(","):
                 name, _, kind = item.strip().partition(":")
                 kinds[name] = kind
-        given = list(self.scene.integrator().aov_names())
+        given = list(self.integrator.aov_names())
         again = [name.rpartition(".")[0] for name in given[:4]]
         names = {}
         for index, name in enumerate(given):

@@ -83,13 +83,11 @@ class Mitsuba:
             raise Refusal(f"this Mitsuba has no variant `{variant}`; it has {', '.join(mi.variants())}")
         mi.set_variant(variant)
         from mitsuba_scene import MitsubaScene
-        # Dr.Jit 1.5 waits for ever for jobs of image files when it has one thread.
+        # Mitsuba waits for ever for image files when Dr.Jit 1.5 has one thread; painting needs no more than one.
         threads = max(1, int(request.get("threads") or 1))
         dr.set_thread_count(max(2, threads))
         self.scene = MitsubaScene(request, variant, int(parameters.get("sensor") or 0), parameters.get("define") or "")
-        dr.set_thread_count(max(2, threads))
-        if threads == 1 and hasattr(os, "sched_setaffinity"):
-            os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+        dr.set_thread_count(threads)
         scene = self.scene
         return {"width": scene.width, "height": scene.height, "first_frame": 1, "last_frame": 1, "frame": 1,
                 "layers": ["color"] + scene.layers()}
