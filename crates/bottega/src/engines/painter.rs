@@ -8,7 +8,7 @@ use std::{
 
 use bottega_engines::{
     BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
-    external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session},
+    external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor},
 };
 use bottega_farm::{Expert, JobReport, JobSettings};
 use bottega_image::{AovSet, Layout, Metadata, Rect};
@@ -280,11 +280,7 @@ fn agents_of(args: &RenderArgs, engine: &ExternalEngine) -> usize {
 }
 
 /// Our own look at the scene, where the manifest says that we read the same format.
-fn surveyor(
-    args: &RenderArgs,
-    located: &Located,
-    opened: &Opened,
-) -> Option<Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>> {
+fn surveyor(args: &RenderArgs, located: &Located, opened: &Opened) -> Option<Surveyor> {
     use bottega_engines::external::manifest::Importance;
     if located.manifest().scene.importance != Importance::Builtin {
         return None;

@@ -52,7 +52,7 @@ fn a_glutton_is_noticed() {
 #[test]
 fn nothing_of_a_child_is_left() {
     let script = "trap '' TERM INT HUP; (setsid sh -c 'trap \"\" TERM; echo there; sleep 600') & sleep 600 & wait";
-    let (_scratch, mut child) = spawn(script, Limits::default());
+    let (_scratch, child) = spawn(script, Limits::default());
     assert!(matches!(child.lines.recv_timeout(Duration::from_secs(20)), Ok(Some(line)) if line == "there"));
     let mark = child.mark.clone();
     assert!(!tree::marked(&mark).is_empty(), "the children are there");
