@@ -163,8 +163,8 @@ mod tests {
     #[test]
     fn dear_windows_make_few_zones() {
         let pace = Pace { window: 0.1, sample: 1e-6 };
-        // A minute of samples bears 2.4 s of windows, two a zone.
-        assert_eq!(pace.zones_max(60_000_000), 12);
+        // 62.5 s of samples bear 2.5 s of windows, two a zone.
+        assert_eq!(pace.zones_max(62_500_000), 12);
         assert_eq!(pace.zones_max(1), 1);
         assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX), 1 << 20);
     }
