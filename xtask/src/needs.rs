@@ -80,6 +80,37 @@ pub(crate) fn xml_validator() {
     }
 }
 
+/// Engines of other people, which bottega drives. Those that cannot be had are said to be skipped by the tests.
+///
+/// - `all`: Cycles and LuxCore, too, which are large.
+pub(crate) fn engines(all: bool) {
+    let answers = |line: &[&str]| {
+        let mut command = Command::new(line[0]);
+        let command = command.args(&line[1..]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.status().is_ok_and(|status| status.success())
+    };
+    if !answers(&["povray", "--version"]) {
+        println!("the tests of engines need POV-Ray: installing povray (apt-get)");
+        if !apt_install(&["povray"]) {
+            println!("could not install it (no apt-get, or not root): it is not tested");
+        }
+    }
+    let modules = [("mitsuba", "mitsuba"), ("bpy", "bpy"), ("pyluxcore", "pyluxcore")];
+    for (module, package) in modules.into_iter().take(if all { 3 } else { 1 }) {
+        let is_here = format!("import importlib.util as u, sys; sys.exit(not u.find_spec('{module}'))");
+        if answers(&["python3", "-c", &is_here]) {
+            continue;
+        }
+        println!("the tests of engines need {package}: installing it for this user (pip)");
+        let plain = run("python3", &["-m", "pip", "install", "--quiet", "--user", package]);
+        // Distributions that keep their Python to themselves want to be asked twice.
+        if !plain && !run("python3", &["-m", "pip", "install", "--quiet", "--user", "--break-system-packages", package])
+        {
+            println!("could not install it (no pip, or no wheel for this Python): it is not tested");
+        }
+    }
+}
+
 fn apt_install(packages: &[&str]) -> bool {
     let install = [&["install", "-y", "--no-install-recommends"], packages].concat();
     run("apt-get", &["update"]) && run("apt-get", &install)

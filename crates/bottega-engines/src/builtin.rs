@@ -23,7 +23,7 @@ use bottega_render::{
 
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
 
-const NAME: &str = "builtin";
+pub(crate) const NAME: &str = "builtin";
 
 /// Side of the blocks of pixels that one work unit holds.
 const BLOCK_SIDE: u32 = 16;

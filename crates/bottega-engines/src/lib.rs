@@ -5,9 +5,12 @@
 
 mod builtin;
 mod engine;
+pub mod external;
+mod mixed;
 
 pub use bottega_render::survey::{Survey, SurveyPixel};
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};
 pub use engine::{
     CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };
+pub use mixed::MixedEngine;

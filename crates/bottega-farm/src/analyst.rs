@@ -71,7 +71,8 @@ pub fn analyze(
     partition: &PartitionSettings,
 ) -> Result<Analysis, ImportanceError> {
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
-    let partition = Partition::new(&map, settings.frame, partition);
+    let zone_count = survey.zones_max.map_or(partition.zone_count, |most| partition.zone_count.min(most.max(1)));
+    let partition = Partition::new(&map, settings.frame, &PartitionSettings { zone_count, ..*partition });
     let differences = partition.neighbor_differences(&map);
     let rows: Vec<ZoneRow> = partition
         .iter()

@@ -242,7 +242,7 @@ mod tests {
                 ..SurveyPixel::default()
             })
             .collect();
-        Survey { width, height, pixels }
+        Survey { width, height, pixels, zones_max: None }
     }
 
     #[test]

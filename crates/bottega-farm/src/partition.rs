@@ -306,7 +306,7 @@ mod tests {
                 SurveyPixel { steps, recursion_levels: steps.floor(), path_length: 1.0, ..SurveyPixel::default() }
             })
             .collect();
-        let survey = Survey { width, height, pixels };
+        let survey = Survey { width, height, pixels, zones_max: None };
         ImportanceMap::new(&survey, surveyed, frame, ImportanceFunction::Paper).unwrap()
     }
 
@@ -366,8 +366,12 @@ mod tests {
     /// A map of as many cells as pixels, by recursion levels.
     fn map_of(frame: Rect, levels: impl Fn(u32, u32) -> f32) -> ImportanceMap {
         let pixel = |(x, y)| SurveyPixel { recursion_levels: levels(x, y), ..SurveyPixel::default() };
-        let survey =
-            Survey { width: frame.width(), height: frame.height(), pixels: frame.pixels().map(pixel).collect() };
+        let survey = Survey {
+            width: frame.width(),
+            height: frame.height(),
+            pixels: frame.pixels().map(pixel).collect(),
+            zones_max: None,
+        };
         ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap()
     }
 
@@ -417,7 +421,7 @@ mod tests {
     #[test]
     fn neighbor_difference_is_high_at_the_rim_of_a_complex_zone() {
         let frame = Rect::of_size(90, 30);
-        let mut survey = Survey { width: 3, height: 1, pixels: vec![SurveyPixel::default(); 3] };
+        let mut survey = Survey { width: 3, height: 1, pixels: vec![SurveyPixel::default(); 3], zones_max: None };
         survey.pixels[2].recursion_levels = 8.0;
         let map = ImportanceMap::new(&survey, frame, frame, ImportanceFunction::Paper).unwrap();
         let third = |i: u32| Rect::new(30 * i, 0, 30 * i + 30, 30);

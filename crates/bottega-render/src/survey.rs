@@ -73,6 +73,8 @@ pub struct Survey {
     pub height: u32,
     /// `[width × height]`.
     pub pixels: Vec<SurveyPixel>,
+    /// Into so many zones the picture should be cut at most: more would cost more than they gain. `None`: any number.
+    pub zones_max: Option<u32>,
 }
 
 /// Looks at the whole picture `view`, which should be small: some 128 columns are plenty.
@@ -99,7 +101,7 @@ pub fn survey(
     for (pixel, levels) in pixels.iter_mut().zip(levels) {
         pixel.recursion_levels = levels;
     }
-    Ok(Survey { width: view.width, height: view.height, pixels })
+    Ok(Survey { width: view.width, height: view.height, pixels, zones_max: None })
 }
 
 /// Submits all work and returns the outputs in the same order.

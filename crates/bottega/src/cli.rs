@@ -16,16 +16,17 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 pub(crate) use self::guiding::GuideArg;
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
-    ToneArg, parse_duration,
+    ToneArg, parse_define, parse_duration, parse_size,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_criterion, parse_define, parse_distance, parse_environment, parse_error,
-    parse_factor, parse_rate, parse_rect, parse_share, parse_size, parse_stops, parse_time,
+    parse_aov, parse_channel, parse_criterion, parse_distance, parse_environment, parse_error, parse_factor,
+    parse_rate, parse_rect, parse_share, parse_stops, parse_time,
 };
 use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
     bench::{AlaArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
+    engines::{EngineArgs, EnginesArgs},
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
     platform::PlatformArgs,
@@ -65,6 +66,8 @@ pub(crate) enum Command {
     Jobs(JobsArgs),
     /// See and steer the machines of a farm.
     Machines(MachinesArgs),
+    /// See, check and try the other renderers that can paint.
+    Engines(EnginesArgs),
     /// Check, evaluate and draw expert rules.
     Rules(RulesArgs),
     /// Run a FIPA agent platform, or ask one what it knows.
@@ -252,6 +255,9 @@ pub(crate) struct RenderArgs {
     /// Write an EXR file in tiles instead of scan lines.
     #[arg(long, help_heading = "Output")]
     pub(crate) tiled: bool,
+
+    #[command(flatten)]
+    pub(crate) engines: EngineArgs,
 
     /// Render Agents that share the work; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]

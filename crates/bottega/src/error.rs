@@ -9,7 +9,10 @@ use bottega_agents::{
     },
     file_store::FileStoreError,
 };
-use bottega_engines::EngineError;
+use bottega_engines::{
+    EngineError,
+    external::{EngineFault, manifest::ManifestError},
+};
 use bottega_farm::{
     JobError, JournalError,
     simulate::{RecordError, SimulationError},
@@ -34,6 +37,16 @@ pub(crate) enum CliError {
     Prepare(#[source] RenderError),
     #[error("the engine failed")]
     Engine(#[source] EngineError),
+    #[error("the engine `{engine}` cannot paint")]
+    External { engine: String, source: EngineFault },
+    #[error("the manifest `{}` cannot be used, line {}, column {}: {}", .error.path.display(), .error.line, .error.column, .error.problem)]
+    Manifest {
+        error: Box<ManifestError>,
+        #[source_code]
+        text: NamedSource<String>,
+        #[label("here")]
+        span: SourceSpan,
+    },
     #[error("the work failed")]
     Job(#[source] JobError),
     #[error("cannot use the GPU")]
@@ -91,12 +104,29 @@ pub(crate) enum CliError {
 impl CliError {
     /// What was asked for cannot be; as opposed to: it was tried and failed.
     pub(crate) fn is_usage(&self) -> bool {
-        matches!(self, Self::Usage { .. })
+        matches!(self, Self::Usage { .. } | Self::Manifest { .. })
     }
 
     /// Whether it may succeed when it is tried again: a farm's server that is away comes back.
     pub(crate) fn may_pass(&self) -> bool {
         matches!(self, Self::Blob(error) if !error.is_lasting)
+    }
+
+    /// With all that it is due to, in one line.
+    pub(crate) fn told(&self) -> String {
+        let mut text = self.to_string();
+        let mut source = std::error::Error::source(self);
+        while let Some(error) = source {
+            text += &format!(": {error}");
+            source = error.source();
+        }
+        text
+    }
+
+    pub(crate) fn manifest(error: ManifestError) -> Self {
+        let text = NamedSource::new(error.path.display().to_string(), error.text.clone());
+        let span = error.span.clone().into();
+        Self::Manifest { error: Box::new(error), text, span }
     }
 
     pub(crate) fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {

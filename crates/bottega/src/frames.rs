@@ -43,6 +43,9 @@ impl RenderArgs {
     /// What is asked for one frame: its time, and where its picture goes.
     pub(crate) fn at_frame(mut self, frame: u32) -> Self {
         self.scene.file.at = Some(frame as f32 / self.fps);
+        if !self.engines.is_builtin() {
+            self.engines.frame = Some(frame);
+        }
         self.output = numbered(&self.output, frame);
         self.frames = None;
         self

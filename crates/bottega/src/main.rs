@@ -7,6 +7,7 @@ mod cli;
 mod clock;
 mod devices;
 mod diff;
+mod engines;
 mod error;
 mod farm;
 mod frames;
@@ -48,6 +49,7 @@ fn main() -> ExitCode {
         Command::Join(args) => farm::join(&args),
         Command::Jobs(args) => farm::jobs(&args),
         Command::Machines(args) => farm::machines(&args),
+        Command::Engines(args) => engines::run(&args),
         Command::Rules(args) => rules::run(&args),
         Command::Platform(args) => platform::run(&args),
         Command::Bench(args) => bench::run(&args),

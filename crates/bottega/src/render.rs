@@ -19,6 +19,7 @@ use bottega_web::{Dashboard, wire::Event};
 use crate::{
     cli::{DEPTH_MAX, EncodingArg, FilterArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
     devices::{Crew, costs, incident_line},
+    engines::{self, Material},
     error::CliError,
     farm::{Asked, Painted, Tools, write_picture},
     frames,
@@ -57,6 +58,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
 
 /// Paints one picture.
 pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliError> {
+    if !args.engines.is_builtin() {
+        return engines::one(args, stop);
+    }
     let begun = Instant::now();
     // Everything that can be wrong is found out before the first sample.
     let format = check_writable(&args.output)?;
@@ -72,7 +76,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.as_ref(), args, &subject, stop)?;
+        let asked = Asked::submit(farm.as_ref(), args, &Material::of(&subject), stop)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -105,7 +109,8 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &subject, stop)).transpose()?;
+    let material = Material::of(&subject);
+    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &material, stop)).transpose()?;
     let tools =
         Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
     let (report, leading) = match painted(asked.as_ref(), tools, stop, &reporter)? {
@@ -137,7 +142,12 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
 }
 
 /// Paints alone, or with the machines of a farm.
-fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Reporter) -> Result<Painted, CliError> {
+pub(crate) fn painted(
+    asked: Option<&Asked>,
+    tools: Tools,
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<Painted, CliError> {
     let Some(asked) = asked else {
         let Tools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
@@ -149,7 +159,12 @@ fn painted(asked: Option<&Asked>, tools: Tools, stop: &StopSwitch, reporter: &Re
 }
 
 /// The picture was led to its end by another machine.
-fn had(args: &RenderArgs, reporter: &Reporter, picture: &[u8], journal: &Path) -> Result<ExitCode, CliError> {
+pub(crate) fn had(
+    args: &RenderArgs,
+    reporter: &Reporter,
+    picture: &[u8],
+    journal: &Path,
+) -> Result<ExitCode, CliError> {
     reporter.finish();
     write_picture(&args.output, picture)?;
     if let Err(error) = fs::remove_file(journal) {
@@ -238,7 +253,7 @@ pub(crate) fn asked_goal(args: &RenderArgs) -> Goal {
 }
 
 /// When a zone is finished. Loading is a part of the time that was asked for.
-fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
+pub(crate) fn goal(args: &RenderArgs, begun: Instant) -> Result<Goal, CliError> {
     match (args.error, args.time) {
         (Some(error), _) => Ok(Goal::Error(error)),
         (None, Some(time)) => match time.checked_sub(begun.elapsed()) {
@@ -284,7 +299,7 @@ pub(crate) fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-fn optimization(optimize: OptimizeArg) -> Optimization {
+pub(crate) fn optimization(optimize: OptimizeArg) -> Optimization {
     match optimize {
         OptimizeArg::Off => Optimization::Off,
         OptimizeArg::Vs => Optimization::VerySmall,
@@ -419,7 +434,7 @@ pub(crate) fn metadata(
     metadata
 }
 
-fn tone(tone: ToneArg) -> ToneMap {
+pub(crate) fn tone(tone: ToneArg) -> ToneMap {
     match tone {
         ToneArg::Agx => ToneMap::Agx,
         ToneArg::Aces => ToneMap::Aces,
@@ -457,7 +472,7 @@ pub(crate) fn write(
 }
 
 /// Tells how it ended. The journal goes only when the picture is complete.
-fn end(
+pub(crate) fn end(
     args: &RenderArgs,
     reporter: &Reporter,
     settings: &JobSettings,

@@ -172,6 +172,8 @@ impl Shared {
         let count = order.samples.end - start;
         let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
         let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
+        // Whoever cannot go on would begin anew with each.
+        let passes = if self.engine.describe().resumes_samples { passes } else { 1 };
         self.begin_outstanding();
         let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
         self.state().orders.insert((order.zone, order.fence), (cancel.clone(), progress.clone()));

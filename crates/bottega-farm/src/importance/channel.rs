@@ -234,7 +234,7 @@ mod tests {
     fn what_is_near_is_nearer_and_the_sky_is_not() {
         let depths = [0.0, 1.0, 2.0, 4.0];
         let pixels = depths.map(|depth| SurveyPixel { depth, ..SurveyPixel::default() }).to_vec();
-        let survey = Survey { width: 4, height: 1, pixels };
+        let survey = Survey { width: 4, height: 1, pixels, zones_max: None };
         assert_eq!(Channel::Depth.values(&survey), [0.0, 1.0, 0.5, 0.25]);
     }
 
@@ -256,7 +256,7 @@ mod tests {
         };
         let values = [f32::NAN, f32::INFINITY, -1.0, f32::MAX, 0.0, 1.0];
         let pixels = (0..36).map(|i| wild(values[(i * 5 + i / 7) % 6])).collect();
-        let survey = Survey { width: 6, height: 6, pixels };
+        let survey = Survey { width: 6, height: 6, pixels, zones_max: None };
         for channel in Channel::ALL {
             let values = channel.values(&survey);
             assert!(values.iter().all(|value| value.is_finite() && *value >= 0.0), "{channel}: {values:?}");

@@ -48,7 +48,8 @@ mod tests {
         let plain = SurveyPixel { color: [0.5; 3], depth: 4.0, ..SurveyPixel::default() };
         let mut pixels = vec![plain; 64];
         change(&mut pixels[27]);
-        let importance = importance(&Survey { width: 8, height: 8, pixels }, ChannelSet::NONE.with(channel));
+        let importance =
+            importance(&Survey { width: 8, height: 8, pixels, zones_max: None }, ChannelSet::NONE.with(channel));
         [importance[27], importance[3]]
     }
 

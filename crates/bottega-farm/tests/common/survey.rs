@@ -15,5 +15,5 @@ pub(crate) fn survey(width: u32, height: u32) -> Survey {
         ..SurveyPixel::default()
     };
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| pixel(x, y))).collect();
-    Survey { width, height, pixels }
+    Survey { width, height, pixels, zones_max: None }
 }

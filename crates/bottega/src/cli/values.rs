@@ -117,7 +117,7 @@ const SIDE_MAX: u32 = 1 << 16;
 /// No picture may have more pixels than this: with all AOVs that is some 15 GB.
 const PIXELS_MAX: u64 = 1 << 28;
 
-pub(super) fn parse_size(text: &str) -> Result<Size, String> {
+pub(crate) fn parse_size(text: &str) -> Result<Size, String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
     let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
     Size::new(side(width)?, side(height)?)
@@ -170,7 +170,7 @@ pub(super) fn parse_criterion(text: &str) -> Result<Criterion, String> {
     text.parse().map_err(|error: bottega_render::ala::UnknownCriterion| error.to_string())
 }
 
-pub(super) fn parse_define(text: &str) -> Result<(String, String), String> {
+pub(crate) fn parse_define(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
         _ => Err("a name, `=` and a value are needed, such as spp=64".to_owned()),

@@ -29,12 +29,7 @@ use super::{
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
-    cli::RenderArgs,
-    error::CliError,
-    frames::Frames,
-    render,
-    reporter::Reporter,
-    scene::{Subject, threads},
+    cli::RenderArgs, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter, scene::threads,
 };
 
 /// How often is looked for frames that are painted.
@@ -98,11 +93,11 @@ fn submit(
     board.refuse_guests()?;
     let first = args.clone().at_frame(frames.iter().next().unwrap_or_default());
     check_writable(&first.output)?;
-    let subject = Subject::load(&first.scene)?;
-    for warning in &subject.warnings {
-        reporter.warn(warning.to_string());
+    let material = Material::gather(&first)?;
+    for warning in &material.warnings {
+        reporter.warn(warning.clone());
     }
-    let order = order(&board.uplink, &first, &subject)?;
+    let order = order(&board.uplink, &first, &material)?;
     board.sweep();
     let mut wanted = BTreeMap::new();
     for frame in frames.iter() {

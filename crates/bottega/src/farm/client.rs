@@ -4,6 +4,7 @@ use std::{env, ffi::OsString, path::Path, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::NatsUplink;
 use bottega_farm::{FarmCodec, JobError, JobReport, StopSwitch};
+use bottega_scene::SceneFile;
 
 use super::{
     address::FarmAddress,
@@ -17,10 +18,11 @@ use super::{
 };
 use crate::{
     cli::{EnvironmentArg, RenderArgs},
+    engines::Material,
     error::CliError,
     reporter::Reporter,
     rules::rule_texts,
-    scene::{Subject, shown, threads},
+    scene::{shown, threads},
 };
 
 /// How often is looked how a job stands that this process has no part in.
@@ -45,13 +47,13 @@ impl Asked {
     pub(crate) fn submit(
         farm: Option<&FarmAddress>,
         args: &RenderArgs,
-        subject: &Subject,
+        material: &Material,
         stop: &StopSwitch,
     ) -> Result<Self, CliError> {
         let FarmLink { uplink, name, .. } = link(farm, &args.login)?;
         let board = JobBoard { uplink };
         board.refuse_guests()?;
-        let order = order(&board.uplink, args, subject)?;
+        let order = order(&board.uplink, args, material)?;
         let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
         let job = new_job(args, &member.name);
         member.board.sweep();
@@ -175,10 +177,16 @@ pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
 pub(super) fn order(
     uplink: &Arc<NatsUplink<FarmCodec>>,
     args: &RenderArgs,
-    subject: &Subject,
+    material: &Material,
 ) -> Result<Order, CliError> {
-    let files = send_files(uplink, args, subject)?;
-    Ok(Order { words: public(env::args_os().skip(1))?, files, rules: rule_texts(&args.rules)?, frame: None })
+    let files = send_files(uplink, args, &material.files)?;
+    Ok(Order {
+        words: public(env::args_os().skip(1))?,
+        files,
+        rules: rule_texts(&args.rules)?,
+        frame: None,
+        engine: material.engine.clone(),
+    })
 }
 
 /// What the user wrote, from `render` on, but for the secret that an address holds: who may only paint reads it too.
@@ -197,13 +205,13 @@ fn public(words: impl Iterator<Item = OsString>) -> Result<Vec<String>, CliError
 fn send_files(
     uplink: &Arc<NatsUplink<FarmCodec>>,
     args: &RenderArgs,
-    subject: &Subject,
+    files: &[SceneFile],
 ) -> Result<SceneFiles, CliError> {
     let environment = match &args.scene.env {
         Some(EnvironmentArg::Picture(path)) => Some(path.as_path()),
         _ => None,
     };
-    SceneFiles::send(&args.scene.file.scene, &subject.files, environment, uplink.blobs())
+    SceneFiles::send(&args.scene.file.scene, files, environment, uplink.blobs())
 }
 
 #[cfg(test)]

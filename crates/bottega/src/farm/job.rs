@@ -108,6 +108,9 @@ pub(crate) struct Order {
     pub(crate) rules: Vec<RulesText>,
     /// The frame, where it is one of an animation.
     pub(crate) frame: Option<u32>,
+    /// The engine of other people that paints it, as all machines must have it; none: our own.
+    #[serde(default)]
+    pub(crate) engine: Option<String>,
 }
 
 impl Order {
@@ -130,6 +133,8 @@ impl Order {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }
         (args.scene.threads, args.agents, args.rules) = (None, None, Vec::new());
+        // Whom a machine trusts is for its owner to say.
+        args.engines.trust = false;
         args.devices = DeviceChoice::Auto;
         Ok(*args)
     }

@@ -2,9 +2,9 @@
 
 use std::{fs, path::Path, sync::Arc};
 
-use bottega_engines::BuiltinEngine;
-use bottega_farm::{JobReport, JobSettings};
-use bottega_image::check_writable;
+use bottega_engines::{BuiltinEngine, RenderEngine};
+use bottega_farm::{Expert, JobReport, JobSettings};
+use bottega_image::{Metadata, check_writable};
 
 use super::{
     cache::Cache,
@@ -15,6 +15,7 @@ use super::{
 use crate::{
     cli::RenderArgs,
     devices::{Crew, DeviceChoice},
+    engines::Painter,
     error::CliError,
     render,
     rules::experts,
@@ -26,11 +27,14 @@ pub(super) struct Studio {
     /// Which.
     pub(super) work: u64,
     args: RenderArgs,
-    subject: Subject,
     settings: JobSettings,
-    engine: Arc<BuiltinEngine>,
-    /// Who paints here.
-    crew: Crew,
+    hand: Hand,
+}
+
+/// Who paints here.
+enum Hand {
+    Own { subject: Subject, engine: Arc<BuiltinEngine>, crew: Crew },
+    Other(Painter),
 }
 
 /// What of this machine paints.
@@ -56,24 +60,19 @@ impl Studio {
         let mut args = order.as_asked(&scene, environment)?;
         args.scene.threads = own.threads;
         args.devices = own.devices.for_others(args.exact);
-        let subject = Subject::load(&args.scene)?;
         let (mut experts, _) = experts(order.rules)?;
         // The machines have the rules in turn, as agents of one process have.
         let turn = member.name.bytes().map(usize::from).sum::<usize>() % experts.len();
         experts.rotate_left(turn);
-        let settings = render::job_settings(&args, &subject, experts)?;
-        let settings = JobSettings { agents: 1, goal: render::asked_goal(&args), ..settings };
-        let (engine, crew) = render::engine(&args, &subject, &settings)?;
-        crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
-        let engine = Arc::new(engine);
-        Ok(Self { work: job.work, args, subject, settings, engine, crew })
+        let (hand, settings) = Hand::open(&args, experts, order.engine.as_deref())?;
+        Ok(Self { work: job.work, args, settings, hand })
     }
 
     /// What painting takes.
     pub(super) fn tools(&self) -> Tools {
         Tools {
             settings: self.settings.clone(),
-            engine: Arc::clone(&self.engine) as _,
+            engine: self.hand.engine(),
             observer: Arc::new(()),
             store: None,
             kept: None,
@@ -81,7 +80,7 @@ impl Studio {
     }
 
     pub(super) fn samples_done(&self) -> u64 {
-        self.engine.samples_done()
+        self.hand.samples_done()
     }
 
     /// Has the farm keep the picture, as the file that was asked for.
@@ -96,7 +95,7 @@ impl Studio {
         let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             let format = check_writable(&path)?;
-            let metadata = render::metadata(&self.args, &self.subject, &self.settings, &self.crew, report);
+            let metadata = self.hand.metadata(&self.args, &self.settings, report);
             render::write(&self.args, &path, format, &report.film, &metadata)?;
             let bytes = fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
             board.keep_picture(job, &bytes)
@@ -107,5 +106,54 @@ impl Studio {
             tracing::debug!(%error, "the picture's file was not removed");
         }
         written
+    }
+}
+
+impl Hand {
+    /// Our own engine, or the one that the job is for.
+    ///
+    /// - `wanted`: that engine, as all machines of the job must have it.
+    fn open(args: &RenderArgs, experts: Vec<Expert>, wanted: Option<&str>) -> Result<(Self, JobSettings), CliError> {
+        let goal = render::asked_goal(args);
+        if let Some(wanted) = wanted {
+            let painter = Painter::open(args, experts)?;
+            let here = painter.located.identity();
+            if here != wanted {
+                return Err(CliError::failed(
+                    format!("the job is for {wanted}, this machine has {here}"),
+                    "install the same version of the engine, and the same manifest, on all machines",
+                ));
+            }
+            painter.engine.watch_faults(|fault| tracing::warn!("{fault}"));
+            let settings = JobSettings { goal, ..painter.settings.clone() };
+            return Ok((Self::Other(painter), settings));
+        }
+        let subject = Subject::load(&args.scene)?;
+        let settings = render::job_settings(args, &subject, experts)?;
+        let settings = JobSettings { agents: 1, goal, ..settings };
+        let (engine, crew) = render::engine(args, &subject, &settings)?;
+        crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
+        Ok((Self::Own { subject, engine: Arc::new(engine), crew }, settings))
+    }
+
+    fn engine(&self) -> Arc<dyn RenderEngine> {
+        match self {
+            Self::Own { engine, .. } => Arc::clone(engine) as _,
+            Self::Other(painter) => painter.paints(),
+        }
+    }
+
+    fn samples_done(&self) -> u64 {
+        match self {
+            Self::Own { engine, .. } => engine.samples_done(),
+            Self::Other(painter) => painter.counter()(),
+        }
+    }
+
+    fn metadata(&self, args: &RenderArgs, settings: &JobSettings, report: &JobReport) -> Metadata {
+        match self {
+            Self::Own { subject, crew, .. } => render::metadata(args, subject, settings, crew, report),
+            Self::Other(painter) => painter.metadata(args, report),
+        }
     }
 }

@@ -129,7 +129,7 @@ impl Worker {
             // What is wrong with one job is no reason to leave the farm.
             Err(error) => {
                 let board = &self.member.board;
-                board.log(number, &format!("{} is left out: {error}", self.member.name));
+                board.log(number, &format!("{} is left out: {}", self.member.name, error.told()));
                 eprintln!("{:?}", miette::Report::new(error));
                 self.refused.insert(number);
                 true

@@ -104,7 +104,7 @@ impl RenderEngine for IdleEngine {
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let pixel = SurveyPixel { steps: 30.0, path_length: 2.0, ..SurveyPixel::default() };
-        Ok(Survey { width, height, pixels: vec![pixel; width as usize * height as usize] })
+        Ok(Survey { width, height, pixels: vec![pixel; width as usize * height as usize], zones_max: None })
     }
 
     fn start(&self, task: ZoneTask, done: Done) {

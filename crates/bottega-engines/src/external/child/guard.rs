@@ -1,0 +1,107 @@
+//! The programs of util-linux that shut a child in, as far as they are there and allowed.
+
+use std::{
+    process::{Command, ExitStatus, Stdio},
+    sync::OnceLock,
+};
+
+use crate::external::manifest::Limits;
+
+/// What can be had on this machine. Asked once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Guards {
+    limits: bool,
+    dies_with_parent: bool,
+    /// Network and processes of its own: as the user that we are, or as root.
+    namespaces: Option<&'static [&'static str]>,
+}
+
+const LIMITS: &[&str] = &["prlimit", "--core=0"];
+const DIES_WITH_PARENT: &[&str] = &["setpriv", "--pdeathsig", "KILL", "--"];
+const AS_ROOT: &[&str] = &["unshare", "--net", "--pid", "--fork", "--kill-child=KILL", "--"];
+const AS_USER: &[&str] =
+    &["unshare", "--user", "--map-current-user", "--net", "--pid", "--fork", "--kill-child=KILL", "--"];
+/// The first process of a process namespace is deaf to its own signals, an `abort` among them. So it is a shell.
+const FIRST: &[&str] = &["/bin/sh", "-c", "\"$@\"; exit $?", "engine"];
+
+fn guards() -> Guards {
+    static FOUND: OnceLock<Guards> = OnceLock::new();
+    *FOUND.get_or_init(|| {
+        if !cfg!(target_os = "linux") {
+            return Guards::default();
+        }
+        let guards = Guards {
+            limits: works(LIMITS),
+            dies_with_parent: works(DIES_WITH_PARENT),
+            namespaces: [AS_ROOT, AS_USER].into_iter().find(|line| works(line)),
+        };
+        tracing::debug!(?guards, "how engines are shut in");
+        guards
+    })
+}
+
+fn works(line: &[&str]) -> bool {
+    let silent = Command::new(line[0])
+        .args(&line[1..])
+        .arg("true")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    silent.is_ok_and(|status| status.success())
+}
+
+/// What stands before a program.
+pub(super) fn wrapper(limits: &Limits) -> Vec<String> {
+    let guards = guards();
+    let mut line: Vec<String> = Vec::new();
+    let mut push = |more: &[&str]| line.extend(more.iter().map(|&part| part.to_owned()));
+    if guards.limits {
+        push(LIMITS);
+        if limits.output_mib > 0 {
+            push(&[&format!("--fsize={}", limits.output_mib << 20)]);
+        }
+    }
+    if guards.dies_with_parent {
+        push(DIES_WITH_PARENT);
+    }
+    if let Some(namespaces) = guards.namespaces {
+        push(namespaces);
+        push(FIRST);
+    }
+    line
+}
+
+/// Whether engines have no network here.
+pub fn is_shut_in() -> bool {
+    guards().namespaces.is_some()
+}
+
+/// How a process ended, in words.
+pub(super) fn told(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::ExitStatusExt;
+        // A shell tells of a signal by 128 and its number.
+        let signal = status.signal().or(status.code().filter(|code| (129..=159).contains(code)).map(|code| code - 128));
+        if let Some(signal) = signal {
+            let name = match signal {
+                4 => " (illegal instruction)",
+                6 => " (aborted)",
+                7 => " (bus error)",
+                8 => " (arithmetic)",
+                9 => " (killed; out of memory?)",
+                11 => " (segmentation fault)",
+                15 => " (terminated)",
+                24 => " (processor time)",
+                25 => " (file too large)",
+                _ => "",
+            };
+            return format!("signal {signal}{name}");
+        }
+    }
+    match status.code() {
+        Some(code) => format!("exit code {code}"),
+        None => "no exit code".to_owned(),
+    }
+}

@@ -1,0 +1,72 @@
+use super::*;
+
+fn spawn(script: &str, limits: Limits) -> (tempfile::TempDir, Guarded) {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let line = ["/bin/sh", "-c", script].map(str::to_owned);
+    let (environment, inherit) = (BTreeMap::new(), []);
+    let program =
+        Program { line: &line, scratch: scratch.path(), environment: &environment, inherit: &inherit, limits };
+    let child = Guarded::spawn(&program).expect("a shell");
+    (scratch, child)
+}
+
+fn listen_to_end(child: &mut Guarded) -> Result<Vec<String>, EngineFault> {
+    let until = Instant::now() + Duration::from_secs(20);
+    let mut lines = Vec::new();
+    while Instant::now() < until {
+        match child.listen()? {
+            Word::Line(line) => lines.push(line),
+            Word::End => return Ok(lines),
+            Word::Silence => {}
+        }
+    }
+    panic!("it neither speaks nor ends: {lines:?}");
+}
+
+#[test]
+fn a_child_has_a_home_of_its_own_and_little_else() {
+    let (scratch, mut child) = spawn("echo $HOME; echo $TMPDIR; pwd; echo \"[$EDITOR$USER]\"", Limits::default());
+    let home = scratch.path().display().to_string();
+    assert_eq!(listen_to_end(&mut child).expect("lines"), [&home, &home, &home, "[]"]);
+}
+
+#[test]
+fn a_flood_is_stemmed() {
+    let limits = Limits { log_kib: 64, ..Limits::default() };
+    let (_scratch, mut child) = spawn("while :; do echo aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa >&2; done", limits);
+    assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Flood { .. })));
+    let (_scratch, mut child) = spawn("while :; do echo aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa; done", limits);
+    assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Flood { .. })));
+    let (_scratch, mut child) = spawn("while :; do printf aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa; done", limits);
+    assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Flood { .. })));
+}
+
+#[test]
+fn a_glutton_is_noticed() {
+    let limits = Limits { memory_mib: 64, ..Limits::default() };
+    let (_scratch, mut child) =
+        spawn("exec python3 -c 'x = bytearray(300 << 20); import time; time.sleep(60)'", limits);
+    assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Memory { mib: 64 })));
+}
+
+#[test]
+fn nothing_of_a_child_is_left() {
+    let script = "trap '' TERM INT HUP; (setsid sh -c 'trap \"\" TERM; echo there; sleep 600') & sleep 600 & wait";
+    let (_scratch, child) = spawn(script, Limits::default());
+    assert!(matches!(child.lines.recv_timeout(Duration::from_secs(20)), Ok(Some(line)) if line == "there"));
+    let mark = child.mark.clone();
+    assert!(!tree::marked(&mark).is_empty(), "the children are there");
+    drop(child);
+    let until = Instant::now() + Duration::from_secs(5);
+    while !tree::marked(&mark).is_empty() && Instant::now() < until {
+        thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(tree::marked(&mark), Vec::<u32>::new());
+}
+
+#[test]
+fn signals_are_told_by_name() {
+    let (_scratch, mut child) = spawn("kill -ABRT $$", Limits::default());
+    assert!(listen_to_end(&mut child).expect("nothing").is_empty());
+    assert_eq!(child.ended().expect("an end"), "signal 6 (aborted)");
+}

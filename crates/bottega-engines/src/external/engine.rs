@@ -1,0 +1,488 @@
+//! An engine of other people as a [`RenderEngine`].
+
+use std::{
+    collections::VecDeque,
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError,
+        atomic::{AtomicU64, Ordering},
+        mpsc,
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_image::{Layout, Rect, Tile};
+
+use super::{
+    error::EngineFault,
+    locate::Located,
+    manifest::Determinism,
+    picture, quarantine,
+    session::{SceneRequest, Session, WindowRequest},
+    tiny,
+};
+use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+
+/// After so many failures in a row it is not used any more.
+const FAILURES_MAX: u32 = 3;
+/// Seeds of engines are often signed numbers of 32 bits.
+const SEED_MASK: u64 = (1 << 31) - 1;
+/// Light that counts as black: less than any file of 16 bits tells from it.
+const BLACK: f32 = 1e-6;
+
+/// Looks at a scene in so many columns and rows.
+pub type Surveyor = Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>;
+
+/// What an engine is to paint, and how.
+pub struct ExternalOptions {
+    /// The scene. Its size is that of the picture.
+    pub request: SceneRequest,
+    /// Another seed gives other noise.
+    pub seed: u64,
+    /// Samples of the whole picture, all pixels together.
+    pub samples: u64,
+    /// Which values a pixel keeps.
+    pub layout: Layout,
+    /// With this depth the engine is told none, and does as the scene says.
+    pub scene_depth: Option<u32>,
+    /// As with the depth.
+    pub scene_light_samples: Option<u32>,
+    /// Makes the survey in the engine's place, if it can: of a scene that is read here.
+    pub surveyor: Option<Surveyor>,
+}
+
+type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+type TileWatcher = Box<dyn Fn(&Tile) + Send + Sync>;
+type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
+
+enum Work {
+    Zone(ZoneTask, Done),
+    Survey(u32, u32, mpsc::Sender<Result<Survey, EngineFault>>),
+    Pace(mpsc::Sender<Result<tiny::Pace, EngineFault>>),
+}
+
+#[derive(Default)]
+struct Queue {
+    work: VecDeque<Work>,
+    closed: bool,
+}
+
+/// How it did lately on this machine.
+#[derive(Debug, Default)]
+struct Health {
+    failures: u32,
+    last: String,
+}
+
+struct Shared {
+    located: Arc<Located>,
+    options: ExternalOptions,
+    lanes: usize,
+    queue: Mutex<Queue>,
+    woken: Condvar,
+    /// Ends what is under way when nobody needs the engine any more.
+    closing: CancelSwitch,
+    health: Mutex<Health>,
+    surveyed: OnceLock<Survey>,
+    samples_done: AtomicU64,
+    dropped_count: AtomicU64,
+    watcher: OnceLock<TileWatcher>,
+    fault_watcher: OnceLock<FaultWatcher>,
+}
+
+/// An engine of other people, with a scene, on this machine.
+pub struct ExternalEngine {
+    shared: Arc<Shared>,
+    lanes: Vec<JoinHandle<()>>,
+}
+
+impl ExternalEngine {
+    /// An engine that paints with `session`, and with more like it where several processes do more than one.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn new(located: Arc<Located>, options: ExternalOptions, session: Session) -> Result<Self, EngineFault> {
+        let lane_count = if located.manifest().cost.parallel { options.request.threads.max(1) } else { 1 };
+        let shared = Arc::new(Shared {
+            located,
+            options,
+            lanes: lane_count,
+            queue: Mutex::default(),
+            woken: Condvar::new(),
+            closing: CancelSwitch::default(),
+            health: Mutex::default(),
+            surveyed: OnceLock::new(),
+            samples_done: AtomicU64::new(0),
+            dropped_count: AtomicU64::new(0),
+            watcher: OnceLock::new(),
+            fault_watcher: OnceLock::new(),
+        });
+        let mut sessions = vec![Some(session)];
+        sessions.resize_with(lane_count, || None);
+        let mut engine = Self { shared: Arc::clone(&shared), lanes: Vec::new() };
+        for session in sessions {
+            let mut lane = Lane { shared: Arc::clone(&shared), session };
+            let thread = thread::Builder::new().name("engine".to_owned()).spawn(move || lane.run());
+            engine.lanes.push(thread.map_err(|source| EngineFault::Start { program: "a thread".to_owned(), source })?);
+        }
+        Ok(engine)
+    }
+
+    /// Samples taken so far, all pixels together.
+    pub fn samples_done(&self) -> u64 {
+        self.shared.samples_done.load(Ordering::Relaxed)
+    }
+
+    /// Pixels so far whose values were no finite numbers, and which therefore count as black.
+    pub fn dropped_count(&self) -> u64 {
+        self.shared.dropped_count.load(Ordering::Relaxed)
+    }
+
+    /// From now on shows each window when it is painted. There is one watcher: a second call does nothing.
+    pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
+        let _ = self.shared.watcher.set(Box::new(watcher));
+    }
+
+    /// From now on tells what goes wrong, as it does. There is one who is told: a second call does nothing.
+    pub fn watch_faults(&self, watcher: impl Fn(&str) + Send + Sync + 'static) {
+        let _ = self.shared.fault_watcher.set(Box::new(watcher));
+    }
+
+    /// Why it is not used any more, if so.
+    pub fn quarantine(&self) -> Option<EngineFault> {
+        self.shared.quarantine()
+    }
+
+    /// How many processes paint at a time.
+    pub fn lanes(&self) -> usize {
+        self.shared.lanes
+    }
+}
+
+impl RenderEngine for ExternalEngine {
+    fn describe(&self) -> EngineDescription {
+        let manifest = self.shared.located.manifest();
+        EngineDescription {
+            name: manifest.name.clone(),
+            has_max_depth: manifest.tunables.max_depth.is_some(),
+            has_light_samples: manifest.tunables.light_samples.is_some(),
+            resumes_samples: manifest.adds_up(),
+            exact_by_pixel: manifest.determinism == Determinism::Frame,
+        }
+    }
+
+    fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
+        let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
+        let mut survey = match seen {
+            Some(survey) => survey,
+            None => {
+                let (sender, answer) = mpsc::channel();
+                self.shared.submit(Work::Survey(width, height, sender));
+                let outcome = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
+                outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
+            }
+        };
+        let (sender, answer) = mpsc::channel();
+        self.shared.submit(Work::Pace(sender));
+        match answer.recv().unwrap_or(Err(EngineFault::Cancelled)) {
+            Ok(pace) => survey.zones_max = Some(pace.zones_max(self.shared.options.samples)),
+            // The zones will say it again, if it is of any weight.
+            Err(fault) => tracing::debug!(%fault, "the pace of the engine is not known"),
+        }
+        let _ = self.shared.surveyed.set(survey.clone());
+        Ok(survey)
+    }
+
+    fn start(&self, task: ZoneTask, done: Done) {
+        self.shared.submit(Work::Zone(task, done));
+    }
+}
+
+impl Drop for ExternalEngine {
+    fn drop(&mut self) {
+        self.shared.closing.cancel();
+        let waiting = {
+            let mut queue = self.shared.queue();
+            queue.closed = true;
+            std::mem::take(&mut queue.work)
+        };
+        self.shared.woken.notify_all();
+        for work in waiting {
+            if let Work::Zone(task, done) = work {
+                done(Ok(unpainted(task, self.shared.options.layout)));
+            }
+        }
+        for lane in self.lanes.drain(..).filter(|lane| lane.thread().id() != thread::current().id()) {
+            // A panic in there was already reported by the thread itself.
+            let _ = lane.join();
+        }
+    }
+}
+
+impl Shared {
+    fn name(&self) -> String {
+        self.located.manifest().name.clone()
+    }
+
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn health(&self) -> MutexGuard<'_, Health> {
+        self.health.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn submit(&self, work: Work) {
+        self.queue().work.push_back(work);
+        self.woken.notify_one();
+    }
+
+    fn next(&self) -> Option<Work> {
+        let queue = self.queue();
+        let idle = |queue: &mut Queue| queue.work.is_empty() && !queue.closed;
+        self.woken.wait_while(queue, idle).unwrap_or_else(PoisonError::into_inner).work.pop_front()
+    }
+
+    fn quarantine(&self) -> Option<EngineFault> {
+        let health = self.health();
+        let is_out = health.failures >= FAILURES_MAX;
+        is_out.then(|| EngineFault::Quarantined { failures: health.failures, last: health.last.clone() })
+    }
+
+    /// Takes note of how it went.
+    fn note(&self, outcome: Result<(), &EngineFault>) {
+        match outcome {
+            Ok(()) => *self.health() = Health::default(),
+            Err(EngineFault::Cancelled | EngineFault::Quarantined { .. }) => {}
+            Err(fault) => {
+                let told = fault.told();
+                if let Some(watcher) = self.fault_watcher.get() {
+                    watcher(&told);
+                }
+                let mut health = self.health();
+                health.failures += 1;
+                health.last.clone_from(&told);
+                // What it refuses is the scene's matter; what it does wrong, its own.
+                let is_its_own = !matches!(fault, EngineFault::Refused { .. });
+                if health.failures >= FAILURES_MAX && is_its_own {
+                    quarantine::put(&self.located, health.failures, told);
+                }
+            }
+        }
+    }
+
+    /// Whether the look at the scene says that there is light in the window.
+    fn expects_light(&self, window: Rect) -> bool {
+        let (Some(survey), Some((width, height))) = (self.surveyed.get(), self.options.request.size) else {
+            return false;
+        };
+        let frame = Rect::of_size(width, height);
+        let cell = |x: u32, y: u32| {
+            let column = u64::from(x) * u64::from(survey.width) / u64::from(frame.width());
+            let row = u64::from(y) * u64::from(survey.height) / u64::from(frame.height());
+            survey.pixels.get((row * u64::from(survey.width) + column) as usize)
+        };
+        // All cells but those at the edge, which may hold the light of their neighbours.
+        let mut cells = 0;
+        let mut lit = 0;
+        for (x, y) in window.pixels().step_by(7) {
+            cells += 1;
+            lit += u32::from(cell(x, y).is_some_and(|pixel| pixel.color.iter().any(|value| *value > BLACK)));
+        }
+        cells > 0 && lit * 2 > cells
+    }
+}
+
+/// What a task comes to that was cancelled before it began.
+fn unpainted(task: ZoneTask, layout: Layout) -> Painted {
+    let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout));
+    Painted { tile, busy: Duration::ZERO, parts: Vec::new(), complete: false }
+}
+
+/// One process of the engine, and the thread that drives it.
+struct Lane {
+    shared: Arc<Shared>,
+    session: Option<Session>,
+}
+
+impl Lane {
+    fn run(&mut self) {
+        while let Some(work) = self.shared.next() {
+            match work {
+                Work::Survey(width, height, answer) => {
+                    let mut survey = self.survey(width, height);
+                    self.settle(survey.as_ref().map(drop));
+                    if survey.as_ref().is_err_and(EngineFault::ends_process) && !self.shared.closing.is_cancelled() {
+                        // As a zone is given to somebody else after a crash.
+                        survey = self.survey(width, height);
+                        self.settle(survey.as_ref().map(drop));
+                    }
+                    if survey.is_err() {
+                        // What it has open is of another size.
+                        self.session = None;
+                    }
+                    // Nobody may want it any more.
+                    let _ = answer.send(survey);
+                }
+                Work::Pace(answer) => {
+                    let pace = self.pace();
+                    self.settle(pace.as_ref().map(drop));
+                    tracing::debug!(?pace, "what windows cost");
+                    let _ = answer.send(pace);
+                }
+                Work::Zone(task, done) => {
+                    let (rect, engine) = (task.rect, self.shared.name());
+                    let painted = self.zone(task);
+                    self.settle(painted.as_ref().map(drop));
+                    done(painted.map_err(|fault| EngineError::Zone { engine, rect, reason: fault.told() }));
+                }
+            }
+        }
+    }
+
+    /// After each work: what failed may have to be started anew.
+    fn settle(&mut self, outcome: Result<(), &EngineFault>) {
+        if outcome.is_err_and(EngineFault::ends_process) {
+            self.session = None;
+        }
+        self.shared.note(outcome);
+    }
+
+    fn session(&mut self) -> Result<&mut Session, EngineFault> {
+        if let Some(fault) = self.shared.quarantine() {
+            return Err(fault);
+        }
+        let session = match self.session.take() {
+            Some(session) => session,
+            None => Session::open(&self.shared.located, &self.request())?,
+        };
+        Ok(self.session.insert(session))
+    }
+
+    /// The scene as a process of this lane is to paint it.
+    fn request(&self) -> SceneRequest {
+        let request = self.shared.options.request.clone();
+        SceneRequest { threads: (request.threads / self.shared.lanes).max(1), ..request }
+    }
+
+    /// A window that only looks at the scene.
+    fn look(&self, width: u32, height: u32, samples: u32) -> WindowRequest {
+        let tunables = &self.shared.located.manifest().tunables;
+        WindowRequest {
+            window: Rect::of_size(width, height),
+            samples: tunables.samples.map_or(samples, |range| range.fit(samples)),
+            first_sample: 0,
+            seed: (self.shared.options.seed & SEED_MASK) as u32,
+            max_depth: None,
+            light_samples: None,
+            cancel: self.shared.closing.clone(),
+        }
+    }
+
+    fn pace(&mut self) -> Result<tiny::Pace, EngineFault> {
+        let (width, height) = self.shared.options.request.size.unwrap_or((1, 1));
+        let window = self.look(width, height, 1);
+        tiny::Pace::measure(self.session()?, &window)
+    }
+
+    fn survey(&mut self, width: u32, height: u32) -> Result<Survey, EngineFault> {
+        let (request, located) = (self.request(), Arc::clone(&self.shared.located));
+        let window = self.look(width, height, tiny::SAMPLES);
+        let session = self.session()?;
+        session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
+        let survey = tiny::survey(session, &window)?;
+        // Zones are of the whole picture.
+        session.reopen(&located, &request)?;
+        Ok(survey)
+    }
+
+    fn zone(&mut self, task: ZoneTask) -> Result<Painted, EngineFault> {
+        let shared = Arc::clone(&self.shared);
+        if task.cancel.is_cancelled() || shared.closing.is_cancelled() {
+            return Ok(unpainted(task, shared.options.layout));
+        }
+        let adds_up = shared.located.manifest().adds_up();
+        let kept = task.tile.filter(|_| adds_up);
+        let first = if kept.is_some() { task.samples.start } else { 0 };
+        let count = task.samples.end.saturating_sub(first).max(1);
+        let area = task.rect.area();
+        let begun = Instant::now();
+        let request = self.window_request(task.rect, first, count, &task.tunables, task.cancel.clone());
+        let mut told = 0;
+        let mut tell = |share: f64| {
+            let done = (area as f64 * f64::from(count) * share.clamp(0.0, 1.0)) as u64;
+            let more = done.saturating_sub(told);
+            told += more;
+            task.progress.add(more);
+            shared.samples_done.fetch_add(more, Ordering::Relaxed);
+        };
+        let written = match self.session()?.paint(&request, &mut tell) {
+            Err(EngineFault::Cancelled) => {
+                // The process is at work for nobody.
+                self.session = None;
+                let tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+                return Ok(Painted { tile, busy: self.busy(begun), parts: Vec::new(), complete: false });
+            }
+            written => written?,
+        };
+        let window = picture::read(&written, task.rect)?;
+        if window.is_black() && shared.expects_light(task.rect) {
+            return Err(EngineFault::Black { window: task.rect });
+        }
+        tell(1.0);
+        shared.dropped_count.fetch_add(window.dropped as u64, Ordering::Relaxed);
+        let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+        window.add_to(&mut tile, count);
+        if let Some(watcher) = shared.watcher.get() {
+            watcher(&tile);
+        }
+        Ok(Painted { tile, busy: self.busy(begun), parts: Vec::new(), complete: true })
+    }
+
+    /// Time of all processors that this lane has.
+    fn busy(&self, begun: Instant) -> Duration {
+        begun.elapsed() * self.request().threads as u32
+    }
+
+    fn window_request(
+        &self,
+        window: Rect,
+        first_sample: u32,
+        samples: u32,
+        tunables: &crate::Tunables,
+        cancel: CancelSwitch,
+    ) -> WindowRequest {
+        let options = &self.shared.options;
+        let manifest = self.shared.located.manifest();
+        let ranges = &manifest.tunables;
+        let asked = |value: u32, of_scene: Option<u32>| (of_scene != Some(value)).then_some(value);
+        let fit = |range: Option<super::manifest::Range>, value: Option<u32>| Some(range?.fit(value?));
+        // Two windows of the same size must not have the same noise, unless they are parts of one.
+        let seed = match manifest.determinism {
+            Determinism::Frame => options.seed,
+            Determinism::Window | Determinism::Statistics => mixed(options.seed, window),
+        };
+        WindowRequest {
+            window,
+            samples: ranges.samples.map_or(samples, |range| range.fit(samples)),
+            first_sample,
+            seed: (seed & SEED_MASK) as u32,
+            max_depth: fit(ranges.max_depth, asked(tunables.max_depth, options.scene_depth)),
+            light_samples: fit(ranges.light_samples, asked(tunables.light_samples, options.scene_light_samples)),
+            cancel,
+        }
+    }
+}
+
+/// A seed for a window. The function is SplitMix64's, by Steele, Lea and Flood, 2014, "Fast splittable pseudorandom number
+/// generators".
+fn mixed(seed: u64, window: Rect) -> u64 {
+    let mut state = seed;
+    for word in [window.x0, window.y0, window.x1, window.y1] {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(word));
+        state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        state ^= state >> 31;
+    }
+    state
+}

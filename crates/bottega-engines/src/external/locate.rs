@@ -1,0 +1,161 @@
+//! Finding an engine on this machine.
+
+use std::{
+    collections::BTreeMap,
+    env,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use super::{
+    child::{Guarded, Program, Word},
+    error::EngineFault,
+    manifest::{Argument, Limits, Manifest, Values, Version, Way},
+    shelf::Entry,
+};
+
+/// How long an engine may take to tell its version: large Python modules on a cold disk take their time.
+const CHECK_TIME: Duration = Duration::from_secs(90);
+
+/// An engine that is here.
+#[derive(Clone, Debug)]
+pub struct Located {
+    /// What is known of it.
+    pub entry: Entry,
+    /// The program.
+    pub program: PathBuf,
+    /// Its version.
+    pub version: Version,
+    /// How it was found: which of the manifest's ways.
+    way: usize,
+}
+
+impl Located {
+    /// Looks for the engine, by all ways of its manifest.
+    ///
+    /// # Errors
+    /// It is not here, or in no version that is known to work: with what was tried, and how it is installed.
+    pub fn find(entry: &Entry) -> Result<Self, EngineFault> {
+        let manifest = &entry.manifest;
+        let scratch = scratch()?;
+        let mut tried = Vec::new();
+        let mut unfit = None;
+        for (way_index, way) in manifest.find.iter().enumerate() {
+            let candidates = candidates(way);
+            if candidates.is_empty() {
+                tried.push(format!("no {} in PATH", way.programs.join(" or ")));
+            }
+            for program in candidates {
+                match ask(way, &program, scratch.path()) {
+                    Err(why) => tried.push(format!("{}: {why}", program.display())),
+                    Ok(version) if !manifest.versions.include(&version) => unfit = Some(version),
+                    Ok(version) => return Ok(Self { entry: entry.clone(), program, version, way: way_index }),
+                }
+            }
+        }
+        let (title, install) = (manifest.title.clone(), install_hint(manifest));
+        Err(match unfit {
+            Some(found) => {
+                EngineFault::Version { title, found: found.to_string(), wanted: manifest.versions.to_string(), install }
+            }
+            None => EngineFault::NotFound { title, tried: tried.join("; "), install },
+        })
+    }
+
+    /// What is known of it.
+    pub fn manifest(&self) -> &Manifest {
+        &self.entry.manifest
+    }
+
+    /// Name, version, and what else makes its pictures what they are: two machines with the same paint the same.
+    pub fn identity(&self) -> String {
+        let bytes = self.entry.identity();
+        // FNV-1a, by Fowler, Noll and Vo: it tells apart what differs by accident.
+        let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        });
+        format!("{} {}, manifest {hash:016x}", self.manifest().name, self.version)
+    }
+
+    pub(super) fn way(&self) -> &Way {
+        &self.entry.manifest.find[self.way]
+    }
+}
+
+/// A folder of our own that goes when it is dropped.
+pub(super) fn scratch() -> Result<tempfile::TempDir, EngineFault> {
+    tempfile::Builder::new().prefix("bottega-engine-").tempdir().map_err(EngineFault::Scratch)
+}
+
+/// The programs that a way may mean, first those that the user names.
+fn candidates(way: &Way) -> Vec<PathBuf> {
+    let named = way.variable.as_ref().and_then(env::var_os).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let folders: Vec<PathBuf> = env::var_os("PATH").map(|path| env::split_paths(&path).collect()).unwrap_or_default();
+    let found = way.programs.iter().filter_map(|name| {
+        let path = Path::new(name);
+        if path.is_absolute() {
+            return path.is_file().then(|| path.to_owned());
+        }
+        let in_folder = |folder: &PathBuf| [name.clone(), format!("{name}.exe")].map(|name| folder.join(name));
+        folders.iter().flat_map(in_folder).find(|path| path.is_file())
+    });
+    let mut all: Vec<PathBuf> = named.into_iter().chain(found).collect();
+    all.dedup();
+    all
+}
+
+/// Asks a program for its version.
+fn ask(way: &Way, program: &Path, scratch: &Path) -> Result<Version, String> {
+    let values: Values = [("program", program.display().to_string())].into();
+    let line = Argument::fill_all(&way.check, &values);
+    let heard = run(&line, scratch, &way.environment, &way.inherit, CHECK_TIME);
+    let (said, ended_well) = heard.map_err(|fault| fault.told())?;
+    if !ended_well {
+        let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it failed without a word");
+        return Err(reason.trim().to_owned());
+    }
+    let version = way.version.find(&said).and_then(Version::parse);
+    version.ok_or_else(|| format!("it tells no version: {:?}", said.lines().next().unwrap_or_default()))
+}
+
+/// Runs a program to its end. All that it said, and whether it ended well.
+pub(super) fn run(
+    line: &[String],
+    scratch: &Path,
+    environment: &BTreeMap<String, String>,
+    inherit: &[String],
+    time: Duration,
+) -> Result<(String, bool), EngineFault> {
+    let begun = Instant::now();
+    let program = Program { line, scratch, environment, inherit, limits: Limits::default() };
+    let mut child = Guarded::spawn(&program)?;
+    child.close_stdin();
+    loop {
+        match child.listen()? {
+            Word::End if let Some(ended_well) = child.outcome() => {
+                // What it said last may still be on its way.
+                std::thread::sleep(Duration::from_millis(20));
+                return Ok((child.log().text(), ended_well));
+            }
+            Word::End => std::thread::sleep(Duration::from_millis(5)),
+            Word::Line(_) | Word::Silence => {}
+        }
+        if begun.elapsed() > time {
+            let log = child.log().text();
+            return Err(EngineFault::TimeOut { seconds: time.as_secs_f64(), what: "an end", log });
+        }
+    }
+}
+
+/// What the manifest tells people of this system.
+pub fn install_hint(manifest: &Manifest) -> String {
+    let system = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
+    let value = |key: &str| {
+        let line = system.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+        line.unwrap_or_default().trim_matches('"').to_owned()
+    };
+    let (id, like) = (value("ID"), value("ID_LIKE"));
+    let names = std::iter::once(id.as_str()).chain(like.split_whitespace()).chain([env::consts::OS, "any"]);
+    let hint = names.filter_map(|name| manifest.install.get(name)).next();
+    hint.map_or_else(|| "see its home page".to_owned(), |hint| format!("to install it: {hint}"))
+}

@@ -1,0 +1,136 @@
+//! Ranges and versions in manifests.
+
+use std::{cmp::Ordering, fmt};
+
+use serde::{Deserialize, Deserializer, de::Error};
+
+/// What a tunable may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "RangeText")]
+pub struct Range {
+    /// The least.
+    pub least: u32,
+    /// The most.
+    pub most: u32,
+    /// Where nobody says.
+    pub default: Option<u32>,
+    /// Whether it must be a power of two.
+    pub powers_of_two: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RangeText {
+    least: u32,
+    most: u32,
+    default: Option<u32>,
+    #[serde(default)]
+    powers_of_two: bool,
+}
+
+impl TryFrom<RangeText> for Range {
+    type Error = String;
+
+    fn try_from(text: RangeText) -> Result<Self, String> {
+        let RangeText { least, most, default, powers_of_two } = text;
+        if least > most {
+            return Err(format!("least is {least} and most {most}: nothing is left"));
+        }
+        if default.is_some_and(|default| default < least || default > most) {
+            return Err(format!("the default must be from {least} to {most}"));
+        }
+        Ok(Self { least, most, default, powers_of_two })
+    }
+}
+
+impl Range {
+    /// The nearest to `wanted` that it may be; between two powers of two the larger.
+    pub fn fit(&self, wanted: u32) -> u32 {
+        let fitting = if self.powers_of_two { wanted.checked_next_power_of_two().unwrap_or(u32::MAX) } else { wanted };
+        fitting.clamp(self.least, self.most)
+    }
+}
+
+/// Numbers with dots between them. What follows other signs is left out: 4.2.0-beta is 4.2.0.
+#[derive(Clone, Debug)]
+pub struct Version {
+    numbers: Vec<u64>,
+    text: String,
+}
+
+impl Version {
+    /// Reads a version: `None` where it does not begin with a number.
+    pub fn parse(text: &str) -> Option<Self> {
+        let text = text.trim();
+        let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+        let numbers: Option<Vec<u64>> =
+            text[..end].trim_end_matches('.').split('.').map(|part| part.parse().ok()).collect();
+        Some(Self { numbers: numbers?, text: text.to_owned() })
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
+        self.numbers.iter().copied().chain(std::iter::repeat(0)).take(8)
+    }
+}
+
+impl Ord for Version {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.numbers().cmp(other.numbers())
+    }
+}
+
+impl PartialOrd for Version {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Version {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Version {}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Version {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(from)?;
+        Self::parse(&text).ok_or_else(|| D::Error::custom(format!("`{text}` is no version such as 3.5.1")))
+    }
+}
+
+/// Versions that are known to work.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Versions {
+    /// The first.
+    pub least: Option<Version>,
+    /// The first that is too new.
+    pub below: Option<Version>,
+}
+
+impl Versions {
+    /// Whether it is one of them.
+    pub fn include(&self, version: &Version) -> bool {
+        self.least.as_ref().is_none_or(|least| version >= least)
+            && self.below.as_ref().is_none_or(|below| version < below)
+    }
+}
+
+impl fmt::Display for Versions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.least, &self.below) {
+            (Some(least), Some(below)) => write!(f, "{least} or newer, and older than {below}"),
+            (Some(least), None) => write!(f, "{least} or newer"),
+            (None, Some(below)) => write!(f, "older than {below}"),
+            (None, None) => f.write_str("any"),
+        }
+    }
+}

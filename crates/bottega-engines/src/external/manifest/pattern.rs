@@ -1,0 +1,54 @@
+//! Regular expressions in manifests.
+
+use regex::Regex;
+use serde::{Deserialize, Deserializer, de::Error};
+
+/// The most memory that a compiled pattern may take.
+const SIZE_MAX: usize = 1 << 20;
+
+/// A regular expression. Matching takes time linear in the text, so a manifest cannot hang the program.
+#[derive(Clone, Debug)]
+pub struct Pattern(Regex);
+
+impl Pattern {
+    /// The first match's group 1, or all of it where there is no group.
+    pub fn find<'a>(&self, text: &'a str) -> Option<&'a str> {
+        let found = self.0.captures(text)?;
+        found.get(1).or_else(|| found.get(0)).map(|it| it.as_str())
+    }
+
+    /// All matches' group 1.
+    pub fn find_all<'a>(&self, text: &'a str) -> impl Iterator<Item = &'a str> {
+        self.0.captures_iter(text).filter_map(|found| found.get(1)).map(|it| it.as_str())
+    }
+
+    /// The last match as a share: group 1 in per cent, or group 1 of group 2.
+    pub fn share(&self, text: &str) -> Option<f64> {
+        let found = self.0.captures_iter(text).last()?;
+        let number = |i: usize| found.get(i).and_then(|it| it.as_str().parse::<f64>().ok());
+        let share = match (number(1)?, number(2)) {
+            (done, Some(of)) => done / of,
+            (percent, None) => percent / 100.0,
+        };
+        share.is_finite().then(|| share.clamp(0.0, 1.0))
+    }
+
+    /// Whether it has a group.
+    pub fn has_group(&self) -> bool {
+        self.0.captures_len() > 1
+    }
+}
+
+impl PartialEq for Pattern {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.as_str() == other.0.as_str()
+    }
+}
+
+impl<'de> Deserialize<'de> for Pattern {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(from)?;
+        let pattern = regex::RegexBuilder::new(&text).size_limit(SIZE_MAX).build();
+        pattern.map(Self).map_err(|error| D::Error::custom(format!("this is no regular expression: {error}")))
+    }
+}

@@ -1,0 +1,174 @@
+//! Command lines with placeholders.
+
+use std::{collections::BTreeMap, fmt};
+
+use serde::{
+    Deserialize, Deserializer,
+    de::{self, SeqAccess, Visitor},
+};
+
+/// What placeholders there are.
+const PLACEHOLDERS: &[&str] = &[
+    "program",
+    "folder",
+    "scene",
+    "scratch",
+    "output",
+    "width",
+    "height",
+    "x0",
+    "y0",
+    "x1",
+    "y1",
+    "b0",
+    "b1",
+    "w",
+    "h",
+    "samples",
+    "max_depth",
+    "light_samples",
+    "seed",
+    "first_sample",
+    "frame",
+    "threads",
+];
+
+/// What stands for the placeholders. One that is not in it has no value.
+pub type Values = BTreeMap<&'static str, String>;
+
+/// Text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are braces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Template(Vec<Part>);
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Part {
+    Text(String),
+    Value { name: &'static str, plus: i64 },
+}
+
+/// A placeholder that has no value here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Missing(pub &'static str);
+
+impl Template {
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut parts = vec![Part::Text(String::new())];
+        let mut rest = text;
+        while let Some(at) = rest.find(['{', '}']) {
+            push(&mut parts, &rest[..at]);
+            let brace = &rest[at..=at];
+            rest = &rest[at + 1..];
+            if rest.starts_with(brace) {
+                push(&mut parts, brace);
+                rest = &rest[1..];
+                continue;
+            }
+            let ("{", Some((inner, after))) = (brace, rest.split_once('}')) else {
+                return Err(format!(
+                    "a `{brace}` stands alone in `{text}`; write `{brace}{brace}` for the sign itself"
+                ));
+            };
+            parts.push(placeholder(inner)?);
+            rest = after;
+        }
+        push(&mut parts, rest);
+        Ok(Self(parts))
+    }
+
+    /// The text with the values in it.
+    ///
+    /// # Errors
+    /// A placeholder has no value.
+    pub fn fill(&self, values: &Values) -> Result<String, Missing> {
+        let mut text = String::new();
+        for part in &self.0 {
+            match part {
+                Part::Text(plain) => text += plain,
+                Part::Value { name, plus } => {
+                    let value = values.get(name).ok_or(Missing(name))?;
+                    match value.parse::<i64>() {
+                        Ok(number) if *plus != 0 => text += &number.saturating_add(*plus).to_string(),
+                        _ => text += value,
+                    }
+                }
+            }
+        }
+        Ok(text)
+    }
+
+    fn uses(&self, wanted: &str) -> bool {
+        self.0.iter().any(|part| matches!(part, Part::Value { name, .. } if *name == wanted))
+    }
+}
+
+fn push(parts: &mut Vec<Part>, text: &str) {
+    match parts.last_mut() {
+        Some(Part::Text(last)) => last.push_str(text),
+        _ => parts.push(Part::Text(text.to_owned())),
+    }
+}
+
+fn placeholder(inner: &str) -> Result<Part, String> {
+    let end = inner.find(['+', '-']).unwrap_or(inner.len());
+    let (name, plus) = inner.split_at(end);
+    let name = PLACEHOLDERS.iter().find(|known| **known == name);
+    let name =
+        name.ok_or_else(|| format!("there is no placeholder {{{inner}}}; there are {}", PLACEHOLDERS.join(", ")))?;
+    let plus = if plus.is_empty() { Ok(0) } else { plus.parse::<i32>() };
+    let plus = plus.map_err(|_| format!("{{{inner}}}: only a whole number may be added"))?;
+    Ok(Part::Value { name, plus: i64::from(plus) })
+}
+
+/// An argument, or a group of them of which all are left out where one has no value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Argument {
+    /// One.
+    One(Template),
+    /// All or none.
+    Group(Vec<Template>),
+}
+
+impl Argument {
+    /// Whether it has this placeholder.
+    pub(super) fn uses(&self, name: &str) -> bool {
+        match self {
+            Self::One(template) => template.uses(name),
+            Self::Group(templates) => templates.iter().any(|template| template.uses(name)),
+        }
+    }
+
+    /// The whole command line: what has no value is left out.
+    pub fn fill_all(arguments: &[Self], values: &Values) -> Vec<String> {
+        let filled = arguments.iter().filter_map(|argument| match argument {
+            Self::One(template) => template.fill(values).ok().map(|one| vec![one]),
+            Self::Group(group) => group.iter().map(|template| template.fill(values).ok()).collect(),
+        });
+        filled.flatten().collect()
+    }
+}
+
+impl<'de> Deserialize<'de> for Argument {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Argument;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a string, or an array of strings")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Argument, E> {
+                Template::parse(text).map(Argument::One).map_err(E::custom)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut all: A) -> Result<Argument, A::Error> {
+                let mut group = Vec::new();
+                while let Some(text) = all.next_element::<String>()? {
+                    group.push(Template::parse(&text).map_err(de::Error::custom)?);
+                }
+                Ok(Argument::Group(group))
+            }
+        }
+        from.deserialize_any(Either)
+    }
+}

@@ -1,0 +1,60 @@
+//! Which files a scene refers to, so that they can be carried to other machines.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use super::{
+    error::EngineFault,
+    locate::Located,
+    manifest::{Refers, SceneFiles},
+    session::{Files, ask_files},
+};
+
+/// Files that are scanned at most.
+const FILES_MAX: usize = 4096;
+/// The largest text that is scanned.
+const TEXT_MAX: u64 = 64 << 20;
+
+impl Located {
+    /// The files that a scene refers to, itself left out.
+    ///
+    /// # Errors
+    /// The worker cannot tell.
+    pub fn scene_files(self: &Arc<Self>, scene: &Path) -> Result<Files, EngineFault> {
+        match self.manifest().scene.refers {
+            Refers::Worker => ask_files(self, scene),
+            Refers::Scan => Ok(scan(&self.manifest().scene, scene)),
+            Refers::None => Ok(Files::default()),
+        }
+    }
+}
+
+/// Finds paths in the text of a scene, and in that of the files found.
+fn scan(keys: &SceneFiles, scene: &Path) -> Files {
+    let folder = scene.parent().unwrap_or(Path::new("."));
+    let (mut found, mut missing) = (BTreeSet::new(), BTreeSet::new());
+    let mut next = vec![scene.to_owned()];
+    while let Some(path) = next.pop() {
+        let is_small = fs::metadata(&path).is_ok_and(|file| file.len() <= TEXT_MAX);
+        let Ok(bytes) = (if is_small { fs::read(&path) } else { continue }) else { continue };
+        let text = String::from_utf8_lossy(&bytes);
+        for name in keys.scan.iter().flat_map(|pattern| pattern.find_all(&text)) {
+            let beside = path.parent().unwrap_or(folder);
+            let candidates = [beside.join(name), folder.join(name)];
+            let Some(file) = candidates.into_iter().find(|path: &PathBuf| path.is_file()) else {
+                missing.insert(name.to_owned());
+                continue;
+            };
+            let extension = file.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
+            let is_new = file != scene && found.len() < FILES_MAX && found.insert(file.clone());
+            if is_new && keys.scan_in.contains(&extension) {
+                next.push(file);
+            }
+        }
+    }
+    Files { files: found.into_iter().collect(), missing: missing.into_iter().collect() }
+}

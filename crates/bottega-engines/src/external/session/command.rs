@@ -1,0 +1,174 @@
+//! One process a window, told by its command line.
+
+use std::{
+    fs,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_image::Rect;
+use tempfile::TempDir;
+
+use super::{Opened, SceneRequest, WindowRequest, Written};
+use crate::external::{
+    child::{Guarded, Program, Word},
+    error::EngineFault,
+    locate::{Located, run, scratch},
+    log_tail,
+    manifest::{Argument, FirstRow, Invocation, Shows, Values, limit},
+};
+
+/// The size of a picture where neither scene nor user says.
+const DEFAULT_SIZE: (u32, u32) = (1280, 720);
+/// The largest side of a picture.
+const SIDE_MAX: u32 = 1 << 20;
+
+#[derive(Debug)]
+pub(super) struct CommandLine {
+    engine: Arc<Located>,
+    scratch: TempDir,
+    request: SceneRequest,
+    size: (u32, u32),
+    count: u64,
+}
+
+impl CommandLine {
+    /// Makes ready for a scene. Nothing is started but for the question how large it is.
+    pub(super) fn open(engine: &Arc<Located>, request: &SceneRequest) -> Result<(Self, Opened), EngineFault> {
+        let scratch = scratch()?;
+        engine.entry.unpack(scratch.path())?;
+        let mut line =
+            Self { engine: Arc::clone(engine), scratch, request: request.clone(), size: DEFAULT_SIZE, count: 0 };
+        line.size = match request.size {
+            Some(size) => size,
+            None => line.ask_size()?,
+        };
+        let opened = Opened { width: line.size.0, height: line.size.1, ..Opened::default() };
+        Ok((line, opened))
+    }
+
+    fn invocation(&self) -> Result<&Invocation, EngineFault> {
+        let command = self.engine.manifest().command.as_ref();
+        command.ok_or_else(|| EngineFault::Protocol { problem: "its manifest has no [command]".to_owned() })
+    }
+
+    fn ask_size(&self) -> Result<(u32, u32), EngineFault> {
+        let invocation = self.invocation()?;
+        if invocation.size.is_empty() {
+            return Ok(DEFAULT_SIZE);
+        }
+        let way = self.engine.way();
+        let line = Argument::fill_all(&invocation.size, &self.scene_values());
+        let time = limit(self.engine.manifest().limits.open_seconds).unwrap_or(Duration::MAX);
+        let (said, _) = run(&line, self.scratch.path(), &way.environment, &way.inherit, time)?;
+        let numbers = said.lines().rev().map(|line| line.split_whitespace().map(str::parse).collect::<Vec<_>>());
+        let size = numbers.into_iter().find_map(|numbers| match *numbers {
+            [Ok(width), Ok(height)] if (1..=SIDE_MAX).contains(&width) && (1..=SIDE_MAX).contains(&height) => {
+                Some((width, height))
+            }
+            _ => None,
+        });
+        size.ok_or(EngineFault::Refused { reason: said, fatal: false })
+    }
+
+    fn scene_values(&self) -> Values {
+        let folder = self.scratch.path().display().to_string();
+        let mut values: Values = [
+            ("program", self.engine.program.display().to_string()),
+            ("folder", folder.clone()),
+            ("scratch", folder),
+            ("scene", self.request.scene.display().to_string()),
+            ("width", self.size.0.to_string()),
+            ("height", self.size.1.to_string()),
+            ("threads", self.request.threads.to_string()),
+        ]
+        .into();
+        values.extend(self.request.frame.map(|frame| ("frame", frame.to_string())));
+        values
+    }
+
+    fn values(&self, request: &WindowRequest, output: &std::path::Path) -> Values {
+        let Rect { x0, y0, x1, y1 } = request.window;
+        let height = self.size.1;
+        let numbers = [
+            ("x0", x0),
+            ("y0", y0),
+            ("x1", x1),
+            ("y1", y1),
+            ("b0", height.saturating_sub(y1)),
+            ("b1", height.saturating_sub(y0)),
+            ("w", request.window.width()),
+            ("h", request.window.height()),
+            ("samples", request.samples),
+            ("seed", request.seed),
+            ("first_sample", request.first_sample),
+        ];
+        let mut values = self.scene_values();
+        values.insert("output", output.display().to_string());
+        values.extend(numbers.map(|(name, number)| (name, number.to_string())));
+        values.extend(request.max_depth.map(|depth| ("max_depth", depth.to_string())));
+        values.extend(request.light_samples.map(|samples| ("light_samples", samples.to_string())));
+        values
+    }
+
+    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
+        let engine = Arc::clone(&self.engine);
+        let (manifest, way) = (engine.manifest(), engine.way());
+        let invocation = self.invocation()?.clone();
+        // A folder for each: what one left behind is not taken for the work of the next.
+        self.count += 1;
+        let folder = self.scratch.path().join(self.count.to_string());
+        fs::create_dir(&folder).map_err(EngineFault::Scratch)?;
+        let output = folder.join(&invocation.output);
+        let mut values = self.values(request, &output);
+        values.insert("scratch", folder.display().to_string());
+        let line = Argument::fill_all(&invocation.run, &values);
+        let program = Program {
+            line: &line,
+            scratch: &folder,
+            environment: &way.environment,
+            inherit: &way.inherit,
+            limits: manifest.limits,
+        };
+        let mut child = Guarded::spawn(&program)?;
+        child.close_stdin();
+        let begun = Instant::now();
+        let mut heard = (begun, 0);
+        let ended_well = loop {
+            match child.listen()? {
+                Word::End if let Some(ended_well) = child.outcome() => break ended_well,
+                Word::End => std::thread::sleep(Duration::from_millis(5)),
+                Word::Line(_) | Word::Silence => {}
+            }
+            let written = child.log().written();
+            if written != heard.1 {
+                heard = (Instant::now(), written);
+                let share = manifest.progress.as_ref().and_then(|text| text.pattern.share(&child.log().text()));
+                share.into_iter().for_each(&mut *told);
+            }
+            if request.cancel.is_cancelled() {
+                return Err(EngineFault::Cancelled);
+            }
+            let late = limit(manifest.limits.zone_seconds).filter(|time| begun.elapsed() > *time);
+            let silent = limit(manifest.limits.silence_seconds).filter(|time| heard.0.elapsed() > *time);
+            if let Some(time) = late.or(silent) {
+                let what = if late.is_some() { "a picture" } else { "a word" };
+                let log = log_tail(&engine, child.log());
+                return Err(EngineFault::TimeOut { seconds: time.as_secs_f64(), what, log });
+            }
+        };
+        if !ended_well {
+            let status = child.ended().unwrap_or_default();
+            return Err(EngineFault::Ended { status, log: log_tail(&engine, child.log()) });
+        }
+        if !fs::symlink_metadata(&output).is_ok_and(|found| found.is_file()) {
+            return Err(EngineFault::NoPicture { log: log_tail(&engine, child.log()) });
+        }
+        let shows = match manifest.pixels.window {
+            Shows::Frame => Rect::of_size(self.size.0, self.size.1),
+            Shows::Window => request.window,
+        };
+        let is_upside_down = manifest.pixels.first_row == FirstRow::Bottom;
+        Ok(Written { file: output, shows, is_upside_down })
+    }
+}

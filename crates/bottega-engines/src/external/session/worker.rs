@@ -1,0 +1,258 @@
+//! A process that keeps a scene and paints window after window.
+
+use std::{
+    fs,
+    io::Write,
+    path::Path,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_image::Rect;
+use tempfile::TempDir;
+
+use super::{Files, Opened, SceneRequest, WindowRequest, Written};
+use crate::{
+    CancelSwitch,
+    external::{
+        child::{Guarded, Program, Word},
+        error::EngineFault,
+        locate::{Located, scratch},
+        log_tail,
+        manifest::{Argument, Limits, Values, limit},
+        protocol::{Answer, Failed, PaintedFile, Ready, Request, VERSION},
+    },
+};
+
+/// Lines that are no answers are the log's; of those that look like one and are none so many are borne.
+const WRONG_LINES_MAX: u32 = 100;
+
+#[derive(Debug)]
+pub(super) struct Worker {
+    engine: Arc<Located>,
+    // Before the folder: the process ends first.
+    child: Guarded,
+    scratch: TempDir,
+    next_id: u64,
+    frame: Option<u32>,
+    wrong_lines: u32,
+}
+
+/// For how long an answer is waited for.
+struct Patience<'a> {
+    whole: Option<Duration>,
+    silence: Option<Duration>,
+    what: &'static str,
+    cancel: Option<&'a CancelSwitch>,
+    /// Whoever cancels waits so long for the end: less than a new start takes.
+    grace: Duration,
+}
+
+impl Worker {
+    pub(super) fn start(engine: &Arc<Located>) -> Result<Self, EngineFault> {
+        let scratch = scratch()?;
+        engine.entry.unpack(scratch.path())?;
+        let manifest = engine.manifest();
+        let values: Values = [
+            ("program", engine.program.display().to_string()),
+            ("folder", scratch.path().display().to_string()),
+            ("scratch", scratch.path().display().to_string()),
+        ]
+        .into();
+        let way = engine.way();
+        let line = Argument::fill_all(&way.command, &values);
+        let program = Program {
+            line: &line,
+            scratch: scratch.path(),
+            environment: &way.environment,
+            inherit: &way.inherit,
+            limits: manifest.limits,
+        };
+        let child = Guarded::spawn(&program)?;
+        let mut worker = Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, wrong_lines: 0 };
+        let Limits { start_seconds, .. } = manifest.limits;
+        let ready = worker.wait(&Patience::plain(start_seconds, "being ready"), &mut |_| {})?;
+        match ready {
+            Answer::Ready(Ready { protocol: VERSION, version }) => {
+                tracing::debug!(engine = manifest.name, version, "a worker is ready");
+                Ok(worker)
+            }
+            Answer::Ready(Ready { protocol, .. }) => {
+                Err(protocol_error(format!("it speaks version {protocol} of it, and {VERSION} is needed")))
+            }
+            Answer::Failed(failed) => Err(failed.into()),
+            other => Err(out_of_turn(&other)),
+        }
+    }
+
+    pub(super) fn open(&mut self, request: &SceneRequest) -> Result<Opened, EngineFault> {
+        let scratch = self.scratch.path().to_owned();
+        self.frame = request.frame;
+        self.say(&Request::Open {
+            scene: &request.scene,
+            width: request.size.map(|(width, _)| width),
+            height: request.size.map(|(_, height)| height),
+            frame: request.frame,
+            threads: request.threads,
+            trust: request.trust,
+            scratch: &scratch,
+            parameters: &request.parameters,
+        })?;
+        let seconds = self.engine.manifest().limits.open_seconds;
+        match self.wait(&Patience::plain(seconds, "opening the scene"), &mut |_| {})? {
+            Answer::Opened(opened) if opened.width == 0 || opened.height == 0 => {
+                Err(protocol_error(format!("the scene has {}x{} pixels", opened.width, opened.height)))
+            }
+            Answer::Opened(opened) => Ok(opened),
+            Answer::Failed(failed) => Err(failed.into()),
+            other => Err(out_of_turn(&other)),
+        }
+    }
+
+    pub(super) fn files(&mut self, scene: &Path) -> Result<Files, EngineFault> {
+        self.say(&Request::Files { scene })?;
+        let seconds = self.engine.manifest().limits.open_seconds;
+        match self.wait(&Patience::plain(seconds, "its list of files"), &mut |_| {})? {
+            Answer::Files(files) => Ok(files),
+            Answer::Failed(failed) => Err(failed.into()),
+            other => Err(out_of_turn(&other)),
+        }
+    }
+
+    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
+        let id = self.next_id;
+        self.next_id += 1;
+        let Rect { x0, y0, x1, y1 } = request.window;
+        self.say(&Request::Paint {
+            id,
+            window: [x0, y0, x1, y1],
+            samples: request.samples,
+            first_sample: request.first_sample,
+            seed: request.seed,
+            max_depth: request.max_depth,
+            light_samples: request.light_samples,
+            frame: self.frame,
+        })?;
+        let manifest = self.engine.manifest();
+        let patience = Patience {
+            whole: limit(manifest.limits.zone_seconds),
+            silence: limit(manifest.limits.silence_seconds),
+            what: "a picture",
+            cancel: Some(&request.cancel),
+            grace: Duration::try_from_secs_f64(manifest.cost.start_seconds).unwrap_or_default(),
+        };
+        let answer = self.wait(&patience, &mut |progress| {
+            if let (true, share) = (progress.0 == id, progress.1) {
+                told(share);
+            }
+        })?;
+        let (file, window) = match answer {
+            Answer::Painted(PaintedFile { id: of, file, window }) if of == id => (file, window),
+            Answer::Failed(failed) => return Err(failed.into()),
+            other => return Err(out_of_turn(&other)),
+        };
+        let [x0, y0, x1, y1] = window;
+        let shows = Rect { x0, y0, x1, y1 };
+        if x0 >= x1 || y0 >= y1 || !shows.encloses(&request.window) {
+            return Err(protocol_error(format!("it painted {shows} where {} was asked for", request.window)));
+        }
+        self.check_place(&file)?;
+        Ok(Written { file, shows, is_upside_down: false })
+    }
+
+    /// What a worker names is read only where it was told to write.
+    fn check_place(&self, file: &Path) -> Result<(), EngineFault> {
+        let no_picture = || EngineFault::NoPicture { log: log_tail(&self.engine, self.child.log()) };
+        let is_plain = fs::symlink_metadata(file).map_err(|_| no_picture())?.is_file();
+        let folder = file.parent().and_then(|folder| folder.canonicalize().ok());
+        let ours = self.scratch.path().canonicalize().ok();
+        if !is_plain || folder.is_none() || !folder.zip(ours).is_some_and(|(folder, ours)| folder.starts_with(ours)) {
+            return Err(protocol_error(format!("it wrote `{}`, which is not in its folder", file.display())));
+        }
+        Ok(())
+    }
+
+    fn say(&mut self, request: &Request<'_>) -> Result<(), EngineFault> {
+        let mut line = serde_json::to_vec(request).map_err(|error| protocol_error(error.to_string()))?;
+        line.push(b'\n');
+        let written = self.child.stdin().map(|stdin| stdin.write_all(&line).and_then(|()| stdin.flush()));
+        match written {
+            Some(Ok(())) => Ok(()),
+            _ => Err(self.ended()),
+        }
+    }
+
+    fn wait(&mut self, patience: &Patience<'_>, told: &mut dyn FnMut((u64, f64))) -> Result<Answer, EngineFault> {
+        let begun = Instant::now();
+        let mut heard = (begun, self.child.log().written());
+        let mut cancelled = None;
+        loop {
+            match self.child.listen()? {
+                Word::Line(line) => {
+                    heard.0 = Instant::now();
+                    match serde_json::from_str(&line) {
+                        Ok(Answer::Progress(progress)) => told((progress.id, progress.share)),
+                        Ok(answer) => return Ok(answer),
+                        Err(error) if line.starts_with('{') => self.wrong_line(&line, &error)?,
+                        Err(_) => {}
+                    }
+                }
+                Word::End => return Err(self.ended()),
+                Word::Silence => {}
+            }
+            let written = self.child.log().written();
+            if written != heard.1 {
+                heard = (Instant::now(), written);
+            }
+            if patience.cancel.is_some_and(CancelSwitch::is_cancelled) {
+                let since = *cancelled.get_or_insert_with(Instant::now);
+                if since.elapsed() > patience.grace {
+                    return Err(EngineFault::Cancelled);
+                }
+            }
+            let late = patience.whole.filter(|whole| begun.elapsed() > *whole);
+            let silent = patience.silence.filter(|silence| heard.0.elapsed() > *silence);
+            if let Some(time) = late.or(silent) {
+                let what = if late.is_some() { patience.what } else { "a word" };
+                let log = log_tail(&self.engine, self.child.log());
+                return Err(EngineFault::TimeOut { seconds: time.as_secs_f64(), what, log });
+            }
+        }
+    }
+
+    fn wrong_line(&mut self, line: &str, error: &serde_json::Error) -> Result<(), EngineFault> {
+        self.wrong_lines += 1;
+        if self.wrong_lines <= WRONG_LINES_MAX && !line.contains("\"painted\"") {
+            return Ok(());
+        }
+        let start: String = line.chars().take(200).collect();
+        Err(protocol_error(format!("{error} in {start}")))
+    }
+
+    fn ended(&mut self) -> EngineFault {
+        let status = self.child.ended().unwrap_or_else(|| "it closed its output".to_owned());
+        EngineFault::Ended { status, log: log_tail(&self.engine, self.child.log()) }
+    }
+}
+
+impl Patience<'_> {
+    fn plain(seconds: f64, what: &'static str) -> Self {
+        Self { whole: limit(seconds), silence: None, what, cancel: None, grace: Duration::ZERO }
+    }
+}
+
+impl From<Failed> for EngineFault {
+    fn from(Failed { reason, fatal }: Failed) -> Self {
+        Self::Refused { reason, fatal }
+    }
+}
+
+fn protocol_error(problem: String) -> EngineFault {
+    EngineFault::Protocol { problem }
+}
+
+fn out_of_turn(answer: &Answer) -> EngineFault {
+    let mut text = format!("{answer:?}");
+    text.truncate(text.char_indices().nth(200).map_or(text.len(), |(at, _)| at));
+    protocol_error(format!("it says out of turn: {text}"))
+}

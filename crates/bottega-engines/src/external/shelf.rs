@@ -1,0 +1,130 @@
+//! All manifests that there are: those that come with the program, and the user's own.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use super::{
+    error::EngineFault,
+    manifest::{Manifest, ManifestError},
+    shipped,
+};
+
+/// A manifest and the files beside it.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// What it says.
+    pub manifest: Arc<Manifest>,
+    /// Where it lies; `None`: in this program.
+    pub folder: Option<PathBuf>,
+    /// Its text.
+    pub text: Arc<str>,
+}
+
+/// The manifests by name; a later folder's take the place of those before.
+#[derive(Clone, Debug, Default)]
+pub struct Shelf {
+    entries: BTreeMap<String, Entry>,
+    /// Manifests that could not be read. They are nobody's business until their engine is asked for.
+    pub broken: Vec<ManifestError>,
+}
+
+impl Shelf {
+    /// Those of the program, and of these folders as far as they are there.
+    pub fn open(folders: &[PathBuf]) -> Self {
+        let mut shelf = Self::default();
+        for (name, text) in shipped::MANIFESTS {
+            shelf.add(Path::new(name), text, None);
+        }
+        for folder in folders {
+            let mut files: Vec<PathBuf> =
+                fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+            files.retain(|path| path.extension().is_some_and(|it| it == "toml"));
+            files.sort();
+            for path in files {
+                match fs::read_to_string(&path) {
+                    Ok(text) => shelf.add(&path, &text, Some(folder.clone())),
+                    Err(error) => shelf.broken.push(ManifestError {
+                        problem: format!("cannot be read: {error}"),
+                        path,
+                        line: 1,
+                        column: 1,
+                        span: 0..0,
+                        text: String::new(),
+                    }),
+                }
+            }
+        }
+        shelf
+    }
+
+    fn add(&mut self, path: &Path, text: &str, folder: Option<PathBuf>) {
+        match Manifest::parse(path, text) {
+            Ok(manifest) => {
+                let entry = Entry { manifest: Arc::new(manifest), folder, text: text.into() };
+                self.entries.insert(entry.manifest.name.clone(), entry);
+            }
+            Err(error) => self.broken.push(error),
+        }
+    }
+
+    /// The manifest of this name.
+    pub fn get(&self, name: &str) -> Option<&Entry> {
+        self.entries.get(name)
+    }
+
+    /// All of them, by name.
+    pub fn iter(&self) -> impl Iterator<Item = &Entry> {
+        self.entries.values()
+    }
+
+    /// The broken manifest whose file has this name.
+    pub fn broken(&self, name: &str) -> Option<&ManifestError> {
+        self.broken.iter().find(|error| error.path.file_stem().is_some_and(|stem| stem == name))
+    }
+}
+
+impl Entry {
+    /// The manifest of a file that lies in no folder of manifests.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the text.
+    pub fn from_file(path: &Path, text: &str) -> Result<Self, ManifestError> {
+        let manifest = Arc::new(Manifest::parse(path, text)?);
+        let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
+        Ok(Self { manifest, folder: Some(folder), text: text.into() })
+    }
+
+    /// Puts the files of the manifest into `folder`, which is private to this process.
+    pub(super) fn unpack(&self, folder: &Path) -> Result<(), EngineFault> {
+        for name in &self.manifest.files {
+            let to = folder.join(name);
+            let failed = |source| EngineFault::Files { path: to.clone(), source };
+            match &self.folder {
+                Some(from) => fs::copy(from.join(name), &to).map(drop).map_err(failed)?,
+                None => {
+                    let missing = || std::io::Error::from(std::io::ErrorKind::NotFound);
+                    let text = shipped::file(name).ok_or_else(missing).map_err(failed)?;
+                    fs::write(&to, text).map_err(failed)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What makes pictures of it what they are: the manifest and the scripts.
+    pub fn identity(&self) -> Vec<u8> {
+        let mut bytes = self.text.as_bytes().to_vec();
+        for name in &self.manifest.files {
+            bytes.push(0);
+            match &self.folder {
+                Some(from) => bytes.extend(fs::read(from.join(name)).unwrap_or_default()),
+                None => bytes.extend(shipped::file(name).unwrap_or_default().as_bytes()),
+            }
+        }
+        bytes
+    }
+}

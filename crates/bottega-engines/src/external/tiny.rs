@@ -1,0 +1,180 @@
+//! The look at a scene that only its engine can read: a tiny picture by the engine itself, and what its places cost.
+
+use std::time::{Duration, Instant};
+
+use bottega_image::{Picture, Rect, luminance};
+
+use super::{
+    error::EngineFault,
+    picture,
+    session::{Session, WindowRequest},
+};
+use crate::{Survey, SurveyPixel};
+
+/// Samples of a pixel.
+pub(super) const SAMPLES: u32 = 4;
+/// Rows and columns of windows whose time is taken.
+const PROBES: u32 = 4;
+/// No more time than this goes into them, if the whole tiny picture took less.
+const PROBE_TIME: Duration = Duration::from_millis(1500);
+/// Side of the window whose time is taken, as a part of the frame's shorter side on each side of its middle.
+const PART: u32 = 12;
+/// A window that takes so many seconds tells enough.
+const PACE_TIME: f64 = 0.5;
+/// No more samples are taken for it.
+const SAMPLES_PACED: u32 = 1024;
+/// Windows may cost this share of the time beside their samples.
+const WINDOWS_SHARE: f64 = 0.04;
+/// Each zone is painted twice: a little for its profile, and then.
+const WINDOWS_OF_ZONE: f64 = 2.0;
+/// Times tell places apart when at least this share of them is not what every window costs.
+const TELLING_SHARE: f64 = 0.3;
+
+/// A survey of the frame that the session has open: `whole` is all of it.
+pub(super) fn survey(session: &mut Session, whole: &WindowRequest) -> Result<Survey, EngineFault> {
+    let begun = Instant::now();
+    let frame = whole.window;
+    let picture = paint(session, whole, frame)?;
+    let took = begun.elapsed();
+    let costs = probe(session, whole, took)?;
+    let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
+    survey.pixels = frame
+        .pixels()
+        .map(|(x, y)| {
+            let color = picture.pixel(x, y);
+            SurveyPixel {
+                color,
+                // The only thing known of a place's cost. Everything else counts the same everywhere.
+                steps: cost_at(&costs, frame, x, y),
+                noise: contrast(&picture, x, y),
+                path_length: 1.0,
+                ..SurveyPixel::default()
+            }
+        })
+        .collect();
+    Ok(survey)
+}
+
+fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<Picture, EngineFault> {
+    let request = WindowRequest { window, ..whole.clone() };
+    let written = session.paint(&request, &mut |_| {})?;
+    Ok(picture::read(&written, window)?.picture)
+}
+
+/// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
+fn probe(session: &mut Session, whole: &WindowRequest, took: Duration) -> Result<Vec<f64>, EngineFault> {
+    let same = vec![1.0; (PROBES * PROBES) as usize];
+    let frame = whole.window;
+    if frame.width() < 2 * PROBES || frame.height() < 2 * PROBES {
+        return Ok(same);
+    }
+    let until = Instant::now() + took.max(PROBE_TIME);
+    let mut timed = |window: Rect| {
+        let begun = Instant::now();
+        paint(session, whole, window).map(|_| begun.elapsed().as_secs_f64())
+    };
+    // The first small window may be the one for which something is compiled.
+    timed(Rect::of_size(1, 1))?;
+    let idle = timed(Rect::of_size(1, 1))?;
+    let mut times = Vec::new();
+    for row in 0..PROBES {
+        for column in 0..PROBES {
+            if Instant::now() > until {
+                return Ok(same);
+            }
+            let window = cell(frame, column, row);
+            let beyond = (timed(window)? - idle).max(0.0);
+            times.push((beyond, beyond / window.area() as f64));
+        }
+    }
+    let beyond: f64 = times.iter().map(|(beyond, _)| beyond).sum();
+    let all = beyond + idle * times.len() as f64;
+    Ok(if beyond < TELLING_SHARE * all { same } else { times.into_iter().map(|(_, each)| each).collect() })
+}
+
+/// What windows cost, and their samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pace {
+    /// A window beside its samples, in seconds.
+    pub(super) window: f64,
+    /// A sample of a pixel, in seconds.
+    pub(super) sample: f64,
+}
+
+impl Pace {
+    /// Takes the time of windows of the frame that the session has open.
+    pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
+        let frame = whole.window;
+        let dot = Rect::new(frame.x1 / 2, frame.y1 / 2, frame.x1 / 2 + 1, frame.y1 / 2 + 1);
+        let mut timed = |window: Rect, samples: u32| {
+            let begun = Instant::now();
+            let request = WindowRequest { window, samples, ..whole.clone() };
+            let written = session.paint(&request, &mut |_| {})?;
+            picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
+        };
+        // The first one may be the one for which something is compiled.
+        timed(dot, whole.samples)?;
+        let window = timed(dot, whole.samples)?;
+        let part = dot.grown(frame.width().min(frame.height()) / PART, &frame);
+        let mut samples = whole.samples;
+        loop {
+            let took = timed(part, samples)?;
+            let beyond = (took - window).max(1e-4);
+            if beyond > window || took > PACE_TIME || samples >= SAMPLES_PACED {
+                let sample = beyond / (part.area() as f64 * f64::from(samples));
+                return Ok(Self { window, sample });
+            }
+            samples = samples.saturating_mul(4);
+        }
+    }
+
+    /// How many zones a picture of so many samples is worth: what windows cost beside their samples is little then.
+    pub(super) fn zones_max(self, samples: u64) -> u32 {
+        let all = self.sample * samples as f64;
+        (all * WINDOWS_SHARE / (WINDOWS_OF_ZONE * self.window).max(1e-6)).clamp(1.0, f64::from(1 << 20)) as u32
+    }
+}
+
+fn cell(frame: Rect, column: u32, row: u32) -> Rect {
+    let edge = |side: u32, i: u32| side * i / PROBES;
+    let (width, height) = (frame.width(), frame.height());
+    Rect::new(edge(width, column), edge(height, row), edge(width, column + 1), edge(height, row + 1))
+}
+
+fn cost_at(costs: &[f64], frame: Rect, x: u32, y: u32) -> f32 {
+    let index = |at: u32, side: u32| (0..PROBES).rev().find(|i| side * i / PROBES <= at).unwrap_or(0);
+    let place = index(y, frame.height()) * PROBES + index(x, frame.width());
+    let mean = costs.iter().sum::<f64>() / costs.len() as f64;
+    if mean > 0.0 { (costs[place as usize] / mean) as f32 } else { 1.0 }
+}
+
+/// How far a pixel stands out of those around it.
+fn contrast(picture: &Picture, x: u32, y: u32) -> f32 {
+    let own = luminance(picture.pixel(x, y));
+    let around = Rect::new(x, y, x + 1, y + 1).grown(1, &Rect::of_size(picture.width, picture.height));
+    let difference = |(x, y)| (luminance(picture.pixel(x, y)) - own).abs();
+    around.pixels().map(difference).sum::<f32>() / around.area() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dear_windows_make_few_zones() {
+        let pace = Pace { window: 0.1, sample: 1e-6 };
+        // 62.5 s of samples bear 2.5 s of windows, two a zone.
+        assert_eq!(pace.zones_max(62_500_000), 12);
+        assert_eq!(pace.zones_max(1), 1);
+        assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX), 1 << 20);
+    }
+
+    #[test]
+    fn costs_are_where_they_were_measured() {
+        let frame = Rect::of_size(16, 8);
+        let costs: Vec<f64> = (0..16).map(f64::from).collect();
+        assert_eq!(cost_at(&costs, frame, 0, 0), 0.0);
+        assert_eq!(cost_at(&costs, frame, 15, 7), 2.0);
+        assert_eq!(cost_at(&costs, frame, 4, 2), 5.0 / 7.5);
+    }
+}

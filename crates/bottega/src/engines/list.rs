@@ -1,0 +1,114 @@
+//! `bottega engines list` and `check`.
+
+use std::{fs, path::Path, process::ExitCode};
+
+use bottega_engines::external::{
+    Entry, Located, Probe, install_hint, is_shut_in,
+    manifest::{Determinism, Kind, Manifest},
+};
+use serde_json::json;
+
+use super::{
+    args::{CheckArgs, ListArgs},
+    entry, shelf,
+};
+use crate::error::CliError;
+
+pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
+    let shelf = shelf(&args.folders);
+    if !args.json {
+        println!("builtin   {}   glb gltf xml pbrt obj ply   part of this program", env!("CARGO_PKG_VERSION"));
+    }
+    for entry in shelf.iter() {
+        let manifest = &entry.manifest;
+        let found = Located::find(entry);
+        if args.json {
+            let (version, problem) = match &found {
+                Ok(found) => (Some(found.version.to_string()), None),
+                Err(fault) => (None, Some(fault.told())),
+            };
+            let program = found.as_ref().ok().map(|found| found.program.display().to_string());
+            println!(
+                "{}",
+                json!({
+                    "name": manifest.name,
+                    "title": manifest.title,
+                    "version": version,
+                    "program": program,
+                    "problem": problem,
+                    "extensions": manifest.scene.extensions,
+                    "determinism": determinism(manifest),
+                    "folder": entry.folder,
+                })
+            );
+            continue;
+        }
+        let extensions = manifest.scene.extensions.join(" ");
+        match found {
+            Ok(found) => {
+                println!("{:<9} {}   {extensions}   {}", manifest.name, found.version, found.program.display());
+            }
+            Err(_) => println!("{:<9} not here   {extensions}   {}", manifest.name, install_hint(manifest)),
+        }
+    }
+    for broken in &shelf.broken {
+        eprintln!("{:?}", miette::Report::new(CliError::manifest(broken.clone())));
+    }
+    if !args.json && !is_shut_in() {
+        println!("\nEngines have the network of this machine: the system allows no namespaces.");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn determinism(manifest: &Manifest) -> &'static str {
+    match manifest.determinism {
+        Determinism::Frame => "frame",
+        Determinism::Window => "window",
+        Determinism::Statistics => "statistics",
+    }
+}
+
+pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+    let path = Path::new(&args.name);
+    let entry = if path.extension().is_some_and(|extension| extension == "toml") {
+        let text = fs::read_to_string(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+        Entry::from_file(path, &text).map_err(CliError::manifest)?
+    } else {
+        entry(&args.folders, &args.name)?
+    };
+    let manifest = &entry.manifest;
+    println!("manifest  {}: sound, format {}", manifest.title, manifest.manifest);
+    println!("scenes    {}", manifest.scene.extensions.join(" "));
+    println!("tunables  {}", tunables(manifest));
+    let windows = match manifest.determinism {
+        Determinism::Frame => "have the bits of the whole frame",
+        Determinism::Window => "are the same for the same seed, and agree with the whole frame in their statistics",
+        Determinism::Statistics => "agree with the whole frame in their statistics",
+    };
+    println!("windows   {windows}");
+    let failed = |source| CliError::External { engine: manifest.name.clone(), source };
+    let located = Located::find(&entry).map_err(failed)?;
+    println!("found     {}, version {}", located.program.display(), located.version);
+    if manifest.kind == Kind::Worker {
+        let Probe { seconds } = Probe::start(&located.into()).map_err(failed)?;
+        println!("worker    ready after {seconds:.2} s");
+    }
+    let shut_in = if is_shut_in() { "no network, its own processes" } else { "a process group of its own" };
+    println!("shut in   {shut_in}");
+    Ok(ExitCode::SUCCESS)
+}
+
+fn tunables(manifest: &Manifest) -> String {
+    let tunables = &manifest.tunables;
+    let all = [
+        ("samples", tunables.samples),
+        ("maximum depth", tunables.max_depth),
+        ("light samples", tunables.light_samples),
+        ("time", tunables.time),
+    ];
+    let told = all.map(|(name, range)| match range {
+        Some(range) => format!("{name} {}..{}", range.least, range.most),
+        None => format!("no {name}"),
+    });
+    told.join(", ")
+}

@@ -1,0 +1,78 @@
+//! What a farm must be sent so that its machines can paint a scene with an engine.
+
+use std::{
+    collections::BTreeSet,
+    path::{Component, Path, PathBuf},
+};
+
+use bottega_engines::external::Files;
+use bottega_scene::SceneFile;
+
+use super::{attempt::absolute, located};
+use crate::{cli::RenderArgs, error::CliError, scene::Subject};
+
+/// The files of a scene, and which engine paints it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Material {
+    /// Files that the scene refers to.
+    pub(crate) files: Vec<SceneFile>,
+    /// The engine of other people that all machines must have; `None`: our own.
+    pub(crate) engine: Option<String>,
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Material {
+    /// Of a scene that our own engine has read.
+    pub(crate) fn of(subject: &Subject) -> Self {
+        let warnings = subject.warnings.iter().map(ToString::to_string).collect();
+        Self { files: subject.files.clone(), engine: None, warnings }
+    }
+
+    /// Reads the scene, or has its engine tell what it refers to.
+    pub(crate) fn gather(args: &RenderArgs) -> Result<Self, CliError> {
+        if args.engines.is_builtin() {
+            return Ok(Self::of(&Subject::load(&args.scene)?));
+        }
+        let (name, _) = args.engines.other()?;
+        let engine = located(&args.engines.folders, name)?;
+        let scene = absolute(&args.scene.file.scene)?;
+        let found = engine.scene_files(&scene);
+        let Files { files, missing } =
+            found.map_err(|source| CliError::External { engine: name.to_owned(), source })?;
+        let folder = scene.parent().unwrap_or(Path::new("/"));
+        let own = scene.file_name().map(PathBuf::from);
+        let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();
+        let files = files.into_iter().filter(|file| *file != scene);
+        let files = files.map(|path| SceneFile { name: relative(folder, &path), path, hash: [0; 32] });
+        let warnings = missing.iter().map(|file| {
+            format!(
+                "`{file}`, to which {} refers, is not there",
+                own.as_deref().unwrap_or(Path::new("the scene")).display()
+            )
+        });
+        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings: warnings.collect() })
+    }
+}
+
+/// How a file is referred to from a folder. Both are absolute and without detours.
+fn relative(folder: &Path, file: &Path) -> String {
+    let (from, to): (Vec<_>, Vec<_>) = (folder.components().collect(), file.components().collect());
+    let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+    let up = from[shared..].iter().map(|_| Component::ParentDir);
+    let path: PathBuf = up.chain(to[shared..].iter().copied()).collect();
+    path.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_referred_to_from_the_folder_of_the_scene() {
+        let name = |file: &str| relative(Path::new("/a/b"), Path::new(file));
+        assert_eq!(name("/a/b/c.ply"), "c.ply");
+        assert_eq!(name("/a/b/m/c.ply"), "m/c.ply");
+        assert_eq!(name("/a/c.ply"), "../c.ply");
+        assert_eq!(name("/x/c.ply"), "../../x/c.ply");
+    }
+}

@@ -1,0 +1,302 @@
+//! A picture made ready: what is to be painted, and the engine that paints it.
+
+use std::{
+    fmt::Write,
+    path::PathBuf,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use bottega_engines::{
+    BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
+    external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor},
+};
+use bottega_farm::{Expert, JobReport, JobSettings};
+use bottega_image::{AovSet, Layout, Metadata, Rect};
+
+use super::{
+    attempt::{absolute, parameters},
+    located,
+};
+use crate::{
+    cli::{DEPTH_MAX, IntegratorArg, RenderArgs, SAMPLES_MAX},
+    error::CliError,
+    render,
+    scene::{Subject, agents, shown, threads},
+};
+
+/// Bounces where neither scene nor user says a number and rules need one.
+const DEFAULT_DEPTH: u32 = 16;
+/// Samples where nobody says.
+const DEFAULT_SAMPLES: u32 = 64;
+
+/// An engine of other people with the picture that it is to paint.
+pub(crate) struct Painter {
+    pub(crate) located: Arc<Located>,
+    pub(crate) engine: Arc<ExternalEngine>,
+    /// Where our own engine paints, too.
+    pub(crate) mix: Option<Mix>,
+    pub(crate) settings: JobSettings,
+    scene: PathBuf,
+    request: SceneRequest,
+    /// Whether the engine is told a depth.
+    has_depth: bool,
+}
+
+/// Our own engine beside the other one.
+pub(crate) struct Mix {
+    pub(crate) own: Arc<BuiltinEngine>,
+    pub(crate) mixed: Arc<MixedEngine>,
+}
+
+impl Painter {
+    /// Finds the engine, opens the scene with it, and makes it ready.
+    pub(crate) fn open(args: &RenderArgs, experts: Vec<Expert>) -> Result<Self, CliError> {
+        check(args)?;
+        let (name, is_mixed) = args.engines.other()?;
+        let located = located(&args.engines.folders, name)?;
+        let manifest = located.manifest();
+        let scene = &args.scene.file.scene;
+        if !manifest.takes(scene) {
+            return Err(CliError::usage(
+                format!("{} does not read `{}`", manifest.title, scene.display()),
+                format!("it reads {}", manifest.scene.extensions.join(", ")),
+            ));
+        }
+        let failed = |source| CliError::External { engine: name.to_owned(), source };
+        let mut request = request(args, &located)?;
+        if is_mixed {
+            // Half of the processors for each.
+            request.threads = (request.threads / 2).max(1);
+        }
+        let session = Session::open(&located, &request).map_err(failed)?;
+        let opened = session.opened().clone();
+        request.size = Some((opened.width, opened.height));
+        let own = is_mixed.then(|| own(args, &opened, experts.clone())).transpose()?;
+        let settings = match &own {
+            Some((_, settings)) => settings.clone(),
+            None => settings(args, &located, &opened, experts)?,
+        };
+        let depth = args.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
+        let options = ExternalOptions {
+            request: request.clone(),
+            seed: args.seed,
+            samples: settings.crop.area() * u64::from(settings.samples),
+            layout: settings.layout,
+            scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
+            scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
+            surveyor: surveyor(args, &located, &opened),
+        };
+        let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
+        let mix = own.map(|(own, _)| {
+            let both: Vec<Arc<dyn RenderEngine>> = vec![Arc::clone(&own) as _, Arc::clone(&engine) as _];
+            Mix { own, mixed: Arc::new(MixedEngine::new(both)) }
+        });
+        let agents = agents_of(args, &engine).max(if is_mixed { 2 } else { 1 });
+        let settings = JobSettings { agents, ..settings };
+        Ok(Self { located, engine, mix, settings, scene: scene.clone(), request, has_depth: depth.is_some() })
+    }
+
+    /// Who paints.
+    pub(crate) fn paints(&self) -> Arc<dyn RenderEngine> {
+        match &self.mix {
+            Some(mix) => Arc::clone(&mix.mixed) as _,
+            None => Arc::clone(&self.engine) as _,
+        }
+    }
+
+    /// Counts the samples taken so far, all pixels together.
+    pub(crate) fn counter(&self) -> impl Fn() -> u64 + Send + 'static {
+        let (other, own) = (Arc::clone(&self.engine), self.mix.as_ref().map(|mix| Arc::clone(&mix.own)));
+        move || other.samples_done() + own.as_ref().map_or(0, |own| own.samples_done())
+    }
+
+    /// What makes the picture what it is, as for our own engine.
+    pub(crate) fn name(&self, args: &RenderArgs) -> Result<String, CliError> {
+        let settings = &self.settings;
+        let bytes = std::fs::read(&self.scene).map_err(|source| CliError::Read { path: self.scene.clone(), source })?;
+        let mut options = String::new();
+        for (name, value) in &self.request.parameters {
+            // Into a string nothing fails.
+            let _ = write!(options, "{name}={value},");
+        }
+        let parts = [
+            format!("version={}", env!("CARGO_PKG_VERSION")),
+            format!("engine={}", self.located.identity()),
+            format!("mixed={}", self.mix.is_some()),
+            format!("scene={}", blake3::hash(&bytes).to_hex()),
+            format!("size={}x{}", settings.width, settings.height),
+            format!("crop={}", settings.crop),
+            format!("frame={:?}", self.request.frame),
+            format!("spp={}", settings.samples),
+            format!("max-depth={:?}", args.max_depth),
+            format!("light-samples={}", args.light_samples),
+            format!("seed={}", args.seed),
+            format!("options={options}"),
+            format!("optimize={}", settings.optimization),
+            format!("error={:?}", args.error),
+            format!("timed={}", args.time.is_some()),
+            format!("aov={:?}", args.aov),
+        ];
+        Ok(parts.join("; "))
+    }
+
+    /// What the picture says of how it was made.
+    pub(crate) fn metadata(&self, args: &RenderArgs, report: &JobReport) -> Metadata {
+        let settings = &self.settings;
+        let mut metadata = Metadata::new();
+        metadata.set("scene", shown(&args.scene.file.scene));
+        metadata.set("engine", self.paints().describe().name);
+        metadata.set("engine_version", self.located.version.to_string());
+        metadata.set("samples_per_pixel", settings.samples.to_string());
+        if let Some(frame) = self.request.frame {
+            metadata.set("frame", frame.to_string());
+        }
+        let depth =
+            if self.has_depth { settings.tunables.max_depth.to_string() } else { "as the scene says".to_owned() };
+        metadata.set("max_depth", depth);
+        metadata.set("seed", args.seed.to_string());
+        metadata.set("optimize", settings.optimization.to_string());
+        metadata.set("level", args.scene.level.to_string());
+        metadata.set("agents", settings.agents.to_string());
+        metadata.set("exact", self.paints().describe().exact_by_pixel.to_string());
+        metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
+        metadata.set("complete", (!report.stopped).to_string());
+        metadata
+    }
+
+    /// Engine and version, as people read it.
+    pub(crate) fn title(&self) -> String {
+        let with = if self.mix.is_some() { " and the built-in engine" } else { "" };
+        format!("{} {}{with}", self.located.manifest().title, self.located.version)
+    }
+}
+
+fn request(args: &RenderArgs, located: &Located) -> Result<SceneRequest, CliError> {
+    let mut parameters = parameters(located, &args.engines.options)?;
+    if let (Some(define), false) = (parameters.get_mut("define"), args.scene.file.defines.is_empty()) {
+        let defines: Vec<String> =
+            args.scene.file.defines.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        *define = defines.join(" ").into();
+    } else if !args.scene.file.defines.is_empty() {
+        return Err(unfit(located, "--define"));
+    }
+    if args.engines.frame.is_some() && !located.manifest().animation.frames {
+        return Err(CliError::usage(
+            format!("{} knows no frames of an animation", located.manifest().title),
+            "leave out --frame and --frames, or take another engine",
+        ));
+    }
+    Ok(SceneRequest {
+        scene: absolute(&args.scene.file.scene)?,
+        size: args.scene.size.map(|size| (size.width, size.height)),
+        frame: args.engines.frame,
+        threads: threads(&args.scene),
+        trust: args.engines.trust,
+        parameters,
+    })
+}
+
+fn unfit(located: &Located, option: &str) -> CliError {
+    CliError::usage(
+        format!("{option} means nothing to {}", located.manifest().title),
+        "it is for our own engine; other engines do as their scene says",
+    )
+}
+
+/// What only our own engine knows is refused, not left out in silence.
+fn check(args: &RenderArgs) -> Result<(), CliError> {
+    let options = [
+        ("--camera", args.scene.camera.is_some()),
+        ("--lens-radius", args.scene.lens_radius.is_some()),
+        ("--env", args.scene.env.is_some()),
+        ("--env-strength", args.scene.env_strength != 1.0),
+        ("--filter", args.filter.is_some()),
+        ("--integrator", args.integrator != IntegratorArg::Path),
+        ("--variant", args.scene.file.variant.is_some()),
+        ("--animation", args.scene.file.animation.is_some()),
+        ("--aov", !args.aov.is_empty()),
+        ("--exact", args.exact),
+        ("--record", args.record.is_some()),
+    ];
+    match options.into_iter().find(|(_, is_given)| *is_given) {
+        None => Ok(()),
+        Some((option, _)) => Err(CliError::usage(
+            format!("{option} is for our own engine"),
+            "other engines do as their scene says; leave it out, or leave out --engine",
+        )),
+    }
+}
+
+fn settings(
+    args: &RenderArgs,
+    located: &Located,
+    opened: &Opened,
+    experts: Vec<Expert>,
+) -> Result<JobSettings, CliError> {
+    let frame = Rect::of_size(opened.width, opened.height);
+    let crop = args.crop.unwrap_or(frame);
+    if !frame.encloses(&crop) {
+        return Err(CliError::usage(
+            format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
+            "x1 and y1 may be at most the picture's width and height",
+        ));
+    }
+    let tunables = &located.manifest().tunables;
+    let samples = args.spp.or(tunables.samples.and_then(|range| range.default)).unwrap_or(DEFAULT_SAMPLES);
+    let samples = tunables.samples.map_or(1, |range| range.fit(samples)).clamp(1, SAMPLES_MAX);
+    let depth = args.max_depth.or(tunables.max_depth.and_then(|range| range.default)).unwrap_or(DEFAULT_DEPTH);
+    let asked = Tunables { max_depth: depth.min(DEPTH_MAX), light_samples: args.light_samples };
+    Ok(JobSettings {
+        crop,
+        level: render::level(args.scene.level),
+        optimization: render::optimization(args.optimize),
+        experts,
+        processors: threads(&args.scene),
+        importance: args.scene.importance_function(),
+        zones: args.zones,
+        verify: args.verify.unwrap_or(1),
+        ..JobSettings::new(frame.width(), frame.height(), samples, asked, Layout::new(AovSet::NONE))
+    })
+}
+
+/// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
+fn own(
+    args: &RenderArgs,
+    opened: &Opened,
+    experts: Vec<Expert>,
+) -> Result<(Arc<BuiltinEngine>, JobSettings), CliError> {
+    let mut args = args.clone();
+    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
+    let subject = Subject::load(&args.scene)?;
+    let settings = render::job_settings(&args, &subject, experts)?;
+    let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
+    let (engine, _) = render::engine(&args, &subject, &half)?;
+    Ok((Arc::new(engine), settings))
+}
+
+/// An agent for each process that paints: more would only wait for one another.
+fn agents_of(args: &RenderArgs, engine: &ExternalEngine) -> usize {
+    args.agents.map_or(engine.lanes(), |asked| agents(Some(asked), 1))
+}
+
+/// Our own look at the scene, where the manifest says that we read the same format.
+fn surveyor(args: &RenderArgs, located: &Located, opened: &Opened) -> Option<Surveyor> {
+    use bottega_engines::external::manifest::Importance;
+    if located.manifest().scene.importance != Importance::Builtin {
+        return None;
+    }
+    let mut args = args.clone();
+    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
+    let once = Mutex::new(());
+    Some(Box::new(move |width, height| {
+        let _one = once.lock().unwrap_or_else(PoisonError::into_inner);
+        let look = || -> Result<Survey, CliError> {
+            let subject = Subject::load(&args.scene)?;
+            let settings = render::job_settings(&args, &subject, vec![Expert::path_tracing()])?;
+            let (engine, _) = render::engine(&args, &subject, &settings)?;
+            Ok(engine.survey(width, height)?)
+        };
+        // What we do not read, or read wrongly, the engine looks at itself.
+        look().inspect_err(|error| tracing::debug!(%error, "the scene is surveyed by its engine")).ok()
+    }))
+}

@@ -1,0 +1,303 @@
+//! Other people's engines, well and badly behaved: workers and command lines that exist only here.
+
+mod real;
+#[path = "../support/mod.rs"]
+mod support;
+
+use std::{
+    fs,
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+    time::{Duration, Instant},
+};
+
+use bottega_image::{Picture, read_picture};
+use support::text;
+use tempfile::TempDir;
+
+/// A folder with the manifest and the worker, and a scene.
+struct Stage {
+    folder: TempDir,
+}
+
+const MANIFEST: &str = r#"
+manifest = 1
+name = "hostile"
+title = "Hostile"
+kind = "worker"
+files = ["hostile.py", "plain_exr.py"]
+determinism = "frame"
+seeds = true
+[[find]]
+programs = ["python3"]
+check = ["{program}", "--version"]
+version = 'Python (\d+\.\d+)'
+command = ["{program}", "{folder}/hostile.py"]
+inherit = ["TRACE", "PORT"]
+[install]
+any = "python3 is needed"
+[scene]
+extensions = ["toy"]
+refers = "worker"
+[tunables.samples]
+least = 1
+most = 64
+default = 4
+[pixels]
+color_space = "linear-rec709"
+[animation]
+frames = true
+[limits]
+start_seconds = 20
+open_seconds = 20
+silence_seconds = 2
+log_kib = 256
+"#;
+
+impl Stage {
+    fn new(scene: &str) -> Self {
+        let stage = Self { folder: tempfile::tempdir().expect("a folder") };
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../engines/plain_exr.py");
+        fs::copy(shipped, stage.path("plain_exr.py")).expect("copied");
+        fs::write(stage.path("hostile.py"), include_str!("hostile.py")).expect("written");
+        fs::write(stage.path("hostile.toml"), MANIFEST).expect("written");
+        fs::write(stage.path("scene.toy"), scene).expect("written");
+        stage
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = support::bottega(arguments);
+        command.args(["--engines", text(self.folder.path())]).env("TRACE", self.path("trace"));
+        command.env("XDG_CONFIG_HOME", self.path("config")).env("NO_COLOR", "1");
+        command
+    }
+
+    fn render(&self, more: &[&str]) -> Output {
+        let (scene, output) = (self.path("scene.toy"), self.path("out.exr"));
+        let usual =
+            ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--level", "1", "--zones", "4"];
+        self.command(&[&usual, more].concat()).output().expect("the program starts")
+    }
+
+    fn picture(&self) -> Picture {
+        read_picture(self.path("out.exr")).expect("a picture")
+    }
+}
+
+fn told(output: &Output) -> String {
+    // Lines are broken where a terminal would end.
+    let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn a_picture_in_zones_has_each_pixel_in_its_place() {
+    let stage = Stage::new("sound");
+    let output = stage.render(&[]);
+    assert!(output.status.success(), "{}", told(&output));
+    let expected = Picture::from_fn(96, 64, |x, y| [x as f32 / 8.0, y as f32 / 8.0, 1.0]);
+    assert_eq!(stage.picture(), expected);
+}
+
+#[test]
+fn a_crash_costs_a_zone_and_no_picture() {
+    let stage = Stage::new("once");
+    let output = stage.render(&[]);
+    assert!(output.status.success(), "{}", told(&output));
+    assert!(told(&output).contains("signal 6 (aborted)"), "{}", told(&output));
+    assert!(told(&output).contains("about to fall"), "{}", told(&output));
+    assert_eq!(stage.picture().pixel(95, 63), [95.0 / 8.0, 63.0 / 8.0, 1.0]);
+}
+
+#[test]
+fn what_engines_do_wrong_is_told() {
+    for (scene, says) in [
+        ("crash", "signal 6 (aborted)"),
+        ("early crash", "signal 6 (aborted)"),
+        ("early hang", "without a word"),
+        ("early refuses", "not to my taste"),
+        ("hang", "without a word"),
+        ("flood", "more than 256 KiB to its log"),
+        ("nothing", "wrote no picture"),
+        ("half", "cannot be read"),
+        ("size", "pixels where"),
+        ("nan", "no finite numbers"),
+        ("black", "all black"),
+        ("nonsense", "protocol"),
+        ("elsewhere", "not in its folder"),
+        ("refuses", "texture `wood.png` is not to my taste"),
+        ("unreadable", "I do not know the word `unreadable`"),
+    ] {
+        let stage = Stage::new(scene);
+        let begun = Instant::now();
+        let output = stage.render(&[]);
+        assert_eq!(output.status.code(), Some(1), "{scene}: {}", told(&output));
+        assert!(told(&output).contains(says), "{scene}: {}", told(&output));
+        assert!(!told(&output).contains("panicked"), "{scene}: {}", told(&output));
+        assert!(begun.elapsed() < Duration::from_secs(60), "{scene}: it takes too long");
+    }
+}
+
+#[test]
+fn nothing_that_an_engine_started_is_left() {
+    let stage = Stage::new("forks");
+    let output = stage.render(&[]);
+    assert!(output.status.success(), "{}", told(&output));
+    let mark = text(&stage.path("trace")).to_owned();
+    let lives = || {
+        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+        let environments = entries.filter_map(|entry| fs::read(entry.path().join("environ")).ok());
+        environments.filter(|bytes| String::from_utf8_lossy(bytes).contains(&mark)).count()
+    };
+    let until = Instant::now() + Duration::from_secs(5);
+    while lives() > 0 && Instant::now() < until {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert_eq!(lives(), 0);
+}
+
+#[test]
+fn engines_have_no_network_where_the_system_can_shut_them_in() {
+    let allowed = Command::new("unshare").args(["--net", "true"]).status().is_ok_and(|status| status.success());
+    if !allowed {
+        eprintln!("SKIPPED: the system allows no network namespaces");
+        return;
+    }
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let port = listener.local_addr().expect("an address").port();
+    let stage = Stage::new("network");
+    let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
+    let arguments = ["render", text(&scene), "--engine", "hostile", "-o", text(&output)];
+    let output = stage.command(&arguments).env("PORT", port.to_string()).output().expect("the program starts");
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(stage.picture().pixel(3, 3), [0.0, 1.0, 0.0]);
+}
+
+#[test]
+fn frames_are_numbered_and_told_to_the_engine() {
+    let stage = Stage::new("frames");
+    let scene = stage.path("scene.toy");
+    let output = stage.path("out.exr");
+    let arguments = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--frames", "7..9"];
+    let done = stage.command(&arguments).output().expect("the program starts");
+    assert!(done.status.success(), "{}", told(&done));
+    for frame in 7..=9_u8 {
+        let picture = read_picture(stage.path(&format!("out.000{frame}.exr"))).expect("a picture");
+        assert_eq!(picture.pixel(5, 5)[0], f32::from(frame));
+    }
+}
+
+#[test]
+fn what_an_engine_lacks_is_told_before_anything_is_painted() {
+    let stage = Stage::new("sound");
+    let refuse = |arguments: &[&str], says: &str| {
+        let output = stage.render(arguments);
+        assert!(!output.status.success() && told(&output).contains(says), "{arguments:?}: {}", told(&output));
+    };
+    refuse(&["--camera", "x"], "--camera is for our own engine");
+    refuse(&["--aov", "albedo"], "--aov is for our own engine");
+    refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
+    refuse(&["-D", "a=b"], "--define means nothing to Hostile");
+    refuse(&["--crop", "0,0,97,64"], "not within the picture");
+    fs::rename(stage.path("scene.toy"), stage.path("scene.glb")).expect("renamed");
+    let (scene, output) = (stage.path("scene.glb"), stage.path("out.exr"));
+    let other = |name: &str, says: &str| {
+        let arguments = ["render", text(&scene), "--engine", name, "-o", text(&output)];
+        let output = stage.command(&arguments).output().expect("the program starts");
+        assert!(!output.status.success() && told(&output).contains(says), "{name}: {}", told(&output));
+    };
+    other("hostile", "does not read");
+    other("nobody", "there is no engine `nobody`");
+    let manifest = |from: &str, to: &str| {
+        fs::write(stage.path("hostile.toml"), MANIFEST.replace(from, to)).expect("written");
+    };
+    manifest("\"python3\"", "\"pithon3\"");
+    other("hostile", "not installed here (no pithon3 in PATH); to install it: python3 is needed");
+    manifest("[install]", "[versions]\nleast = \"99\"\n[install]");
+    other("hostile", "99 or newer is needed");
+    manifest("seeds = true", "sees = true");
+    other("hostile", "line 8, column 1: unknown field `sees`");
+}
+
+#[test]
+fn a_command_line_is_an_engine_too() {
+    let stage = Stage::new("sound");
+    fs::write(
+        stage.path("paint.py"),
+        "import sys, plain_exr, array\n\
+         print('50 %', file=sys.stderr)\n\
+         w, h, path = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]\n\
+         if sys.argv[4] == 'broken': sys.exit('Fatal: the lamp is missing')\n\
+         c = {'R': [x for y in range(h) for x in range(w)], 'G': [y for y in range(h) for x in range(w)]}\n\
+         c['B'] = [1.0] * (w * h)\n\
+         plain_exr.write(path, w, h, {k: array.array('f', map(float, v)) for k, v in c.items()})\n",
+    )
+    .expect("written");
+    fs::write(
+        stage.path("line.toml"),
+        r#"
+manifest = 1
+name = "line"
+title = "A line"
+kind = "command"
+files = ["paint.py", "plain_exr.py"]
+determinism = "frame"
+seeds = false
+[[find]]
+programs = ["python3"]
+check = ["{program}", "--version"]
+version = 'Python (\d+\.\d+)'
+[install]
+any = "python3 is needed"
+[scene]
+extensions = ["toy"]
+[tunables.samples]
+least = 1
+most = 64
+[pixels]
+color_space = "linear-rec709"
+window = "frame"
+[progress]
+pattern = '(\d+) %'
+[errors]
+patterns = ['Fatal: (.*)']
+[command]
+run = ["{program}", "{folder}/paint.py", "{width}", "{height}", "{output}", "sound", ["-d", "{max_depth}"]]
+output = "out.exr"
+"#,
+    )
+    .expect("written");
+    let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
+    let arguments =
+        ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--zones", "4"];
+    let done = stage.command(&arguments).output().expect("the program starts");
+    assert!(done.status.success(), "{}", told(&done));
+    assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 1.0]));
+    let manifest = fs::read_to_string(stage.path("line.toml")).expect("text").replace("\"sound\"", "\"broken\"");
+    fs::write(stage.path("line.toml"), manifest).expect("written");
+    let failed = stage.command(&arguments).output().expect("the program starts");
+    assert!(!failed.status.success() && told(&failed).contains("the lamp is missing"), "{}", told(&failed));
+}
+
+#[test]
+fn engines_are_listed_and_checked() {
+    let stage = Stage::new("sound");
+    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    let listed = String::from_utf8_lossy(&list.stdout).into_owned();
+    assert!(list.status.success() && listed.contains("hostile   3."), "{listed}");
+    for shipped in ["builtin", "cycles", "luxcore", "mitsuba", "povray"] {
+        assert!(listed.lines().any(|line| line.starts_with(shipped)), "{shipped}: {listed}");
+    }
+    let check = stage.command(&["engines", "check", "hostile"]).output().expect("the program starts");
+    let checked = String::from_utf8_lossy(&check.stdout).into_owned();
+    assert!(check.status.success() && checked.contains("ready after"), "{checked}{}", told(&check));
+    let scene = stage.path("scene.toy");
+    let tried = stage.command(&["engines", "try", "hostile", text(&scene)]).output().expect("the program starts");
+    let said = String::from_utf8_lossy(&tried.stdout).into_owned();
+    assert!(tried.status.success() && said.contains("have the same bits"), "{said}{}", told(&tried));
+}

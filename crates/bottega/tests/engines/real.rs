@@ -1,0 +1,121 @@
+//! Engines that are installed: a picture in zones is what the engine itself makes of the whole frame.
+
+use std::{fs, path::Path, process::Command};
+
+use bottega_image::{Picture, read_picture};
+
+use crate::support::{bottega, scenes, text};
+
+const MITSUBA: &str = r#"<scene version="3.0.0">
+  <integrator type="path"><integer name="max_depth" value="6"/></integrator>
+  <sensor type="perspective">
+    <float name="fov" value="39"/>
+    <transform name="to_world"><lookat origin="0.3, -4, 1.4" target="0, 0, 0.6" up="0, 0, 1"/></transform>
+    <sampler type="independent"><integer name="sample_count" value="16"/></sampler>
+    <film type="hdrfilm"><integer name="width" value="96"/><integer name="height" value="72"/></film>
+  </sensor>
+  <bsdf type="twosided" id="gray"><bsdf type="diffuse"><rgb name="reflectance" value="0.6, 0.5, 0.4"/></bsdf></bsdf>
+  <shape type="sphere"><point name="center" x="0" y="0" z="0.7"/><float name="radius" value="0.7"/><ref id="gray"/></shape>
+  <shape type="rectangle"><transform name="to_world"><scale value="5"/></transform><ref id="gray"/></shape>
+  <emitter type="constant"><rgb name="radiance" value="0.7, 0.8, 1"/></emitter>
+</scene>"#;
+
+const POVRAY: &str = "#version 3.7; global_settings { assumed_gamma 1.0 }
+camera { location <0.3, 1.4, -4> look_at <0, 0.6, 0> right x*image_width/image_height angle 45 }
+light_source { <3, 5, -4> rgb 1.2 }
+background { rgb <0.3, 0.4, 0.6> }
+plane { y, 0 pigment { checker rgb 0.7 rgb <0.5, 0.2, 0.1> } }
+sphere { <0, 0.7, 0>, 0.7 pigment { rgb <0.6, 0.5, 0.4> } finish { reflection 0.2 } }
+";
+
+/// Whether the engine is here; says so where it is not.
+fn is_here(name: &str) -> bool {
+    let check = bottega(&["engines", "check", name]).output().expect("the program starts");
+    if !check.status.success() {
+        let told = String::from_utf8_lossy(&check.stderr);
+        eprintln!("SKIPPED: {name} is not usable here; `cargo xtask engines --all` installs it: {told}");
+    }
+    check.status.success()
+}
+
+fn mean(picture: &Picture) -> f64 {
+    picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
+}
+
+/// The engine's windows agree with its whole frame, and a picture in zones with one in a piece.
+fn check(name: &str, scene: &Path, spp: &str) {
+    let tried = bottega(&["engines", "try", name, text(scene), "--size", "96x72", "--spp", spp]).output();
+    let tried = tried.expect("the program starts");
+    let told = |output: &[u8]| String::from_utf8_lossy(output).into_owned();
+    assert!(tried.status.success(), "{name}: {}{}", told(&tried.stdout), told(&tried.stderr));
+    let folder = tempfile::tempdir().expect("a folder");
+    let paint = |file: &str, more: &[&str]| {
+        let output = folder.path().join(file);
+        let usual = ["render", text(scene), "--engine", name, "--size", "96x72", "--spp", spp, "--quiet", "-o"];
+        let done = bottega(&[usual.as_slice(), &[text(&output)], more].concat()).output().expect("the program starts");
+        assert!(done.status.success(), "{name}: {}", told(&done.stderr));
+        read_picture(output).expect("a picture")
+    };
+    let whole = paint("whole.exr", &["--level", "0"]);
+    let zones = paint("zones.exr", &["--level", "3", "--zones", "6"]);
+    assert_eq!(whole.size(), (96, 72));
+    assert!((mean(&zones) / mean(&whole) - 1.0).abs() < 0.02, "{name}: {} and {}", mean(&zones), mean(&whole));
+    if name == "cycles" {
+        assert_eq!(whole, zones, "Cycles has the same bits in zones");
+    }
+}
+
+fn check_text(name: &str, extension: &str, scene: &str, spp: &str) {
+    if is_here(name) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join(format!("scene.{extension}"));
+        fs::write(&file, scene).expect("written");
+        check(name, &file, spp);
+    }
+}
+
+#[test]
+fn mitsuba_paints_in_zones() {
+    check_text("mitsuba", "xml", MITSUBA, "32");
+}
+
+#[test]
+fn povray_paints_in_zones() {
+    if Command::new("povray").arg("--version").output().is_ok() {
+        check_text("povray", "pov", POVRAY, "9");
+    } else {
+        eprintln!("SKIPPED: there is no povray; `cargo xtask engines` installs it");
+    }
+}
+
+#[test]
+fn cycles_paints_in_zones() {
+    let scene = scenes().join("goblets.glb");
+    if is_here("cycles") && scene.is_file() {
+        check("cycles", &scene, "16");
+    }
+}
+
+#[test]
+fn two_engines_paint_one_picture() {
+    if !is_here("mitsuba") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene.xml");
+    fs::write(&scene, MITSUBA).expect("written");
+    let paint = |engine: &str| {
+        let output = folder.path().join(format!("{engine}.exr"));
+        let words = ["render", text(&scene), "--engine", engine, "--spp", "64", "--zones", "8", "-o", text(&output)];
+        let done = bottega(&words).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{engine}: {told}");
+        assert!(!told.contains("can be seen"), "{engine}: {told}");
+        (read_picture(output).expect("a picture"), told)
+    };
+    let (own, _) = paint("builtin");
+    let (other, _) = paint("mitsuba");
+    let (both, told) = paint("builtin,mitsuba");
+    assert!(told.contains("by builtin") && told.contains("by mitsuba"), "{told}");
+    assert!((mean(&both) / mean(&other) - 1.0).abs() < 0.02 && (mean(&both) / mean(&own) - 1.0).abs() < 0.02);
+}

@@ -1,0 +1,64 @@
+//! Farms that paint with other people's engines.
+
+use std::fs;
+
+use bottega_image::read_picture;
+
+use super::{
+    fixture::Farm,
+    support::{bottega, servers, text},
+};
+
+const SCENE: &str = r#"<scene version="3.0.0">
+  <integrator type="path"><integer name="max_depth" value="4"/></integrator>
+  <sensor type="perspective">
+    <float name="fov" value="39"/>
+    <transform name="to_world"><lookat origin="0, -4, 1" target="0, 0, 0" up="0, 0, 1"/></transform>
+    <film type="hdrfilm"><integer name="width" value="96"/><integer name="height" value="72"/></film>
+  </sensor>
+  <shape type="ply"><string name="filename" value="meshes/square.ply"/></shape>
+  <emitter type="constant"/>
+</scene>"#;
+
+const SQUARE: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    element face 2\nproperty list uchar int vertex_indices\nend_header\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n3 0 1 2\n3 0 2 3\n";
+
+#[test]
+fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
+    let Some(server) = servers().pop() else { return };
+    let check = bottega(&["engines", "check", "mitsuba"]).output().expect("the program starts");
+    if !check.status.success() {
+        eprintln!("SKIPPED: there is no Mitsuba; `cargo xtask engines` installs it");
+        return;
+    }
+    let farm = Farm::start(&server);
+    fs::create_dir(farm.path("meshes")).expect("a folder");
+    fs::write(farm.path("scene.xml"), SCENE).expect("written");
+    fs::write(farm.path("meshes/square.ply"), SQUARE).expect("written");
+    let (scene, output) = (farm.path("scene.xml"), farm.path("a.exr"));
+    let words =
+        ["render", text(&scene), "--engine", "mitsuba", "-o", text(&output), "--spp=16", "--zones=6", "--quiet"];
+    let alone = farm.path("alone.exr");
+    farm.succeed(&["render", text(&scene), "--engine", "mitsuba", "-o", text(&alone), "--spp=16", "--quiet"]);
+    farm.succeed(&[&words, ["--farm", "--detach"].as_slice()].concat());
+    let mut poor = farm.command(&["join", "--threads", "1", "--cache", text(&farm.path("cache-poor"))]);
+    // A machine without any Python.
+    poor.env("PATH", farm.path("nowhere"));
+    let log = fs::File::create(farm.path("poor")).expect("a log");
+    let _poor =
+        super::fixture::Process(poor.stdout(log.try_clone().expect("a log")).stderr(log).spawn().expect("it starts"));
+    farm.until("the poor machine refuses", || {
+        let shown = farm.succeed(&["jobs", "log", "1"]);
+        shown.contains("is left out") && shown.contains("not installed here")
+    });
+    let _one = farm.join("one");
+    farm.until_state(1, "done");
+    farm.succeed(&["jobs", "fetch", "1"]);
+    let (farmed, alone) = (read_picture(&output).expect("a picture"), read_picture(&alone).expect("a picture"));
+    let mean = |picture: &bottega_image::Picture| {
+        picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
+    };
+    assert!((mean(&farmed) / mean(&alone) - 1.0).abs() < 0.02, "{} and {}", mean(&farmed), mean(&alone));
+    // The square is there: its file came along.
+    assert!(farmed.pixel(48, 36) != farmed.pixel(2, 2));
+}
