@@ -45,7 +45,7 @@ pub enum RenderWork {
     /// Agents on their way.
     Agents(AgentWork),
     /// Agents that look around.
-    Sensors(SensorWork),
+    Sensors(Box<SensorWork>),
 }
 
 /// Samples of a block of pixels, added to running sums.
@@ -135,7 +135,7 @@ impl RenderWork {
             Self::Photons(work) => RenderOutput::Photons(work.perform()),
             Self::Irradiance(work) => RenderOutput::Irradiance(work.perform()),
             Self::Agents(work) => RenderOutput::Agents(work.perform()),
-            Self::Sensors(work) => match work.perform() {
+            Self::Sensors(work) => match (*work).perform() {
                 Ok(sensed) => RenderOutput::Sensors(sensed),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
             },

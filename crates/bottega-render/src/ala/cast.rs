@@ -100,7 +100,7 @@ pub(crate) fn cast_agents(
     let work = |errand| {
         let (scene, passes) = (Arc::clone(scene), Arc::clone(passes));
         let (swarm, network) = (Arc::clone(&swarm), Arc::clone(&network));
-        RenderWork::Sensors(SensorWork { scene, photons, seed, passes, swarm, network, errand })
+        RenderWork::Sensors(Box::new(SensorWork { scene, photons, seed, passes, swarm, network, errand }))
     };
     let run = |errands: Vec<Errand>| {
         let mut found = Vec::new();
