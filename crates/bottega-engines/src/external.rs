@@ -1,4 +1,4 @@
-//! Engines that other people wrote: found, started and told what to do by their [`Manifest`].
+//! Engines that other people wrote: found, started and told what to do by their manifests.
 //!
 //! An engine runs in a child process with limits (`child`), keeps a scene in a [`Session`], and is a
 //! [`RenderEngine`](crate::RenderEngine) as [`ExternalEngine`]. The decision that shaped it: nothing that an engine does
