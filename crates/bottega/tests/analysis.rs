@@ -80,7 +80,8 @@ fn zones_of_equal_quality_have_no_seams_and_those_that_are_put_in_are_found() {
     let zones = zones(&analyzed("goblets.glb", folder.path(), &[]), 3);
     let mut picture = rendered(folder.path(), "off.exr", &["--spp", "32"]);
     let (z, p) = seams(folder.path(), "off.exr", None);
-    assert!(p > 0.01, "z = {z}, p = {p}");
+    // Once in a thousand pictures without seams.
+    assert!(p > 0.001, "z = {z}, p = {p}");
 
     for (rect, _) in zones.iter().step_by(2) {
         for (x, y) in rect.pixels() {

@@ -20,6 +20,8 @@ const RINGS: usize = 10;
 const SECTORS: usize = 32;
 /// Rays by which the irradiance at one place is found.
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
+/// Standard errors by which records may differ beyond the error that is borne.
+const NOISE: f32 = 2.0;
 /// Levels of the tree below its root.
 const LEVELS_MAX: u32 = 20;
 
@@ -242,7 +244,9 @@ impl IrradianceCache {
                 continue;
             }
             let (here, said) = (luminance(record.irradiance), luminance(other.at(record.p, record.n)));
-            if (here - said).abs() > 2.0 * error * here.max(said).max(faint) {
+            // Of noise alone nothing is learnt.
+            let noise = NOISE * (record.variance + other.variance).sqrt();
+            if (here - said).abs() > noise + 2.0 * error * here.max(said).max(faint) {
                 let distance = (other.p - record.p).length() / self.tolerance;
                 record.radius = record.radius.min(distance);
                 self.records[number as usize].radius = other.radius.min(distance);
