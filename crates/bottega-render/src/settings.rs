@@ -153,7 +153,7 @@ impl Default for AgentSettings {
             decides_shadows: true,
             decides_irradiance: true,
             error: 0.1,
-            memory_bytes: 64 << 20,
+            memory_bytes: 4 << 20,
         }
     }
 }

@@ -261,15 +261,15 @@ impl Agents {
     fn known_irradiance(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         let estimate = cache.estimate(p, normal)?;
-        (estimate.error <= GATHERED * self.settings.error).then_some(estimate.irradiance)
+        // What one has found dark may be dim.
+        let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
+        (is_sure && estimate.error <= GATHERED * self.settings.error).then_some(estimate.irradiance)
     }
 
     /// Whether our own records know a place so well that none needs to be measured there.
     pub(super) fn knows(&self, p: Vec3, normal: Vec3) -> bool {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
-        let is_enough = |it: Estimate| {
-            it.irradiance == Spectrum::ZERO || it.count >= RECORDS_MIN && it.error <= self.settings.error
-        };
+        let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
         cache.estimate(p, normal).is_some_and(is_enough)
     }
 

@@ -26,9 +26,6 @@ use crate::{
 /// Rays by which the irradiance at a sensor is found, and those after which it is dark if none found any.
 const RAYS: u32 = 256;
 const RAYS_IN_THE_DARK: u32 = 48;
-/// The same of our own sensors, and how far from one direction the next one is: without a common divisor with their number.
-const LOOKS_IN_THE_DARK: u32 = 40;
-const LOOK_STRIDE: u32 = 131;
 
 /// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
 pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSettings {
@@ -112,22 +109,12 @@ impl<'a> PhotonIntegrator<'a> {
         let known = Known { maps, cache: None, agents: Some(others) };
         let n = spot.n();
         let mut eye = Eye::new(self, known, sampler, hands);
-        let mut looks = [Look::default(); cache::RAYS as usize];
-        let (mut is_dark, mut inverse) = (true, 0.0);
-        for step in 0..cache::RAYS {
-            if step == LOOKS_IN_THE_DARK && is_dark {
-                let distance = step as f32 / f32::max(inverse, f32::MIN_POSITIVE);
-                looks.fill(Look { radiance: Spectrum::ZERO, distance });
-                break;
-            }
-            // The first ones are spread over all directions, too.
-            let index = step * LOOK_STRIDE % cache::RAYS;
+        let look = |index: u32| {
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS);
-            let look = eye.look_from(&spot, cache::direction(n, index, [u, v]), index);
-            is_dark &= look.radiance == Spectrum::ZERO;
-            inverse += 1.0 / look.distance.max(f32::MIN_POSITIVE);
-            looks[index as usize] = look;
-        }
+            eye.look_from(&spot, cache::direction(n, index, [u, v]), index)
+        };
+        // Who stopped where the first rays found nothing would take dim corners for dark ones.
+        let looks: Vec<Look> = (0..cache::RAYS).map(look).collect();
         Record::new(spot.p(), n, &looks, reach)
     }
 }
