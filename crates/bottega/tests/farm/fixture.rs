@@ -19,7 +19,7 @@ use super::support::{bottega, text};
 
 /// Farms are timed by the clock: one at a time has the processors.
 pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-pub(super) const WAIT: Duration = Duration::from_secs(60);
+pub(super) const WAIT: Duration = Duration::from_secs(180);
 pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--zones=24"];
 /// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
