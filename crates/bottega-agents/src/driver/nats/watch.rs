@@ -8,6 +8,7 @@ use async_nats::{
         Message,
         consumer::{AckPolicy, DeliverPolicy, ReplayPolicy, push},
         kv,
+        stream::LastRawMessageErrorKind,
     },
 };
 use tokio_stream::StreamExt;
@@ -40,26 +41,17 @@ pub(super) struct Written {
 
 /// Tells of all entries below a name, and from then on of every change, until `tell` says that it is enough. After an
 /// interruption all are told again.
+///
+/// Neither the number of entries that wait, which the server tells with each, nor that a consumer goes on delivering is relied
+/// on: where entries are written while a consumer begins, old servers count wrongly and never come to 0. What is known is
+/// compared with the last entry that there is instead.
 pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(News) -> bool) {
+    let filter = format!("{}{below}", store.prefix);
     while tell(News::Nothing) {
-        match open(client, store, below).await {
-            Ok((mut messages, waiting)) => {
-                // Where nothing has ever been written no entry will say that it is the last.
-                if waiting == 0 && !tell(News::CaughtUp) {
+        match open(client, store, &filter).await {
+            Ok(messages) => {
+                if !listen(store, &filter, messages, &mut tell).await {
                     return;
-                }
-                loop {
-                    let goes_on = match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
-                        Err(_) => tell(News::Nothing),
-                        Ok(Some(Ok(message))) => match written(store, &message) {
-                            Some((entry, is_last)) => tell(News::Entry(entry)) && (!is_last || tell(News::CaughtUp)),
-                            None => true,
-                        },
-                        Ok(_) => break,
-                    };
-                    if !goes_on {
-                        return;
-                    }
                 }
             }
             Err(reason) => tracing::debug!(reason, "entries cannot be watched"),
@@ -68,10 +60,67 @@ pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut 
     }
 }
 
-/// A consumer of the entries below a name, the last of each first, and how many of these there are. What the server then
-/// says of it is compared with what was asked.
-async fn open(client: &Client, store: &kv::Store, below: &str) -> Result<(push::Ordered, u64), String> {
-    let filter_subject = format!("{}{below}", store.prefix);
+/// Tells of what a consumer delivers until it breaks. Returns whether to go on with another one.
+async fn listen(
+    store: &kv::Store,
+    filter: &str,
+    mut messages: push::Ordered,
+    tell: &mut impl FnMut(News) -> bool,
+) -> bool {
+    // Entries come in the order of their writing: with this one all have come that were there at the beginning.
+    let Ok(mut last) = last_written(store, filter).await else { return true };
+    let (mut told, mut is_caught_up) = (0, false);
+    // There was something a while ago that had not come.
+    let mut is_late = false;
+    loop {
+        if told >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(News::CaughtUp) {
+            return false;
+        }
+        match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
+            Ok(Some(Ok(message))) => {
+                let Some(entry) = written(store, &message) else { continue };
+                told = told.max(entry.revision);
+                is_late = false;
+                if !tell(News::Entry(entry)) {
+                    return false;
+                }
+            }
+            Ok(_) => return true,
+            Err(_) => {
+                if !tell(News::Nothing) {
+                    return false;
+                }
+                // A server that does not answer will be asked again.
+                let Ok(now) = last_written(store, filter).await else { continue };
+                last = now;
+                if std::mem::replace(&mut is_late, told < last) && is_late {
+                    tracing::warn!(
+                        filter,
+                        "entries were written that a consumer does not deliver: another one is begun"
+                    );
+                    return true;
+                }
+            }
+        }
+    }
+}
+
+/// The number of the last writing below a name; 0: there is none.
+async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
+    match store.stream.get_last_raw_message_by_subject(filter).await {
+        Ok(message) => Ok(message.sequence),
+        Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => Ok(0),
+        Err(error) => {
+            tracing::debug!(%error, "the last entry is not known");
+            Err(error.to_string())
+        }
+    }
+}
+
+/// A consumer of the entries below a name, the last of each first. What the server then says of it is compared with what was
+/// asked.
+async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::Ordered, String> {
+    let filter_subject = filter.to_owned();
     let wanted = push::OrderedConfig {
         deliver_subject: client.new_inbox(),
         description: Some("entries of a farm, and what changes".to_owned()),
@@ -81,7 +130,7 @@ async fn open(client: &Client, store: &kv::Store, below: &str) -> Result<(push::
         ..push::OrderedConfig::default()
     };
     let consumer = store.stream.create_consumer(wanted).await.map_err(|error| error.to_string())?;
-    let (got, waiting) = (&consumer.cached_info().config, consumer.cached_info().num_pending);
+    let got = &consumer.cached_info().config;
     let same = [
         ("filter", got.filter_subject == filter_subject),
         ("first message", got.deliver_policy == DeliverPolicy::LastPerSubject),
@@ -94,16 +143,15 @@ async fn open(client: &Client, store: &kv::Store, below: &str) -> Result<(push::
         tracing::warn!("the consumer of {filter_subject} has another {other} than was asked for");
         return Err(format!("the consumer has another {other} than was asked for"));
     }
-    let messages = consumer.messages().await.map_err(|error| error.to_string())?;
-    Ok((messages, waiting))
+    consumer.messages().await.map_err(|error| error.to_string())
 }
 
-/// What a message says, and whether it is the last of those that were there.
-fn written(store: &kv::Store, message: &Message) -> Option<(Written, bool)> {
+/// What a message says.
+fn written(store: &kv::Store, message: &Message) -> Option<Written> {
     let info = message.info().ok()?;
     let key = message.subject.strip_prefix(&*store.prefix)?.to_owned();
     let operation = message.headers.as_ref().and_then(|headers| headers.get(OPERATION));
     let is_there = operation.is_none_or(|operation| operation.as_str() == "PUT");
     let value = is_there.then(|| message.payload.clone());
-    Some((Written { key, revision: info.stream_sequence, value }, info.pending == 0))
+    Some(Written { key, revision: info.stream_sequence, value })
 }
