@@ -11,7 +11,7 @@ use bottega_scene::{AlphaMode, Instance, Material, MediumId, Mesh, Scene, Spectr
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    PathSettings, PhotonSettings, RenderError, View,
+    AgentUse, PathSettings, PhotonSettings, RenderError, View,
     ala::{AgentReport, Agents},
     bsdf::{Bsdf, SurfacePoint, scattering},
     guide::{Guide, UnreadGuide},
@@ -59,11 +59,11 @@ pub struct PreparedScene {
     id: DataId,
 }
 
-/// What a guide is for: a view, samples a pixel, and whether agents belong to it.
-type Learnt = (View, u32, bool);
+/// What a guide is for: a view, samples a pixel, what agents are asked for, and whether paths are guided.
+type Learnt = (View, u32, AgentUse, bool);
 
 fn learnt_for(view: View, settings: &PathSettings) -> Learnt {
-    (view, settings.planned_samples, settings.agents.any())
+    (view, settings.planned_samples, settings.agents, settings.guiding)
 }
 
 /// Where a guide is put by the first who needs it, while others wait.

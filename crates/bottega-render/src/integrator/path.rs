@@ -179,7 +179,8 @@ impl<'a> PathIntegrator<'a> {
 
     /// Traces paths all over the picture for a guide.
     fn learn(&self, view: View) -> Guide {
-        let settings = PathSettings { max_depth: LEARNING_DEPTH, ..PathSettings::default() };
+        let PathSettings { agents, guiding, .. } = *self.settings;
+        let settings = PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, ..PathSettings::default() };
         let integrator = PathIntegrator {
             settings: &settings,
             camera: self.camera.clone(),
@@ -191,7 +192,7 @@ impl<'a> PathIntegrator<'a> {
         let training = Training {
             samples: u64::from(view.width) * u64::from(view.height) * u64::from(self.settings.planned_samples),
             size: [view.width, view.height],
-            lights: self.settings.agents.any().then(|| self.prepared.lights()),
+            lights: agents.any().then(|| self.prepared.lights()),
             threads: self.prepared.threads(),
         };
         let guide = train(&training, |guide, index, trail| {
@@ -202,7 +203,7 @@ impl<'a> PathIntegrator<'a> {
             let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
             (compiled::run(path).values.radiance.into(), [x, y])
         });
-        if training.lights.is_none() {
+        if !agents.roulette {
             return guide;
         }
         let guide = Arc::new(guide);

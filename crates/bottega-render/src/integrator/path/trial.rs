@@ -58,9 +58,8 @@ impl PathIntegrator<'_> {
             .collect();
         let ways = [false, true].map(|splits| {
             [1, 2].map(|seed| {
-                let agents = AgentUse { shadows: true, lights: true, roulette: splits };
-                let seed = LEARNING_SEED + seed;
-                let settings = PathSettings { seed, agents, guiding: true, ..*self.settings };
+                let agents = AgentUse { roulette: splits, ..self.settings.agents };
+                let settings = PathSettings { seed: LEARNING_SEED + seed, agents, ..*self.settings };
                 self.tried(&settings, splits, guide, &pixels)
             })
         });
