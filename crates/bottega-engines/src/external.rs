@@ -23,8 +23,10 @@ pub use self::{
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
     locate::{Located, install_hint},
+    quarantine::{Quarantine, keep_quarantines_in, quarantine, release},
     session::{Files, Opened, Probe, SceneRequest, Session},
     shelf::{Entry, Shelf},
+    shipped::rules as shipped_rules,
 };
 
 /// Of a log so many lines are told.

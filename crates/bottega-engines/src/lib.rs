@@ -11,6 +11,6 @@ mod mixed;
 pub use bottega_render::survey::{Survey, SurveyPixel};
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};
 pub use engine::{
-    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    CancelSwitch, EngineDescription, EngineError, Leaning, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };
 pub use mixed::MixedEngine;

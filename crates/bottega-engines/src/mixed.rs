@@ -10,15 +10,33 @@ use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneT
 /// How much of what was known of an engine's speed stays when a zone is done.
 const MEMORY: f64 = 0.7;
 
-/// Hands each zone to the engine that will have it soonest, and to another where one fails.
+/// Has zones wait until an engine is free, which then takes the one that suits it best; and hands a zone to another engine
+/// where one fails.
 pub struct MixedEngine {
-    engines: Vec<Arc<dyn RenderEngine>>,
-    load: Arc<Mutex<Vec<Load>>>,
+    shared: Arc<Shared>,
+    /// Which of them makes the survey.
+    surveyor: usize,
 }
 
-/// What an engine has to do.
+struct Shared {
+    engines: Vec<Arc<dyn RenderEngine>>,
+    desk: Mutex<Desk>,
+}
+
+/// What is to be done, and by whom.
+struct Desk {
+    loads: Vec<Load>,
+    /// In the order in which they came.
+    waiting: Vec<Waiting>,
+}
+
+/// What an engine does.
 #[derive(Clone, Copy, Debug)]
 struct Load {
+    /// Zones that it may have at a time.
+    most: usize,
+    /// Zones that it has.
+    running: usize,
     /// Samples of pixels under way.
     under_way: f64,
     /// Samples of pixels a second; `None`: it has not painted yet.
@@ -27,71 +45,132 @@ struct Load {
     zones: u64,
 }
 
+/// A zone that nobody has in hand.
+struct Waiting {
+    task: ZoneTask,
+    done: Done,
+    /// The engines that failed on it.
+    failed: Vec<usize>,
+}
+
 type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
 impl MixedEngine {
-    /// - `engines`: at least one. The first makes the survey.
-    pub fn new(engines: Vec<Arc<dyn RenderEngine>>) -> Self {
-        assert!(!engines.is_empty(), "somebody must paint");
-        let idle = Load { under_way: 0.0, speed: None, zones: 0 };
-        let load = Arc::new(Mutex::new(vec![idle; engines.len()]));
-        Self { engines, load }
+    /// - `engines`: at least one, each with the number of zones that it paints at a time. Simple zones lean to the first
+    ///   of them and complex ones to the last, as far as the rules of the job say so.
+    /// - `surveyor`: which of them looks at the scene.
+    pub fn new(engines: Vec<(Arc<dyn RenderEngine>, usize)>, surveyor: usize) -> Self {
+        assert!(surveyor < engines.len(), "somebody must look at the scene");
+        let idle = |most: usize| Load { most: most.max(1), running: 0, under_way: 0.0, speed: None, zones: 0 };
+        let loads = engines.iter().map(|(_, most)| idle(*most)).collect();
+        let engines = engines.into_iter().map(|(engine, _)| engine).collect();
+        let desk = Mutex::new(Desk { loads, waiting: Vec::new() });
+        Self { shared: Arc::new(Shared { engines, desk }), surveyor }
     }
 
     /// By name, how many zones or passes of zones each has painted.
     pub fn zones_by_engine(&self) -> Vec<(String, u64)> {
-        let names = self.engines.iter().map(|engine| engine.describe().name);
-        names.zip(loads(&self.load).iter().map(|load| load.zones)).collect()
+        let names = self.shared.engines.iter().map(|engine| engine.describe().name);
+        names.zip(self.shared.desk().loads.iter().map(|load| load.zones)).collect()
     }
 }
 
-fn loads(load: &Mutex<Vec<Load>>) -> MutexGuard<'_, Vec<Load>> {
-    load.lock().unwrap_or_else(PoisonError::into_inner)
+fn samples_of(task: &ZoneTask) -> f64 {
+    task.rect.area() as f64 * f64::from(task.samples.end.saturating_sub(task.samples.start))
 }
 
-/// Who will have so much more done soonest. One that has painted nothing yet is tried first.
-fn soonest(loads: &[Load], wanted: f64) -> usize {
-    let seconds = |load: &Load| match load.speed {
-        Some(speed) => (load.under_way + wanted) / speed.max(1e-9),
-        None => load.under_way * 1e-12,
-    };
-    let by_time = |a: &usize, b: &usize| seconds(&loads[*a]).total_cmp(&seconds(&loads[*b]));
-    (0..loads.len()).min_by(by_time).unwrap_or(0)
+impl Desk {
+    /// Takes out the zone that is to be begun now, and says by which engine.
+    fn next(&mut self) -> Option<(usize, Waiting)> {
+        let free = |engine: &usize| self.loads[*engine].running < self.loads[*engine].most;
+        let pairs = (0..self.loads.len()).filter(free).flat_map(|engine| {
+            let may = move |(_, waiting): &(usize, &Waiting)| !waiting.failed.contains(&engine);
+            self.waiting.iter().enumerate().filter(may).map(move |(index, _)| (engine, index))
+        });
+        let pairs = pairs.filter(|&(engine, index)| !self.leaves(engine, &self.waiting[index]));
+        // Of equally good ones the first, so that no zone waits for ever for a better one.
+        let best = pairs.fold(None, |best: Option<(f64, usize, usize)>, (engine, index)| {
+            let suits = self.suits(engine, &self.waiting[index].task);
+            if best.is_some_and(|(most, ..)| most >= suits) { best } else { Some((suits, engine, index)) }
+        });
+        let (_, engine, index) = best?;
+        let waiting = self.waiting.remove(index);
+        let load = &mut self.loads[engine];
+        load.running += 1;
+        load.under_way += samples_of(&waiting.task);
+        Some((engine, waiting))
+    }
+
+    /// How well a zone suits an engine, from −1 to 1.
+    fn suits(&self, engine: usize, task: &ZoneTask) -> f64 {
+        let last = self.loads.len().saturating_sub(1).max(1);
+        let place = 2.0 * engine as f64 / last as f64 - 1.0;
+        place * f64::from(task.leaning.get())
+    }
+
+    /// Whether an engine leaves a zone to another one that has so many times its speed that it will have painted all that
+    /// waits before.
+    fn leaves(&self, engine: usize, waiting: &Waiting) -> bool {
+        let Some(own) = self.loads[engine].speed else { return false };
+        let all: f64 = self.waiting.iter().map(|waiting| samples_of(&waiting.task)).sum();
+        let is_sooner = |(other, load): (usize, &Load)| {
+            let may = other != engine && !waiting.failed.contains(&other);
+            may && load.speed.is_some_and(|speed| (load.under_way + all) * own < samples_of(&waiting.task) * speed)
+        };
+        self.loads.iter().enumerate().any(is_sooner)
+    }
+
+    /// Takes note of what came of a zone.
+    fn settle(&mut self, engine: usize, samples: f64, seconds: f64, is_complete: bool) {
+        let load = &mut self.loads[engine];
+        load.running -= 1;
+        load.under_way = (load.under_way - samples).max(0.0);
+        if is_complete {
+            let speed = samples / seconds.max(1e-6);
+            load.speed = Some(load.speed.map_or(speed, |before| MEMORY * before + (1.0 - MEMORY) * speed));
+            load.zones += 1;
+        }
+    }
 }
 
-fn hand(engines: &[Arc<dyn RenderEngine>], load: &Arc<Mutex<Vec<Load>>>, chosen: usize, task: ZoneTask, done: Done) {
-    let samples = task.rect.area() as f64 * f64::from(task.samples.end.saturating_sub(task.samples.start));
-    loads(load)[chosen].under_way += samples;
-    let (all, shared, again, begun) = (engines.to_vec(), Arc::clone(load), task.clone(), Instant::now());
-    let finished = move |painted: Result<Painted, EngineError>| {
-        {
-            let mut loads = loads(&shared);
-            let load = &mut loads[chosen];
-            load.under_way = (load.under_way - samples).max(0.0);
-            if painted.as_ref().is_ok_and(|painted| painted.complete) {
-                let speed = samples / begun.elapsed().as_secs_f64().max(1e-6);
-                load.speed = Some(load.speed.map_or(speed, |before| MEMORY * before + (1.0 - MEMORY) * speed));
-                load.zones += 1;
-            }
+impl Shared {
+    fn desk(&self) -> MutexGuard<'_, Desk> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Begins whatever can be begun.
+    fn go_on(self: &Arc<Self>) {
+        loop {
+            // Not in the condition: engines are started while nobody holds the desk.
+            let next = self.desk().next();
+            let Some((engine, waiting)) = next else { break };
+            self.begin(engine, waiting);
         }
-        match painted {
-            Err(error) if chosen + 1 < all.len() || chosen > 0 => {
-                tracing::warn!(%error, "another engine paints the zone");
-                let other = if chosen + 1 < all.len() { chosen + 1 } else { 0 };
-                // Whoever takes over is asked last.
-                let last = vec![Arc::clone(&all[other])];
-                let alone = Arc::new(Mutex::new(vec![loads(&shared)[other]]));
-                hand(&last, &alone, 0, again, done);
+    }
+
+    fn begin(self: &Arc<Self>, engine: usize, waiting: Waiting) {
+        let Waiting { task, done, mut failed } = waiting;
+        let (shared, again, begun) = (Arc::clone(self), task.clone(), Instant::now());
+        let finished = move |painted: Result<Painted, EngineError>| {
+            let is_complete = painted.as_ref().is_ok_and(|painted| painted.complete);
+            shared.desk().settle(engine, samples_of(&again), begun.elapsed().as_secs_f64(), is_complete);
+            match painted {
+                Err(error) if failed.len() + 1 < shared.engines.len() => {
+                    tracing::warn!(%error, "another engine paints the zone");
+                    failed.push(engine);
+                    shared.desk().waiting.insert(0, Waiting { task: again, done, failed });
+                }
+                painted => done(painted),
             }
-            painted => done(painted),
-        }
-    };
-    engines[chosen].start(task, Box::new(finished));
+            shared.go_on();
+        };
+        self.engines[engine].start(task, Box::new(finished));
+    }
 }
 
 impl RenderEngine for MixedEngine {
     fn describe(&self) -> EngineDescription {
-        let all: Vec<EngineDescription> = self.engines.iter().map(|engine| engine.describe()).collect();
+        let all: Vec<EngineDescription> = self.shared.engines.iter().map(|engine| engine.describe()).collect();
         EngineDescription {
             name: all.iter().map(|engine| engine.name.as_str()).collect::<Vec<_>>().join("+"),
             has_max_depth: all.iter().all(|engine| engine.has_max_depth),
@@ -102,32 +181,129 @@ impl RenderEngine for MixedEngine {
     }
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
-        let mut survey = self.engines[0].survey(width, height)?;
+        let mut survey = self.shared.engines[self.surveyor].survey(width, height)?;
         // Each has its share of the zones.
         survey.zones_max = None;
         Ok(survey)
     }
 
     fn prepare(&self) -> Result<(), EngineError> {
-        self.engines.iter().try_for_each(|engine| engine.prepare())
+        self.shared.engines.iter().try_for_each(|engine| engine.prepare())
     }
 
     fn start(&self, task: ZoneTask, done: Done) {
-        let samples = task.rect.area() as f64 * f64::from(task.samples.end.saturating_sub(task.samples.start));
-        let chosen = soonest(&loads(&self.load), samples);
-        hand(&self.engines, &self.load, chosen, task, done);
+        self.shared.desk().waiting.push(Waiting { task, done, failed: Vec::new() });
+        self.shared.go_on();
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc;
+
+    use bottega_image::{AovSet, Layout, Rect, Tile};
+
     use super::*;
+    use crate::{CancelSwitch, Leaning, TaskProgress, Tunables};
+
+    /// Paints at once, or never.
+    struct Toy(&'static str, bool);
+
+    impl RenderEngine for Toy {
+        fn describe(&self) -> EngineDescription {
+            EngineDescription {
+                name: self.0.to_owned(),
+                has_max_depth: true,
+                has_light_samples: true,
+                resumes_samples: true,
+                exact_by_pixel: true,
+            }
+        }
+
+        fn survey(&self, _: u32, _: u32) -> Result<Survey, EngineError> {
+            Ok(Survey::default())
+        }
+
+        fn start(&self, task: ZoneTask, done: Done) {
+            let tile = Tile::new(task.rect, Layout::new(AovSet::NONE));
+            let busy = std::time::Duration::from_millis(1);
+            let painted = Painted { tile, busy, parts: Vec::new(), complete: true };
+            let failed = EngineError::Zone { engine: self.0.to_owned(), rect: task.rect, reason: "no".to_owned() };
+            let outcome = if self.1 { Ok(painted) } else { Err(failed) };
+            std::thread::spawn(move || done(outcome));
+        }
+    }
+
+    fn task(side: u32, leaning: f32) -> ZoneTask {
+        ZoneTask {
+            rect: Rect::of_size(side, 1),
+            samples: 0..1,
+            tunables: Tunables { max_depth: 1, light_samples: 1 },
+            leaning: Leaning::new(leaning),
+            tile: None,
+            cancel: CancelSwitch::default(),
+            progress: TaskProgress::default(),
+        }
+    }
+
+    fn waiting(side: u32, leaning: f32) -> Waiting {
+        Waiting { task: task(side, leaning), done: Box::new(drop), failed: Vec::new() }
+    }
+
+    fn load(running: usize, under_way: f64, speed: Option<f64>) -> Load {
+        Load { most: 1, running, under_way, speed, zones: 0 }
+    }
+
+    /// Which engine begins which zone, by its width.
+    fn begun(loads: &[Load], zones: Vec<Waiting>) -> Vec<(usize, u32)> {
+        let mut desk = Desk { loads: loads.to_vec(), waiting: zones };
+        std::iter::from_fn(|| desk.next().map(|(engine, waiting)| (engine, waiting.task.rect.width()))).collect()
+    }
 
     #[test]
-    fn the_faster_one_gets_more_and_the_new_one_is_tried() {
-        let load = |under_way, speed| Load { under_way, speed, zones: 0 };
-        assert_eq!(soonest(&[load(0.0, Some(10.0)), load(0.0, None)], 5.0), 1);
-        assert_eq!(soonest(&[load(0.0, Some(10.0)), load(0.0, Some(1.0))], 5.0), 0);
-        assert_eq!(soonest(&[load(100.0, Some(10.0)), load(0.0, Some(1.0))], 5.0), 1);
+    fn each_engine_takes_what_suits_it_and_none_is_idle() {
+        let idle = [load(0, 0.0, None), load(0, 0.0, None)];
+        let three = || vec![waiting(7, 0.2), waiting(8, 0.9), waiting(9, -0.8)];
+        assert_eq!(begun(&idle, three()), [(1, 8), (0, 9)]);
+        // What suits the other one better is painted all the same.
+        assert_eq!(begun(&[load(0, 0.0, None), load(1, 5.0, None)], vec![waiting(7, 1.0)]), [(0, 7)]);
+        // Where nothing is known of the zones, they are begun in turn.
+        assert_eq!(begun(&idle, vec![waiting(7, 0.0), waiting(8, 0.0)]), [(0, 7), (1, 8)]);
+    }
+
+    #[test]
+    fn a_zone_is_left_to_an_engine_that_has_all_of_them_before() {
+        let loads = [load(0, 0.0, Some(1.0)), load(1, 10.0, Some(10.0))];
+        assert_eq!(begun(&loads, vec![waiting(10, 0.0)]), []);
+        assert_eq!(begun(&loads, (0..9).map(|_| waiting(10, 0.0)).collect()), [(0, 10)]);
+        // But not one on which that engine has failed.
+        let failed = Waiting { failed: vec![1], ..waiting(10, 0.0) };
+        assert_eq!(begun(&loads, vec![failed]), [(0, 10)]);
+    }
+
+    #[test]
+    fn zones_of_an_engine_that_fails_are_painted_and_counted_by_the_other() {
+        for (bad, good) in [(0, 1), (1, 0)] {
+            let toy = |index: usize| (Arc::new(Toy(["a", "b"][index], index == good)) as Arc<dyn RenderEngine>, 1);
+            let mixed = MixedEngine::new(vec![toy(0), toy(1)], 0);
+            let (sender, answers) = mpsc::channel();
+            for _ in 0..20 {
+                let sender = sender.clone();
+                mixed.start(task(4, 0.0), Box::new(move |painted| sender.send(painted.is_ok()).expect("heard")));
+            }
+            assert!((0..20).all(|_| answers.recv().is_ok_and(|is_painted| is_painted)));
+            let zones = mixed.zones_by_engine();
+            assert_eq!((zones[bad].1, zones[good].1), (0, 20));
+        }
+    }
+
+    #[test]
+    fn a_zone_that_all_fail_on_is_told_once() {
+        let toys = ["a", "b"].map(|name| (Arc::new(Toy(name, false)) as Arc<dyn RenderEngine>, 1));
+        let mixed = MixedEngine::new(toys.to_vec(), 0);
+        let (sender, answers) = mpsc::channel();
+        mixed.start(task(4, 0.0), Box::new(move |painted| sender.send(painted.is_err()).expect("heard")));
+        assert_eq!(answers.recv(), Ok(true));
+        assert!(answers.recv().is_err());
     }
 }

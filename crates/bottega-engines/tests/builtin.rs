@@ -8,8 +8,8 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Painted, RenderEngine, TaskProgress, Tunables,
-    ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Leaning, Painted, RenderEngine, TaskProgress,
+    Tunables, ZoneTask,
 };
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
@@ -65,7 +65,15 @@ fn begin_with(
 ) -> mpsc::Receiver<Result<Painted, EngineError>> {
     let (sender, receiver) = mpsc::channel();
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
-    let task = ZoneTask { rect, samples, tunables, tile, cancel, progress: TaskProgress::default() };
+    let task = ZoneTask {
+        rect,
+        samples,
+        tunables,
+        leaning: Leaning::default(),
+        tile,
+        cancel,
+        progress: TaskProgress::default(),
+    };
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
     receiver
 }
@@ -128,7 +136,15 @@ fn an_engine_may_end_with_its_last_zone() {
     let last = Arc::clone(&engine);
     let tunables = Tunables { max_depth: 6, light_samples: 1 };
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask { rect: FRAME, samples: 0..64, tunables, tile: None, cancel, progress: progress.clone() };
+    let task = ZoneTask {
+        rect: FRAME,
+        samples: 0..64,
+        tunables,
+        leaning: Leaning::default(),
+        tile: None,
+        cancel,
+        progress: progress.clone(),
+    };
     engine.start(
         task,
         Box::new(move |painted| {

@@ -326,7 +326,7 @@ fn add_render_agents(
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
             heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| AMONG_MACHINES).heartbeat,
-            expert: expert.clone().for_engine(&engine),
+            expert: expert.clone().for_engine(&engine).choosing(settings.engine_choice.clone()),
         });
         add(&id, agent.into())?;
     }

@@ -5,21 +5,21 @@
 
 use std::sync::Arc;
 
-use bottega_engines::{EngineDescription, Tunables};
+use bottega_engines::{EngineDescription, Leaning, Tunables};
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
 use bottega_image::Sides;
 
 use crate::{
-    Choice, Goal, GoalRules, InputRanges, Interval, Technique, WorkRow, WorkSettings, ZoneRow,
+    Choice, EngineChoice, Goal, GoalRules, InputRanges, Interval, Technique, WorkRow, WorkSettings, ZoneRow,
     technique::{INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
 };
 
 /// Complexity/size ratio.
-const COMPLEXITY: &str = "complexity";
+pub(crate) const COMPLEXITY: &str = "complexity";
 /// Neighbor Difference.
-const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
+pub(crate) const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
 /// Size in pixels.
-const SIZE: &str = "size";
+pub(crate) const SIZE: &str = "size";
 /// Optimization Level, 1 (VS) to 5 (VB).
 const OPTIMIZATION_LEVEL: &str = "optimization_level";
 const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_LEVEL];
@@ -37,10 +37,18 @@ pub enum ExpertError {
     #[error("cannot read the rules")]
     Fcl(#[from] FclError),
     /// It asks for something that the farm does not know of a zone.
-    #[error("the rules have an input `{name}`; a zone has only {}", INPUTS.join(", "))]
+    #[error("the rules have an input `{name}`; a zone has only {}", .known.join(", "))]
     UnknownInput {
         /// Its name.
         name: String,
+        /// What is known.
+        known: &'static [&'static str],
+    },
+    /// It does not say which engine suits a zone.
+    #[error("the rules do not decide `leaning`, which engine suits a zone, but {}", .found.join(", "))]
+    NoLeaning {
+        /// What they decide.
+        found: Vec<String>,
     },
     /// It decides nothing that the technique knows.
     #[error(
@@ -68,7 +76,9 @@ pub struct Expert {
     ignored: Arc<[String]>,
     has_max_depth: bool,
     has_light_samples: bool,
+    resumes_samples: bool,
     goals: GoalRules,
+    engine_choice: Option<EngineChoice>,
 }
 
 impl Expert {
@@ -85,7 +95,7 @@ impl Expert {
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
-            return Err(ExpertError::UnknownInput { name: unknown.name.clone() });
+            return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
         }
         let technique = Technique::PathTracing;
         let (known, ignored) = technique.sort_outputs(&rules);
@@ -93,7 +103,9 @@ impl Expert {
             return Err(ExpertError::NoOutput { technique, found: ignored });
         }
         let (rules, ignored, goals) = (Arc::new(rules), ignored.into(), GoalRules::default());
-        Ok(Self { rules, ignored, has_max_depth: true, has_light_samples: true, goals })
+        let (has_max_depth, has_light_samples, resumes_samples) = (true, true, true);
+        let engine_choice = None;
+        Ok(Self { rules, ignored, has_max_depth, has_light_samples, resumes_samples, goals, engine_choice })
     }
 
     /// The outputs of the rules that mean nothing in path tracing, by their names.
@@ -109,7 +121,19 @@ impl Expert {
     /// The same for an engine: what it has no knob for is left as it is, and not credited.
     #[must_use]
     pub fn for_engine(self, engine: &EngineDescription) -> Self {
-        Self { has_max_depth: engine.has_max_depth, has_light_samples: engine.has_light_samples, ..self }
+        let &EngineDescription { has_max_depth, has_light_samples, resumes_samples, .. } = engine;
+        Self { has_max_depth, has_light_samples, resumes_samples, ..self }
+    }
+
+    /// The same with rules for who paints a zone, where several engines may.
+    #[must_use]
+    pub fn choosing(self, engine_choice: Option<EngineChoice>) -> Self {
+        Self { engine_choice, ..self }
+    }
+
+    /// Which of several engines suits a zone better. Says nothing of quality, so it is asked with optimization off, too.
+    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
+        self.engine_choice.as_ref().map_or_else(Leaning::default, |choice| choice.leaning(work, zone))
     }
 
     /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules
@@ -125,22 +149,10 @@ impl Expert {
     pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
         let settings = &work.settings;
         let Some(level) = settings.optimization.rule_input() else { return Ok(Choice::unchanged(settings)) };
-        let mut rules = (*self.rules).clone();
-        let InputRanges { complexity, neighbor_difference, size } = work.ranges;
-        let ranges = [(COMPLEXITY, complexity), (NEIGHBOR_DIFFERENCE, neighbor_difference), (SIZE, size)];
-        for (name, Interval { min, max }) in ranges {
-            if rules.input_index(name).is_some() {
-                rules.layout_inputs(name, min, max)?;
-            }
-        }
-        let size = zone.size() as f64;
+        let rules = laid_out(&self.rules, &work.ranges)?;
         let evaluate = |difference: f64| {
-            let mut values = vec![
-                (COMPLEXITY, zone.complexity / size.max(1.0)),
-                (NEIGHBOR_DIFFERENCE, difference),
-                (SIZE, size),
-                (OPTIMIZATION_LEVEL, level),
-            ];
+            let mut values = zone_values(zone, difference).to_vec();
+            values.push((OPTIMIZATION_LEVEL, level));
             values.retain(|(name, _)| rules.input_index(name).is_some());
             rules.evaluate(&values)
         };
@@ -159,6 +171,12 @@ impl Expert {
         let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
         let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
         Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
+    }
+
+    /// How many samples a zone's first painting takes. An engine that cannot go on with them would take them again: then it
+    /// takes all at once, and the time of the zone is known when it is over.
+    pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
+        if self.resumes_samples || goal.needs_error() { choice.profile_samples(goal) } else { choice.samples }
     }
 
     /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
@@ -185,6 +203,25 @@ impl Expert {
         let samples = part(settings.samples, light).max(1);
         Choice { tunables: Tunables { max_depth, light_samples }, samples, bands }
     }
+}
+
+/// Rules with the terms of their inputs laid out over what the zones of a work are like.
+pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<FunctionBlock, LayoutError> {
+    let mut rules = rules.clone();
+    let &InputRanges { complexity, neighbor_difference, size } = ranges;
+    let ranges = [(COMPLEXITY, complexity), (NEIGHBOR_DIFFERENCE, neighbor_difference), (SIZE, size)];
+    for (name, Interval { min, max }) in ranges {
+        if rules.input_index(name).is_some() {
+            rules.layout_inputs(name, min, max)?;
+        }
+    }
+    Ok(rules)
+}
+
+/// What rules may ask of a zone.
+pub(crate) fn zone_values(zone: &ZoneRow, difference: f64) -> [(&'static str, f64); 3] {
+    let size = zone.size() as f64;
+    [(COMPLEXITY, zone.complexity / size.max(1.0)), (NEIGHBOR_DIFFERENCE, difference), (SIZE, size)]
 }
 
 #[cfg(test)]
@@ -274,12 +311,32 @@ mod tests {
     }
 
     #[test]
+    fn an_engine_that_cannot_go_on_paints_a_zone_at_once() {
+        let work = work(Optimization::Off, &[zone(0, 1.0, 0.0)]);
+        let choice = Choice::unchanged(&work.settings);
+        let first = |resumes_samples, goal| {
+            let engine = EngineDescription {
+                name: "plain".to_owned(),
+                has_max_depth: true,
+                has_light_samples: true,
+                resumes_samples,
+                exact_by_pixel: true,
+            };
+            Expert::path_tracing().for_engine(&engine).first_samples(&choice, &goal)
+        };
+        assert_eq!(first(true, Goal::Samples), 13);
+        assert_eq!(first(false, Goal::Samples), 256);
+        // Until an error is met nobody knows how many samples that will be.
+        assert_eq!(first(false, Goal::Error(0.1)), 8);
+    }
+
+    #[test]
     fn rules_about_something_else_are_refused() {
         let text = "FUNCTION_BLOCK f VAR_INPUT moon : REAL; END_VAR VAR_OUTPUT light_samples : REAL; END_VAR \
             FUZZIFY moon TERM full := (0, 1) (1, 0); END_FUZZIFY \
             DEFUZZIFY light_samples TERM few := (0, 1) (1, 0); METHOD : COG; DEFAULT := 1; END_DEFUZZIFY \
             RULEBLOCK r RULE 1 : IF moon IS full THEN light_samples IS few; END_RULEBLOCK END_FUNCTION_BLOCK";
-        assert!(matches!(Expert::parse(text), Err(ExpertError::UnknownInput { name }) if name == "moon"));
+        assert!(matches!(Expert::parse(text), Err(ExpertError::UnknownInput { name, .. }) if name == "moon"));
         assert!(matches!(Expert::parse("no rules"), Err(ExpertError::Fcl(_))));
     }
 

@@ -20,6 +20,7 @@ mod blackboard;
 mod compose;
 mod contents;
 mod driver;
+mod engine_choice;
 mod expert;
 mod goals;
 mod ids;
@@ -53,6 +54,7 @@ pub use driver::{
     AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
     lead, run,
 };
+pub use engine_choice::EngineChoice;
 pub use expert::{Expert, ExpertError};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};

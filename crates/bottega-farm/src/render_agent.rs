@@ -258,7 +258,7 @@ impl RenderAgent {
         let conversation = message.conversation_id;
         let mut hand = Hand { order: order.clone(), choice, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
-            hand.begin(self.power(), actions);
+            hand.begin(self.power(), &self.config.expert, actions);
         }
         if self.hands.is_empty() {
             self.since = now;
@@ -386,11 +386,11 @@ impl RenderAgent {
 }
 
 impl Hand {
-    fn begin(&mut self, power: RelativePower, actions: &mut Vec<FarmAction>) {
+    fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
         let row = &self.order.row;
         let done = row.samples_done();
         let samples = match row.state {
-            ZoneState::Profiling => 0..self.choice.profile_samples(&self.order.work.settings.goal),
+            ZoneState::Profiling => 0..expert.first_samples(&self.choice, &self.order.work.settings.goal),
             _ => done..row.goal_samples(&self.choice),
         };
         let from = row.result.filter(|_| samples.start > 0);
@@ -400,6 +400,7 @@ impl Hand {
             rect: row.painted(&self.choice, &self.order.work.settings.frame),
             samples,
             tunables: self.choice.tunables,
+            leaning: expert.leaning(&self.order.work, row),
             needs_error: self.order.work.settings.goal.needs_error(),
             from,
             time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
@@ -442,8 +443,9 @@ impl StateMachine for RenderAgent {
             FarmEvent::Completed(FarmCompletion::Fetched(work)) => {
                 if self.work.as_ref().is_some_and(|row| row.work == work) {
                     self.fetched = true;
-                    let power = self.power();
-                    self.hands.values_mut().filter(|hand| !hand.begun).for_each(|hand| hand.begin(power, actions));
+                    let (power, expert) = (self.power(), &self.config.expert);
+                    let waiting = self.hands.values_mut().filter(|hand| !hand.begun);
+                    waiting.for_each(|hand| hand.begin(power, expert, actions));
                 }
             }
             FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {

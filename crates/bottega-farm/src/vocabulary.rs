@@ -3,7 +3,7 @@
 use std::{ops::Range, sync::Arc, time::Duration};
 
 use bottega_agents::{Action, AgentId, Event, Revision};
-use bottega_engines::{Survey, Tunables};
+use bottega_engines::{Leaning, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
@@ -23,6 +23,8 @@ pub struct PaintOrder {
     pub samples: Range<u32>,
     /// With which settings.
     pub tunables: Tunables,
+    /// For which of several engines.
+    pub leaning: Leaning,
     /// The samples before: `samples` goes on from them. `None`: it starts at 0.
     pub from: Option<ResultRef>,
     /// Whether the error that is left is to be estimated.

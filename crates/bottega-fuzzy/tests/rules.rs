@@ -177,3 +177,38 @@ fn zones_that_do_not_differ_stand_in_the_middle() {
     let alike = block.evaluate_indexed(&[42.0, 42.0, 42.0, 3.0]).unwrap();
     assert_eq!(alike, path_tracing().evaluate_indexed(&[0.5, 0.5, 0.5, 3.0]).unwrap());
 }
+
+/// Those of other people's engines, which have rules of their own where they differ from our path tracer.
+const ENGINES: [&str; 4] = ["cycles.fcl", "luxcore.fcl", "mitsuba.fcl", "povray.fcl"];
+
+/// The values of a block's inputs, for a zone and a level.
+fn values_for(block: &FunctionBlock, [c, n, s]: [f64; 3], level: f64) -> Vec<(&'static str, f64)> {
+    let all = [(INPUTS[0], c), (INPUTS[1], n), (INPUTS[2], s), (INPUTS[3], level)];
+    all.into_iter().filter(|(name, _)| block.input_index(name).is_some()).collect()
+}
+
+#[test]
+fn rules_of_engines_have_no_dead_rule_and_never_ask_for_more_at_a_higher_level() {
+    for name in ENGINES {
+        let block = read(name);
+        let mut fired = BTreeSet::new();
+        for zone in zones() {
+            let mut before = vec![f64::INFINITY; block.outputs().len()];
+            for level in steps(1.0, 5.0, 9) {
+                let values = values_for(&block, zone, level);
+                let outputs = block.evaluate(&values).unwrap();
+                for (before, output) in before.iter_mut().zip(block.outputs()).filter(|(_, it)| it.name != BAND) {
+                    let value = outputs.get(&output.name).unwrap();
+                    assert!((0.1..=1.0 + 1e-9).contains(&value), "{name}, {}: {value}", output.name);
+                    assert!(value <= *before + 1e-9, "{name}, {} of {zone:?} at {level}: {value}", output.name);
+                    *before = value;
+                }
+                fired.extend(block.explain(&values).unwrap().rules.into_iter().map(|rule| rule.label));
+            }
+        }
+        assert_eq!(fired.len(), block.rules().count(), "{name}: {fired:?}");
+        // The least optimization is none.
+        let outputs = block.evaluate(&values_for(&block, [0.5; 3], 1.0)).unwrap();
+        assert_eq!(outputs.get("light_samples"), Some(1.0), "{name}");
+    }
+}

@@ -24,7 +24,7 @@ use self::values::{
 };
 use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
-    bench::{AlaArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
+    bench::{AlaArgs, EnginesBenchArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
     devices::DeviceChoice,
     engines::{EngineArgs, EnginesArgs},
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
@@ -214,8 +214,8 @@ pub(crate) struct RenderArgs {
     /// Let the agents' expert rules trade quality for time, zone by zone.
     #[arg(long, value_enum, value_name = "LEVEL", default_value_t = OptimizeArg::Off, help_heading = "Quality")]
     pub(crate) optimize: OptimizeArg,
-    /// The expert rules, as FCL text; default: path-tracing, which comes with the program. Give it several times and
-    /// agents carry them in turn.
+    /// The expert rules, as FCL text; default: path-tracing, which comes with the program, or with --engine NAME those of that
+    /// engine. Give it several times and agents carry them in turn.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     pub(crate) rules: Vec<PathBuf>,
     /// How light is followed.
@@ -272,7 +272,7 @@ pub(crate) struct RenderArgs {
     pub(crate) exact: bool,
     /// Paint an animation: frames FIRST..LAST, both included. The number of a frame takes the place of `####` in the name of
     /// the output. With --farm all frames are painted at once, by all machines.
-    #[arg(long, value_name = "FIRST..LAST", conflicts_with_all = ["at", "resume", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
+    #[arg(long, value_name = "FIRST..LAST", conflicts_with_all = ["at", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
     pub(crate) frames: Option<Frames>,
     /// Frames a second: frame N shows the scene at N / FPS seconds.
     #[arg(long, value_name = "FPS", default_value_t = 24.0, requires = "frames", value_parser = parse_rate, help_heading = "Work")]
@@ -293,7 +293,8 @@ pub(crate) struct RenderArgs {
     pub(crate) verify: Option<u32>,
     #[command(flatten)]
     pub(crate) login: LoginArgs,
-    /// Go on with a picture that was interrupted.
+    /// Go on with a picture that was interrupted; of an animation, paint the frames that are not there yet, and go on with one
+    /// that was interrupted.
     #[arg(long, help_heading = "Work")]
     pub(crate) resume: bool,
     /// Serve a live view of the work on this address, such as 127.0.0.1:8080.
@@ -425,6 +426,8 @@ pub(crate) enum BenchCommand {
     },
     /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
     Peers(PeersArgs),
+    /// What it costs that bottega has another engine paint in zones, beside the same picture as one window.
+    Engines(EnginesBenchArgs),
     /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
     Farm(Box<FarmBenchArgs>),
     /// The tables of the HRA paper: rays by direct calls, through the allocator, and with a GPU beside the processors.

@@ -9,7 +9,7 @@ use std::{
 
 use bottega_farm::StopSwitch;
 
-use crate::{cli::RenderArgs, error::CliError, farm, render};
+use crate::{cli::RenderArgs, error::CliError, farm, keeping::journal_of, render};
 
 /// The largest number of a frame.
 const FRAME_MAX: u32 = 1_000_000;
@@ -48,7 +48,15 @@ impl RenderArgs {
         }
         self.output = numbered(&self.output, frame);
         self.frames = None;
+        // A frame that nobody has begun is begun.
+        self.resume &= journal_of(&self.output).is_file();
         self
+    }
+
+    /// Whether a frame need not be painted: it is there, and all of it.
+    pub(crate) fn has_frame(&self, frame: u32) -> bool {
+        let output = numbered(&self.output, frame);
+        self.resume && output.is_file() && !journal_of(&output).is_file()
     }
 }
 
@@ -73,7 +81,7 @@ pub(crate) fn run(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> Resu
     if args.farm.is_some() {
         return farm::animate(args, frames, stop);
     }
-    for frame in frames.iter() {
+    for frame in frames.iter().filter(|frame| !args.has_frame(*frame)) {
         let code = render::one(&args.clone().at_frame(frame), stop)?;
         if stop.is_requested() {
             return Ok(code);

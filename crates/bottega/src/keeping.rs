@@ -17,12 +17,17 @@ pub(crate) struct Keeping {
     pub(crate) kept: Option<Kept>,
 }
 
+/// The journal of a picture: it is there while the picture is unfinished.
+pub(crate) fn journal_of(output: &Path) -> PathBuf {
+    let mut path = output.as_os_str().to_owned();
+    path.push(".bottega-journal");
+    PathBuf::from(path)
+}
+
 impl Keeping {
     /// Begins the journal of `output`, or goes on with the one that is there.
     pub(crate) fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, CliError> {
-        let mut path = output.as_os_str().to_owned();
-        path.push(".bottega-journal");
-        let path = PathBuf::from(path);
+        let path = journal_of(output);
         if resume { Self::resume(path, name) } else { Self::create(path, name) }
     }
 

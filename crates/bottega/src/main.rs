@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
         .with_writer(io::stderr)
         .init();
+    engines::keep_quarantines();
     let outcome = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Analyze(args) => analyze::run(&args),

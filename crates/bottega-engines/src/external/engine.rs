@@ -19,12 +19,14 @@ use super::{
     manifest::Determinism,
     picture, quarantine,
     session::{SceneRequest, Session, WindowRequest},
-    tiny,
+    tiny::{self, PROBE_TIME},
 };
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 
 /// After so many failures in a row it is not used any more.
 const FAILURES_MAX: u32 = 3;
+/// A zone whose samples add up is painted twice: a little for its profile, and then.
+const WINDOWS_OF_ZONE: f64 = 2.0;
 /// Seeds of engines are often signed numbers of 32 bits.
 const SEED_MASK: u64 = (1 << 31) - 1;
 /// Light that counts as black: less than any file of 16 bits tells from it.
@@ -47,6 +49,8 @@ pub struct ExternalOptions {
     pub scene_depth: Option<u32>,
     /// As with the depth.
     pub scene_light_samples: Option<u32>,
+    /// Whether so few zones are made that windows cost little beside their samples: not where the user says how many.
+    pub bounds_zones: bool,
     /// Makes the survey in the engine's place, if it can: of a scene that is read here.
     pub surveyor: Option<Surveyor>,
 }
@@ -57,7 +61,7 @@ type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
 
 enum Work {
     Zone(ZoneTask, Done),
-    Survey(u32, u32, mpsc::Sender<Result<Survey, EngineFault>>),
+    Survey(u32, u32, Duration, mpsc::Sender<Result<Survey, EngineFault>>),
     Pace(mpsc::Sender<Result<tiny::Pace, EngineFault>>),
 }
 
@@ -159,12 +163,24 @@ impl ExternalEngine {
     }
 }
 
+impl ExternalEngine {
+    /// What windows cost, and samples.
+    fn pace(&self) -> Option<tiny::Pace> {
+        let (sender, answer) = mpsc::channel();
+        self.shared.submit(Work::Pace(sender));
+        let pace = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
+        // The zones will say it again, if it is of any weight.
+        pace.inspect_err(|fault| tracing::debug!(%fault, "the pace of the engine is not known")).ok()
+    }
+}
+
 impl RenderEngine for ExternalEngine {
     fn describe(&self) -> EngineDescription {
         let manifest = self.shared.located.manifest();
         EngineDescription {
             name: manifest.name.clone(),
-            has_max_depth: manifest.tunables.max_depth.is_some(),
+            // A share of a depth that only the scene knows cannot be told.
+            has_max_depth: manifest.tunables.max_depth.is_some() && self.shared.options.scene_depth.is_none(),
             has_light_samples: manifest.tunables.light_samples.is_some(),
             resumes_samples: manifest.adds_up(),
             exact_by_pixel: manifest.determinism == Determinism::Frame,
@@ -173,22 +189,21 @@ impl RenderEngine for ExternalEngine {
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
+        let options = &self.shared.options;
+        // Asked while the session has the picture open, and not the survey.
+        let pace = options.bounds_zones.then(|| self.pace()).flatten();
         let mut survey = match seen {
             Some(survey) => survey,
             None => {
                 let (sender, answer) = mpsc::channel();
-                self.shared.submit(Work::Survey(width, height, sender));
+                let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(options.samples));
+                self.shared.submit(Work::Survey(width, height, time, sender));
                 let outcome = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
                 outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
             }
         };
-        let (sender, answer) = mpsc::channel();
-        self.shared.submit(Work::Pace(sender));
-        match answer.recv().unwrap_or(Err(EngineFault::Cancelled)) {
-            Ok(pace) => survey.zones_max = Some(pace.zones_max(self.shared.options.samples)),
-            // The zones will say it again, if it is of any weight.
-            Err(fault) => tracing::debug!(%fault, "the pace of the engine is not known"),
-        }
+        let windows = if self.shared.located.manifest().adds_up() { WINDOWS_OF_ZONE } else { 1.0 };
+        survey.zones_max = pace.map(|pace| pace.zones_max(options.samples, windows));
         let _ = self.shared.surveyed.set(survey.clone());
         Ok(survey)
     }
@@ -246,7 +261,7 @@ impl Shared {
     fn quarantine(&self) -> Option<EngineFault> {
         let health = self.health();
         let is_out = health.failures >= FAILURES_MAX;
-        is_out.then(|| EngineFault::Quarantined { failures: health.failures, last: health.last.clone() })
+        is_out.then(|| EngineFault::Quarantined { failures: health.failures, last: health.last.clone(), name: None })
     }
 
     /// Takes note of how it went.
@@ -265,7 +280,7 @@ impl Shared {
                 // What it refuses is the scene's matter; what it does wrong, its own.
                 let is_its_own = !matches!(fault, EngineFault::Refused { .. });
                 if health.failures >= FAILURES_MAX && is_its_own {
-                    quarantine::put(&self.located, health.failures, told);
+                    quarantine::put(&self.located, health.failures, &told);
                 }
             }
         }
@@ -309,12 +324,12 @@ impl Lane {
     fn run(&mut self) {
         while let Some(work) = self.shared.next() {
             match work {
-                Work::Survey(width, height, answer) => {
-                    let mut survey = self.survey(width, height);
+                Work::Survey(width, height, time, answer) => {
+                    let mut survey = self.survey(width, height, time);
                     self.settle(survey.as_ref().map(drop));
                     if survey.as_ref().is_err_and(EngineFault::ends_process) && !self.shared.closing.is_cancelled() {
                         // As a zone is given to somebody else after a crash.
-                        survey = self.survey(width, height);
+                        survey = self.survey(width, height, time);
                         self.settle(survey.as_ref().map(drop));
                     }
                     if survey.is_err() {
@@ -385,12 +400,12 @@ impl Lane {
         tiny::Pace::measure(self.session()?, &window)
     }
 
-    fn survey(&mut self, width: u32, height: u32) -> Result<Survey, EngineFault> {
+    fn survey(&mut self, width: u32, height: u32, time: Duration) -> Result<Survey, EngineFault> {
         let (request, located) = (self.request(), Arc::clone(&self.shared.located));
         let window = self.look(width, height, tiny::SAMPLES);
         let session = self.session()?;
         session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
-        let survey = tiny::survey(session, &window)?;
+        let survey = tiny::survey(session, &window, time)?;
         // Zones are of the whole picture.
         session.reopen(&located, &request)?;
         Ok(survey)

@@ -135,12 +135,14 @@ pub enum EngineFault {
     #[error("nobody wants it any more")]
     Cancelled,
     /// It failed too often on this machine.
-    #[error("it is not used here any more: it failed {failures} times in a row, the last time so: {last}")]
+    #[error("it is not used here any more: it failed {failures} times in a row, the last time so: {last}{}", remedy(.name))]
     Quarantined {
         /// How often.
         failures: u32,
         /// The last failure.
         last: String,
+        /// Its name, where later processes know of it.
+        name: Option<String>,
     },
 }
 
@@ -169,6 +171,12 @@ impl EngineFault {
         }
         text
     }
+}
+
+fn remedy(name: &Option<String>) -> String {
+    name.as_ref().map_or_else(String::new, |name| {
+        format!("; install another version of it, or let it in again by `bottega engines release {name}`")
+    })
 }
 
 fn last_words(log: &str) -> String {

@@ -285,6 +285,9 @@ pub struct Manifest {
     /// Scripts that belong to it, beside the manifest.
     #[serde(default)]
     pub files: Vec<String>,
+    /// Rules by which its settings are chosen where a picture is optimized: a file beside the manifest; `None`: those of our
+    /// own path tracer.
+    pub rules: Option<String>,
     /// How far windows are the frame.
     pub determinism: Determinism,
     /// Whether another seed gives other noise, so that passes add up.
@@ -403,6 +406,9 @@ impl Manifest {
         let is_beside = |name: &String| std::path::Path::new(name).components().count() == 1 && !name.starts_with('.');
         if let Some(name) = self.files.iter().find(|name| !is_beside(name)) {
             return Err(("files", format!("`{name}` must lie beside the manifest")));
+        }
+        if let Some(name) = self.rules.as_ref().filter(|name| !is_beside(name)) {
+            return Err(("rules", format!("`{name}` must lie beside the manifest")));
         }
         let limits = [self.limits.start_seconds, self.limits.open_seconds, self.limits.silence_seconds];
         if limits.iter().chain([&self.limits.zone_seconds]).any(|seconds| !(0.0..=1e9).contains(seconds)) {

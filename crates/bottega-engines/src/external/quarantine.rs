@@ -1,33 +1,184 @@
-//! Engines that this process does not use any more, because they failed again and again.
+//! Engines that are not used on this machine any more, because they failed again and again. It is kept in files, one an
+//! engine, so that the next process knows it too; a new version, another manifest or [`release`] lets the engine in again.
 
 use std::{
     collections::BTreeMap,
-    sync::{Mutex, MutexGuard, PoisonError},
+    fs::{self, File},
+    io::{self, Read},
+    path::{Path, PathBuf},
+    sync::{Mutex, MutexGuard, OnceLock, PoisonError},
+    time::{SystemTime, UNIX_EPOCH},
 };
+
+use serde::{Deserialize, Serialize};
 
 use super::{error::EngineFault, locate::Located};
 
-/// By name and version: how often, and how the last time.
-type Failed = BTreeMap<(String, String), (u32, String)>;
+/// No file of ours is larger.
+const BYTES_MAX: u64 = 1 << 16;
+/// Of what an engine said last so many characters are kept.
+const REASON_MAX: usize = 2000;
 
-fn failed() -> MutexGuard<'static, Failed> {
-    static FAILED: Mutex<Failed> = Mutex::new(BTreeMap::new());
-    FAILED.lock().unwrap_or_else(PoisonError::into_inner)
+/// Why an engine is not used here.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quarantine {
+    /// Name, version, manifest and scripts: another one is not meant.
+    pub identity: String,
+    /// How often it failed in a row.
+    pub failures: u32,
+    /// How the last time.
+    pub reason: String,
+    /// When, in seconds since 1970.
+    pub since: u64,
 }
 
-fn key(engine: &Located) -> (String, String) {
-    (engine.manifest().name.clone(), engine.version.to_string())
+/// Where it is kept between runs.
+static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+
+/// From now on it is known to later processes, and from earlier ones, by files in this folder. A second call does nothing.
+pub fn keep_quarantines_in(folder: PathBuf) {
+    let _ = FOLDER.set(folder);
+}
+
+/// What could not be kept in a file, by the name of the engine: for this process at least.
+fn unkept() -> MutexGuard<'static, BTreeMap<String, Quarantine>> {
+    static UNKEPT: Mutex<BTreeMap<String, Quarantine>> = Mutex::new(BTreeMap::new());
+    UNKEPT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Names of engines are plain: `Manifest` has seen to that.
+fn file_of(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.json"))
 }
 
 /// From now on this version of the engine is not used here.
-pub(super) fn put(engine: &Located, failures: u32, last: String) {
-    failed().insert(key(engine), (failures, last));
+pub(super) fn put(engine: &Located, failures: u32, last: &str) {
+    let name = &engine.manifest().name;
+    let reason = last.chars().take(REASON_MAX).collect();
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let found = Quarantine { identity: engine.identity(), failures, reason, since };
+    let kept = FOLDER.get().is_some_and(|folder| {
+        write(&file_of(folder, name), &found)
+            .inspect_err(|error| tracing::warn!(%error, name, "that the engine fails here is soon forgotten"))
+            .is_ok()
+    });
+    if !kept {
+        unkept().insert(name.clone(), found);
+    }
+}
+
+fn write(path: &Path, found: &Quarantine) -> io::Result<()> {
+    path.parent().map(fs::create_dir_all).transpose()?;
+    let bytes = serde_json::to_vec_pretty(found)?;
+    bottega_image::write_whole(path, &bytes).map_err(io::Error::other)
+}
+
+/// Why this version of an engine is not used here; `None`: it is.
+pub fn quarantine(engine: &Located) -> Option<Quarantine> {
+    let name = &engine.manifest().name;
+    let kept = FOLDER.get().and_then(|folder| {
+        let path = file_of(folder, name);
+        read(&path).unwrap_or_else(|problem| {
+            tracing::warn!("{} is left aside, and the engine is used: {problem}", path.display());
+            None
+        })
+    });
+    kept.or_else(|| unkept().get(name).cloned()).filter(|found| found.identity == engine.identity())
+}
+
+/// Reads a file that anybody may have written: it is small, of our form, and told without signs that steer terminals.
+fn read(path: &Path) -> Result<Option<Quarantine>, String> {
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error.to_string()),
+        Ok(found) if !found.is_file() => return Err("it is no plain file".to_owned()),
+        Ok(found) if found.len() > BYTES_MAX => return Err("it is too large".to_owned()),
+        Ok(_) => {}
+    }
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(BYTES_MAX).read_to_end(&mut bytes))
+        .map_err(|error| error.to_string())?;
+    let mut found: Quarantine = serde_json::from_slice(&bytes).map_err(|error| error.to_string())?;
+    let plain = |text: &str| -> String {
+        let signs = text.chars().map(|sign| if sign.is_control() && sign != '\n' { ' ' } else { sign });
+        signs.take(REASON_MAX).collect()
+    };
+    found.reason = plain(&found.reason);
+    Ok(Some(found))
 }
 
 /// Refuses an engine that is not used here any more.
 pub(super) fn check(engine: &Located) -> Result<(), EngineFault> {
-    match failed().get(&key(engine)) {
-        Some((failures, last)) => Err(EngineFault::Quarantined { failures: *failures, last: last.clone() }),
+    match quarantine(engine) {
+        Some(Quarantine { failures, reason, .. }) => {
+            let name = Some(engine.manifest().name.clone());
+            Err(EngineFault::Quarantined { failures, last: reason, name })
+        }
         None => Ok(()),
+    }
+}
+
+/// Lets an engine in again, in all its versions. Whether it was shut out.
+///
+/// # Errors
+/// The file that says so cannot be removed.
+pub fn release(name: &str) -> io::Result<bool> {
+    let was_unkept = unkept().remove(name).is_some();
+    let removed = FOLDER.get().map_or(Ok(()), |folder| fs::remove_file(file_of(folder, name)));
+    match removed {
+        Ok(()) => Ok(FOLDER.get().is_some() || was_unkept),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(was_unkept),
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found() -> Quarantine {
+        Quarantine { identity: "toy 1".to_owned(), failures: 3, reason: "it fell".to_owned(), since: 7 }
+    }
+
+    #[test]
+    fn what_is_kept_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = file_of(&folder.path().join("engines"), "toy");
+        assert_eq!(read(&path), Ok(None));
+        write(&path, &found()).unwrap();
+        assert_eq!(read(&path), Ok(Some(found())));
+    }
+
+    #[test]
+    fn files_that_are_not_ours_are_no_quarantine() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = file_of(folder.path(), "toy");
+        let whole = serde_json::to_string(&found()).unwrap();
+        let broken = [
+            String::new(),
+            whole[..20].to_owned(),
+            whole.replace("toy", "\\ud800"),
+            whole.replace(":3", ":-1"),
+            whole.replace("since", "sense"),
+            "[".repeat(60_000),
+            " ".repeat(BYTES_MAX as usize + 1),
+        ];
+        for text in broken {
+            fs::write(&path, &text).unwrap();
+            assert!(read(&path).is_err(), "{:?}", text.get(..40));
+        }
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(read(&path).is_err());
+    }
+
+    #[test]
+    fn nothing_in_a_file_steers_a_terminal() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = file_of(folder.path(), "toy");
+        write(&path, &Quarantine { reason: "\u{1b}[2J\u{7}gone".to_owned(), ..found() }).unwrap();
+        assert_eq!(read(&path).unwrap().unwrap().reason, " [2J gone");
     }
 }

@@ -98,6 +98,15 @@ impl Entry {
         Ok(Self { manifest, folder: Some(folder), text: text.into() })
     }
 
+    /// Where its rules are, and their text where they come with the program; `None`: it has none of its own.
+    pub fn rules(&self) -> Option<(PathBuf, Option<&'static str>)> {
+        let name = self.manifest.rules.as_ref()?;
+        match &self.folder {
+            Some(folder) => Some((folder.join(name), None)),
+            None => Some((PathBuf::from(name), shipped::rules(Path::new(name)))),
+        }
+    }
+
     /// Puts the files of the manifest into `folder`, which is private to this process.
     pub(super) fn unpack(&self, folder: &Path) -> Result<(), EngineFault> {
         for name in &self.manifest.files {

@@ -1,4 +1,6 @@
-//! The manifests and workers that come with the program.
+//! The manifests, workers and rules that come with the program.
+
+use std::path::Path;
 
 /// Files of the folder `engines/`, by name.
 macro_rules! shipped {
@@ -23,6 +25,20 @@ const FILES: &[(&str, &str)] = shipped![
     "povray_worker.py",
 ];
 
+/// File name and text of the rules of each engine.
+const RULES: &[(&str, &str)] = &[
+    ("cycles.fcl", include_str!("../../../../rules/cycles.fcl")),
+    ("luxcore.fcl", include_str!("../../../../rules/luxcore.fcl")),
+    ("mitsuba.fcl", include_str!("../../../../rules/mitsuba.fcl")),
+    ("povray.fcl", include_str!("../../../../rules/povray.fcl")),
+];
+
+/// The text of the rules of an engine, by the file's name with or without its extension.
+pub fn rules(name: &Path) -> Option<&'static str> {
+    let is_it = |known: &str| Path::new(known) == name || known.strip_suffix(".fcl").map(Path::new) == Some(name);
+    RULES.iter().find(|(known, _)| is_it(known)).map(|(_, text)| *text)
+}
+
 /// The text of a script.
 pub(super) fn file(name: &str) -> Option<&'static str> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
@@ -30,8 +46,6 @@ pub(super) fn file(name: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
     use crate::external::manifest::Manifest;
 
@@ -42,6 +56,7 @@ mod tests {
             for needed in &manifest.files {
                 assert!(file(needed).is_some(), "{name} needs {needed}");
             }
+            assert!(manifest.rules.is_none_or(|needed| rules(Path::new(&needed)).is_some()), "{name} needs its rules");
         }
     }
 }

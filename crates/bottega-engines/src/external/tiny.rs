@@ -15,28 +15,30 @@ use crate::{Survey, SurveyPixel};
 pub(super) const SAMPLES: u32 = 4;
 /// Rows and columns of windows whose time is taken.
 const PROBES: u32 = 4;
-/// No more time than this goes into them, if the whole tiny picture took less.
-const PROBE_TIME: Duration = Duration::from_millis(1500);
+/// No more time than this goes into them,
+pub(super) const PROBE_TIME: Duration = Duration::from_millis(1500);
+/// nor more than this share of what the whole picture will take.
+const PROBE_SHARE: f64 = 0.01;
 /// Side of the window whose time is taken, as a part of the frame's shorter side on each side of its middle.
 const PART: u32 = 12;
 /// A window that takes so many seconds tells enough.
 const PACE_TIME: f64 = 0.5;
+/// Samples are told from the window that they are in when they take so many times as long.
+const TELLING_RATIO: f64 = 2.0;
 /// No more samples are taken for it.
 const SAMPLES_PACED: u32 = 1024;
 /// Windows may cost this share of the time beside their samples.
-const WINDOWS_SHARE: f64 = 0.04;
-/// Each zone is painted twice: a little for its profile, and then.
-const WINDOWS_OF_ZONE: f64 = 2.0;
+const WINDOWS_SHARE: f64 = 0.02;
 /// Times tell places apart when at least this share of them is not what every window costs.
 const TELLING_SHARE: f64 = 0.3;
 
 /// A survey of the frame that the session has open: `whole` is all of it.
-pub(super) fn survey(session: &mut Session, whole: &WindowRequest) -> Result<Survey, EngineFault> {
-    let begun = Instant::now();
+///
+/// - `time`: for windows whose time is taken.
+pub(super) fn survey(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Survey, EngineFault> {
     let frame = whole.window;
     let picture = paint(session, whole, frame)?;
-    let took = begun.elapsed();
-    let costs = probe(session, whole, took)?;
+    let costs = probe(session, whole, time)?;
     let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame
         .pixels()
@@ -62,13 +64,13 @@ fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<P
 }
 
 /// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
-fn probe(session: &mut Session, whole: &WindowRequest, took: Duration) -> Result<Vec<f64>, EngineFault> {
+fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Vec<f64>, EngineFault> {
     let same = vec![1.0; (PROBES * PROBES) as usize];
     let frame = whole.window;
     if frame.width() < 2 * PROBES || frame.height() < 2 * PROBES {
         return Ok(same);
     }
-    let until = Instant::now() + took.max(PROBE_TIME);
+    let until = Instant::now() + time;
     let mut timed = |window: Rect| {
         let begun = Instant::now();
         paint(session, whole, window).map(|_| begun.elapsed().as_secs_f64())
@@ -112,26 +114,38 @@ impl Pace {
             let written = session.paint(&request, &mut |_| {})?;
             picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
         };
-        // The first one may be the one for which something is compiled.
-        timed(dot, whole.samples)?;
-        let window = timed(dot, whole.samples)?;
+        // The first one may be the one for which something is compiled. What else the machine does only adds.
+        let first = timed(dot, whole.samples)?;
+        let window = timed(dot, whole.samples)?.min(first);
         let part = dot.grown(frame.width().min(frame.height()) / PART, &frame);
         let mut samples = whole.samples;
         loop {
-            let took = timed(part, samples)?;
-            let beyond = (took - window).max(1e-4);
-            if beyond > window || took > PACE_TIME || samples >= SAMPLES_PACED {
-                let sample = beyond / (part.area() as f64 * f64::from(samples));
+            let mut took = timed(part, samples)?;
+            let is_telling = |took: f64| took - window > TELLING_RATIO * window || took > PACE_TIME;
+            if is_telling(took) && window < PACE_TIME {
+                // It may have been something else that took so long.
+                took = timed(part, samples)?.min(took);
+            }
+            if is_telling(took) || samples >= SAMPLES_PACED {
+                let sample = (took - window).max(1e-4) / (part.area() as f64 * f64::from(samples));
                 return Ok(Self { window, sample });
             }
             samples = samples.saturating_mul(4);
         }
     }
 
-    /// How many zones a picture of so many samples is worth: what windows cost beside their samples is little then.
-    pub(super) fn zones_max(self, samples: u64) -> u32 {
+    /// How long places of a picture of so many samples may be looked at.
+    pub(super) fn probe_time(self, samples: u64) -> Duration {
         let all = self.sample * samples as f64;
-        (all * WINDOWS_SHARE / (WINDOWS_OF_ZONE * self.window).max(1e-6)).clamp(1.0, f64::from(1 << 20)) as u32
+        Duration::try_from_secs_f64(all * PROBE_SHARE).unwrap_or(PROBE_TIME).min(PROBE_TIME)
+    }
+
+    /// How many zones a picture of so many samples is worth: what windows cost beside their samples is little then.
+    ///
+    /// - `windows`: of each zone.
+    pub(super) fn zones_max(self, samples: u64, windows: f64) -> u32 {
+        let all = self.sample * samples as f64;
+        (all * WINDOWS_SHARE / (windows * self.window).max(1e-6)).clamp(1.0, f64::from(1 << 20)) as u32
     }
 }
 
@@ -163,10 +177,18 @@ mod tests {
     #[test]
     fn dear_windows_make_few_zones() {
         let pace = Pace { window: 0.1, sample: 1e-6 };
-        // 62.5 s of samples bear 2.5 s of windows, two a zone.
-        assert_eq!(pace.zones_max(62_500_000), 12);
-        assert_eq!(pace.zones_max(1), 1);
-        assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX), 1 << 20);
+        // 62.5 s of samples bear 1.25 s of windows.
+        assert_eq!(pace.zones_max(62_500_000, 2.0), 6);
+        assert_eq!(pace.zones_max(62_500_000, 1.0), 12);
+        assert_eq!(pace.zones_max(1, 1.0), 1);
+        assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX, 2.0), 1 << 20);
+    }
+
+    #[test]
+    fn looking_takes_a_hundredth_of_painting() {
+        let pace = Pace { window: 0.1, sample: 1e-6 };
+        assert_eq!(pace.probe_time(30_000_000), Duration::from_millis(300));
+        assert_eq!(pace.probe_time(u64::MAX), PROBE_TIME);
     }
 
     #[test]

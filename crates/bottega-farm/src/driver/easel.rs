@@ -236,9 +236,9 @@ impl Sitting {
                 end = end.min(middle);
             }
         }
-        let PaintOrder { rect, tunables, .. } = self.order;
+        let PaintOrder { rect, tunables, leaning, .. } = self.order;
         let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
-        let task = ZoneTask { rect, samples: start..end, tunables, tile, cancel, progress };
+        let task = ZoneTask { rect, samples: start..end, tunables, leaning, tile, cancel, progress };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
     }
 

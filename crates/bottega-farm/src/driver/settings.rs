@@ -5,7 +5,9 @@ use std::thread;
 use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
-use crate::{AdaptationRule, AuctionRule, Expert, Goal, ImportanceFunction, Level, Optimization, WorkSettings};
+use crate::{
+    AdaptationRule, AuctionRule, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization, WorkSettings,
+};
 
 /// Agents of one job at most.
 pub const AGENTS_MAX: usize = 1 << 10;
@@ -38,6 +40,8 @@ pub struct JobSettings {
     pub agents: usize,
     /// The knowledge of the agents; they take turns when there are fewer than agents.
     pub experts: Vec<Expert>,
+    /// What they know of engines, where several paint.
+    pub engine_choice: Option<EngineChoice>,
     /// Processors of the engine.
     pub processors: usize,
     /// What a place is worth.
@@ -68,6 +72,7 @@ impl JobSettings {
             optimization: Optimization::Off,
             agents: 1,
             experts: vec![Expert::path_tracing()],
+            engine_choice: None,
             processors: thread::available_parallelism().map_or(1, std::num::NonZero::get),
             importance: ImportanceFunction::default(),
             auction: AuctionRule::default(),

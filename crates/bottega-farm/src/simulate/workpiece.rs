@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bottega_agents::driver::Random;
-use bottega_engines::Tunables;
+use bottega_engines::{Leaning, Tunables};
 use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
@@ -231,6 +231,7 @@ impl Workpiece {
                     rect: zone.rect,
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
+                    leaning: Leaning::default(),
                     from: None,
                     needs_error: false,
                     time_estimated: None,

@@ -2,7 +2,7 @@
 
 use std::{fs, ops::Range, sync::mpsc};
 
-use bottega_engines::{CancelSwitch, EngineError, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
+use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use serde_json::{Value, json};
@@ -185,7 +185,15 @@ fn measure(
 fn paint(subject: &Analyzed, rect: Rect, samples: Range<u32>, tile: Option<Tile>) -> Result<(Tile, f64), CliError> {
     let (sender, receiver) = mpsc::channel();
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask { rect, samples, tunables: subject.settings.tunables, tile, cancel, progress };
+    let task = ZoneTask {
+        rect,
+        samples,
+        tunables: subject.settings.tunables,
+        leaning: Leaning::default(),
+        tile,
+        cancel,
+        progress,
+    };
     let before = processor_seconds();
     // The receiver outlives the engine's report.
     subject.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));

@@ -1,6 +1,7 @@
 //! `bottega bench`: figures of this program on this machine.
 
 mod ala;
+mod engines;
 mod farm;
 mod gpu;
 mod hra;
@@ -18,12 +19,14 @@ use std::{
 
 pub(crate) use ala::AlaArgs;
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Leaning, RenderEngine, TaskProgress, Tunables,
+    ZoneTask,
 };
 use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile};
 use bottega_kernels::bench as kernels;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::LoadOptions;
+pub(crate) use engines::EnginesBenchArgs;
 pub(crate) use farm::FarmBenchArgs;
 pub(crate) use hra::HraBenchArgs;
 pub(crate) use magarro::MagarroArgs;
@@ -50,6 +53,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
     match &args.what {
         BenchCommand::Rays { scenes, repeat, gpu, json } => rays(scenes, *repeat, gpu.as_deref(), *json),
         BenchCommand::Peers(args) => peers::run(args),
+        BenchCommand::Engines(args) => engines::run(args),
         BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Hra(args) => hra::run(args),
         BenchCommand::Ala(args) => ala::run(args),
@@ -186,7 +190,7 @@ fn paint_samples(
 ) -> Result<(Tile, Duration), CliError> {
     let (sender, receiver) = mpsc::channel();
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask { rect, samples, tunables, tile, cancel, progress };
+    let task = ZoneTask { rect, samples, tunables, leaning: Leaning::default(), tile, cancel, progress };
     let start = Instant::now();
     // The receiver outlives the engine's report.
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));

@@ -13,9 +13,13 @@ use crate::{
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EngineArgs {
     /// Who paints: our own engine, or another renderer that is installed here, see `bottega engines list`; or both, as
-    /// `builtin,NAME`: each zone goes to the one that will have it soonest.
+    /// `builtin,NAME` or `NAME,builtin`: who is free takes the zone that suits it best, simple ones the engine named first,
+    /// complex ones the other.
     #[arg(long, value_name = "NAME", default_value = "builtin", value_delimiter = ',', help_heading = "Engine")]
     pub(crate) engine: Vec<String>,
+    /// Which of two engines suits a zone, as FCL text; default: engine-choice, which comes with the program.
+    #[arg(long = "engine-rules", value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Engine")]
+    pub(crate) choice: Option<PathBuf>,
     /// More manifests of engines: the files NAME.toml of this folder.
     #[arg(long = "engines", value_name = "FOLDER", value_hint = ValueHint::DirPath, help_heading = "Engine")]
     pub(crate) folders: Vec<PathBuf>,
@@ -64,6 +68,8 @@ pub(crate) enum EnginesCommand {
     Check(CheckArgs),
     /// Have an engine paint a small picture of a scene, whole and in windows, and compare the two.
     Try(TryArgs),
+    /// Let an engine paint again that failed so often on this machine that it is not used any more.
+    Release(ReleaseArgs),
 }
 
 #[derive(Debug, Args)]
@@ -79,6 +85,15 @@ pub(crate) struct ListArgs {
 #[derive(Debug, Args)]
 pub(crate) struct CheckArgs {
     /// The engine, or the file of a manifest.
+    pub(crate) name: String,
+    /// More manifests of engines: the files NAME.toml of this folder.
+    #[arg(long = "engines", value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    pub(crate) folders: Vec<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReleaseArgs {
+    /// The engine.
     pub(crate) name: String,
     /// More manifests of engines: the files NAME.toml of this folder.
     #[arg(long = "engines", value_name = "FOLDER", value_hint = ValueHint::DirPath)]

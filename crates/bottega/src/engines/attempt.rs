@@ -10,7 +10,7 @@ use std::{
 };
 
 use bottega_engines::{
-    CancelSwitch, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    CancelSwitch, Leaning, RenderEngine, TaskProgress, Tunables, ZoneTask,
     external::{EngineFault, ExternalEngine, ExternalOptions, Located, SceneRequest, Session, manifest::Determinism},
 };
 use bottega_image::{AovSet, ExrOptions, Film, Layout, Metadata, Picture, Rect, Tile, rel_mse, seams, write_exr};
@@ -68,7 +68,7 @@ fn request(args: &TryArgs, engine: &Located) -> Result<SceneRequest, CliError> {
 }
 
 /// What an engine is told, by its manifest and by the user.
-pub(super) fn parameters(
+pub(crate) fn parameters(
     engine: &Located,
     options: &[(String, String)],
 ) -> Result<BTreeMap<String, serde_json::Value>, CliError> {
@@ -89,7 +89,7 @@ pub(super) fn parameters(
 }
 
 /// Engines run in folders of their own.
-pub(super) fn absolute(scene: &Path) -> Result<std::path::PathBuf, CliError> {
+pub(crate) fn absolute(scene: &Path) -> Result<std::path::PathBuf, CliError> {
     scene.canonicalize().map_err(|source| CliError::Read { path: scene.to_owned(), source })
 }
 
@@ -103,13 +103,14 @@ fn cut(frame: Rect) -> Vec<Rect> {
 }
 
 /// An engine with one seed.
-struct Trial {
+pub(crate) struct Trial {
     engine: ExternalEngine,
     frame: Rect,
 }
 
 impl Trial {
-    fn begin(located: &Arc<Located>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
+    /// Starts it with the scene at a size.
+    pub(crate) fn begin(located: &Arc<Located>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
         let session = Session::open(located, request)?;
         let (width, height) = request.size.unwrap_or_default();
         let options = ExternalOptions {
@@ -119,6 +120,7 @@ impl Trial {
             layout: Layout::new(AovSet::NONE),
             scene_depth: Some(0),
             scene_light_samples: Some(0),
+            bounds_zones: false,
             surveyor: None,
         };
         let engine = ExternalEngine::new(Arc::clone(located), options, session)?;
@@ -126,7 +128,7 @@ impl Trial {
     }
 
     /// Paints windows, one after the other. The picture, and the seconds that it took.
-    fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, f64), CliError> {
+    pub(crate) fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, f64), CliError> {
         let layout = Layout::new(AovSet::NONE);
         let mut film = Film::new(self.frame, layout);
         let begun = Instant::now();
@@ -137,6 +139,7 @@ impl Trial {
                 samples: 0..samples,
                 // As the scene says.
                 tunables: Tunables { max_depth: 0, light_samples: 0 },
+                leaning: Leaning::default(),
                 tile: None::<Tile>,
                 cancel: CancelSwitch::default(),
                 progress: TaskProgress::default(),

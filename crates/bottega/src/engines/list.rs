@@ -1,18 +1,24 @@
 //! `bottega engines list` and `check`.
 
-use std::{fs, path::Path, process::ExitCode};
+use std::{
+    fs,
+    path::Path,
+    process::ExitCode,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
 
 use bottega_engines::external::{
-    Entry, Located, Probe, install_hint, is_shut_in,
+    Entry, Located, Probe, Quarantine, install_hint, is_shut_in,
     manifest::{Determinism, Kind, Manifest},
+    quarantine,
 };
 use serde_json::json;
 
 use super::{
-    args::{CheckArgs, ListArgs},
+    args::{CheckArgs, ListArgs, ReleaseArgs},
     entry, shelf,
 };
-use crate::error::CliError;
+use crate::{error::CliError, reporter::duration};
 
 pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     let shelf = shelf(&args.folders);
@@ -27,6 +33,7 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
                 Ok(found) => (Some(found.version.to_string()), None),
                 Err(fault) => (None, Some(fault.told())),
             };
+            let quarantine = found.as_ref().ok().and_then(quarantine);
             let program = found.as_ref().ok().map(|found| found.program.display().to_string());
             println!(
                 "{}",
@@ -36,6 +43,7 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
                     "version": version,
                     "program": program,
                     "problem": problem,
+                    "quarantine": quarantine,
                     "extensions": manifest.scene.extensions,
                     "determinism": determinism(manifest),
                     "folder": entry.folder,
@@ -47,6 +55,9 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
         match found {
             Ok(found) => {
                 println!("{:<9} {}   {extensions}   {}", manifest.name, found.version, found.program.display());
+                if let Some(why) = quarantine(&found) {
+                    println!("{:<9} not used here: {}", "", told(&why, &manifest.name));
+                }
             }
             Err(_) => println!("{:<9} not here   {extensions}   {}", manifest.name, install_hint(manifest)),
         }
@@ -57,6 +68,31 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     if !args.json && !is_shut_in() {
         println!("\nEngines have the network of this machine: the system allows no namespaces.");
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Why an engine is not used, and what to do.
+fn told(why: &Quarantine, name: &str) -> String {
+    let Quarantine { failures, reason, since, .. } = why;
+    let then = UNIX_EPOCH.checked_add(Duration::from_secs(*since)).unwrap_or(UNIX_EPOCH);
+    let ago = SystemTime::now().duration_since(then).unwrap_or_default();
+    let first = reason.lines().next().unwrap_or_default();
+    format!(
+        "it failed {failures} times in a row, the last time {} ago: {first}; `bottega engines release {name}` lets it in again",
+        duration(ago)
+    )
+}
+
+/// `bottega engines release`.
+pub(super) fn release(args: &ReleaseArgs) -> Result<ExitCode, CliError> {
+    let name = &entry(&args.folders, &args.name)?.manifest.name.clone();
+    let was_out = bottega_engines::external::release(name).map_err(|error| {
+        CliError::failed(
+            format!("{name} cannot be let in again: {error}"),
+            "see whose the folder of bottega's state is",
+        )
+    })?;
+    println!("{}", if was_out { format!("{name} is used again") } else { format!("{name} was not shut out") });
     Ok(ExitCode::SUCCESS)
 }
 
@@ -89,6 +125,12 @@ pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
     let failed = |source| CliError::External { engine: manifest.name.clone(), source };
     let located = Located::find(&entry).map_err(failed)?;
     println!("found     {}, version {}", located.program.display(), located.version);
+    if let Some(why) = quarantine(&located) {
+        return Err(CliError::failed(
+            format!("{} is not used on this machine: {}", manifest.title, told(&why, &manifest.name)),
+            "a new version of it, or of its manifest, is used again by itself",
+        ));
+    }
     if manifest.kind == Kind::Worker {
         let Probe { seconds } = Probe::start(&located.into()).map_err(failed)?;
         println!("worker    ready after {seconds:.2} s");

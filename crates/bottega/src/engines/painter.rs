@@ -84,14 +84,22 @@ impl Painter {
             layout: settings.layout,
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
             scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
+            bounds_zones: args.zones.is_none() && args.scene.level > 0,
             surveyor: surveyor(args, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
         let mix = own.map(|(own, _)| {
-            let both: Vec<Arc<dyn RenderEngine>> = vec![Arc::clone(&own) as _, Arc::clone(&engine) as _];
-            Mix { own, mixed: Arc::new(MixedEngine::new(both)) }
+            let (ours, others): (Arc<dyn RenderEngine>, Arc<dyn RenderEngine>) =
+                (Arc::clone(&own) as _, Arc::clone(&engine) as _);
+            let mut both = vec![(ours, 1), (others, engine.lanes())];
+            // In the order in which the user names them.
+            let is_first = args.engines.engine.first().is_some_and(|first| first == super::BUILTIN);
+            if !is_first {
+                both.reverse();
+            }
+            Mix { own, mixed: Arc::new(MixedEngine::new(both, usize::from(!is_first))) }
         });
-        let agents = agents_of(args, &engine).max(if is_mixed { 2 } else { 1 });
+        let agents = agents_of(args, &engine) + usize::from(is_mixed);
         let settings = JobSettings { agents, ..settings };
         Ok(Self { located, engine, mix, settings, scene: scene.clone(), request, has_depth: depth.is_some() })
     }

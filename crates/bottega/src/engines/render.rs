@@ -7,7 +7,7 @@ use bottega_farm::{JobReport, Observer, StopSwitch};
 use bottega_image::{Rect, check_writable, seams};
 use bottega_web::{Dashboard, wire::Event};
 
-use super::{Material, Painter};
+use super::{Material, Painter, choice, rules};
 use crate::{
     cli::RenderArgs,
     error::CliError,
@@ -16,7 +16,7 @@ use crate::{
     preview::{Look, Show, check_preview},
     render,
     reporter::Reporter,
-    rules::{experts, rule_texts},
+    rules::{engine_choice, experts},
     scene::shown,
 };
 
@@ -28,7 +28,8 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let begun = Instant::now();
     let format = check_writable(&args.output)?;
     args.preview.as_deref().map(check_preview).transpose()?;
-    let (experts, notes) = experts(rule_texts(&args.rules)?)?;
+    let (experts, notes) = experts(rules(args)?)?;
+    let choice = choice(args)?.map(engine_choice).transpose()?;
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
     let reporter = Arc::new(render::reporter(args, dashboard.clone())?);
     notes.into_iter().for_each(|note| reporter.warn(note));
@@ -39,6 +40,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         return Ok(ExitCode::SUCCESS);
     }
     let mut painter = Painter::open(args, experts)?;
+    painter.settings.engine_choice = choice;
     painter.settings.goal = render::goal(args, begun)?;
     let keeping = Keeping::begin(&args.output, &painter.name(args)?, args.resume)?;
     started(&reporter, args, &painter);

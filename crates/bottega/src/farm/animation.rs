@@ -91,7 +91,9 @@ fn submit(
     reporter: &Reporter,
 ) -> Result<BTreeMap<u32, Wanted>, CliError> {
     board.refuse_guests()?;
-    let first = args.clone().at_frame(frames.iter().next().unwrap_or_default());
+    let missing: Vec<u32> = frames.iter().filter(|frame| !args.has_frame(*frame)).collect();
+    let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
+    let first = args.clone().at_frame(first);
     check_writable(&first.output)?;
     let material = Material::gather(&first)?;
     for warning in &material.warnings {
@@ -100,7 +102,7 @@ fn submit(
     let order = order(&board.uplink, &first, &material)?;
     board.sweep();
     let mut wanted = BTreeMap::new();
-    for frame in frames.iter() {
+    for frame in missing {
         let of_frame = args.clone().at_frame(frame);
         let mut job = new_job(&of_frame, me);
         job.scene = format!("{}, frame {frame}", job.scene);

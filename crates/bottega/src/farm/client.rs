@@ -18,10 +18,9 @@ use super::{
 };
 use crate::{
     cli::{EnvironmentArg, RenderArgs},
-    engines::Material,
+    engines::{self, Material},
     error::CliError,
     reporter::Reporter,
-    rules::rule_texts,
     scene::{shown, threads},
 };
 
@@ -183,7 +182,8 @@ pub(super) fn order(
     Ok(Order {
         words: public(env::args_os().skip(1))?,
         files,
-        rules: rule_texts(&args.rules)?,
+        rules: engines::rules(args)?,
+        choice: engines::choice(args)?,
         frame: None,
         engine: material.engine.clone(),
     })

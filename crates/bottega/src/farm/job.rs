@@ -106,6 +106,9 @@ pub(crate) struct Order {
     pub(crate) files: SceneFiles,
     /// The rules of the agents: FCL; none: those that come with the program.
     pub(crate) rules: Vec<RulesText>,
+    /// The rules for who paints a zone, where two engines may.
+    #[serde(default)]
+    pub(crate) choice: Option<RulesText>,
     /// The frame, where it is one of an animation.
     pub(crate) frame: Option<u32>,
     /// The engine of other people that paints it, as all machines must have it; none: our own.
@@ -133,6 +136,7 @@ impl Order {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }
         (args.scene.threads, args.agents, args.rules) = (None, None, Vec::new());
+        args.engines.choice = None;
         // Whom a machine trusts is for its owner to say.
         args.engines.trust = false;
         args.devices = DeviceChoice::Auto;

@@ -18,7 +18,7 @@ use crate::{
     engines::Painter,
     error::CliError,
     render,
-    rules::experts,
+    rules::{engine_choice, experts},
     scene::Subject,
 };
 
@@ -60,11 +60,13 @@ impl Studio {
         let mut args = order.as_asked(&scene, environment)?;
         args.scene.threads = own.threads;
         args.devices = own.devices.for_others(args.exact);
+        let choice = order.choice.map(engine_choice).transpose()?;
         let (mut experts, _) = experts(order.rules)?;
         // The machines have the rules in turn, as agents of one process have.
         let turn = member.name.bytes().map(usize::from).sum::<usize>() % experts.len();
         experts.rotate_left(turn);
         let (hand, settings) = Hand::open(&args, experts, order.engine.as_deref())?;
+        let settings = JobSettings { engine_choice: choice, ..settings };
         Ok(Self { work: job.work, args, settings, hand })
     }
 

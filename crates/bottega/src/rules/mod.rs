@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 pub(crate) use args::RulesArgs;
 use args::RulesCommand;
-pub(crate) use source::{RulesText, experts, rule_texts};
+pub(crate) use source::{RulesText, engine_choice, experts, rule_texts};
 
 use crate::error::CliError;
 

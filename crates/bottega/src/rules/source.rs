@@ -7,7 +7,8 @@ use std::{
     sync::Arc,
 };
 
-use bottega_farm::{Expert, ExpertError, Technique};
+use bottega_engines::external::{Entry, shipped_rules};
+use bottega_farm::{EngineChoice, Expert, ExpertError, Technique};
 use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
 use miette::NamedSource;
 use serde::{Deserialize, Serialize};
@@ -57,13 +58,13 @@ impl Source {
         }
     }
 
-    /// The knowledge of an agent.
-    fn expert(&self) -> Result<Expert, CliError> {
+    /// What the only function block says, as it is understood.
+    fn understood<T>(&self, read: impl FnOnce(FunctionBlock) -> Result<T, ExpertError>) -> Result<T, CliError> {
         if self.document.blocks.len() != 1 {
             return Err(self.whole(FclErrorKind::BlockCount(self.document.blocks.len()).to_string()));
         }
-        Expert::new(self.document.blocks[0].clone()).map_err(|error| match &error {
-            ExpertError::UnknownInput { name } => match self.document.input_position(0, name) {
+        read(self.document.blocks[0].clone()).map_err(|error| match &error {
+            ExpertError::UnknownInput { name, .. } => match self.document.input_position(0, name) {
                 Some(place) => at(&self.path, &self.text, place, error.to_string()),
                 None => self.whole(error.to_string()),
             },
@@ -86,12 +87,28 @@ pub(crate) struct RulesText {
 
 impl RulesText {
     fn read(path: &Path) -> Result<Self, CliError> {
-        let built_in = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
+        let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
+        let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
+        let built_in = technique.map(Technique::rules).or(choice).or_else(|| shipped_rules(path));
         let text = match built_in {
-            Some(technique) if !path.exists() => technique.rules().to_owned(),
+            Some(text) if !path.exists() => text.to_owned(),
             _ => read_text(path)?,
         };
         Ok(Self { path: path.to_owned(), text })
+    }
+
+    /// The rules of an engine of other people; `None`: it has none of its own.
+    pub(crate) fn of_engine(entry: &Entry) -> Result<Option<Self>, CliError> {
+        match entry.rules() {
+            None => Ok(None),
+            Some((path, Some(text))) => Ok(Some(Self { path, text: text.to_owned() })),
+            Some((path, None)) => Ok(Some(Self { text: read_text(&path)?, path })),
+        }
+    }
+
+    /// Rules that choose an engine: those of a file, or what comes with the program.
+    pub(crate) fn of_choice(path: Option<&Path>) -> Result<Self, CliError> {
+        Self::read(path.unwrap_or(Path::new(EngineChoice::RULES_NAME)))
     }
 }
 
@@ -108,7 +125,7 @@ pub(crate) fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>
     let (mut experts, mut notes) = (Vec::new(), Vec::new());
     for text in texts {
         let source = Source::of(text)?;
-        let expert = source.expert()?;
+        let expert = source.understood(Expert::new)?;
         let file = source.path.display();
         notes.extend(source.document.verify().into_iter().map(|warning| format!("{file}, {warning}")));
         if !expert.ignored_outputs().is_empty() {
@@ -118,6 +135,11 @@ pub(crate) fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>
         experts.push(expert);
     }
     Ok((experts, notes))
+}
+
+/// The knowledge of who paints a zone.
+pub(crate) fn engine_choice(text: RulesText) -> Result<EngineChoice, CliError> {
+    Source::of(text)?.understood(EngineChoice::new)
 }
 
 /// A function block with its inputs laid out as the user says.

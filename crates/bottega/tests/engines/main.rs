@@ -73,7 +73,8 @@ impl Stage {
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = support::bottega(arguments);
         command.args(["--engines", text(self.folder.path())]).env("TRACE", self.path("trace"));
-        command.env("XDG_CONFIG_HOME", self.path("config")).env("NO_COLOR", "1");
+        command.env("XDG_CONFIG_HOME", self.path("config")).env("XDG_STATE_HOME", self.path("state"));
+        command.env("NO_COLOR", "1");
         command
     }
 
@@ -144,6 +145,47 @@ fn what_engines_do_wrong_is_told() {
 }
 
 #[test]
+fn an_engine_that_fails_again_and_again_is_left_alone_until_somebody_lets_it_in() {
+    let stage = Stage::new("crash");
+    let run = |arguments: &[&str]| stage.command(arguments).output().expect("the program starts");
+    let says = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned() + &told(output);
+    assert_eq!(stage.render(&[]).status.code(), Some(1));
+    // Whatever the next process wants of it.
+    fs::write(stage.path("scene.toy"), "sound").expect("written");
+    let refused = stage.render(&[]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(told(&refused).contains("engines release hostile"), "{}", told(&refused));
+    assert!(says(&run(&["engines", "list"])).contains("not used here: it failed 3 times in a row"));
+    let check = run(&["engines", "check", "hostile"]);
+    assert!(!check.status.success() && told(&check).contains("signal 6 (aborted)"), "{}", told(&check));
+    assert!(says(&run(&["engines", "release", "hostile"])).contains("is used again"));
+    assert!(says(&run(&["engines", "release", "hostile"])).contains("was not shut out"));
+    let painted = stage.render(&[]);
+    assert!(painted.status.success(), "{}", told(&painted));
+}
+
+#[test]
+fn another_version_of_an_engine_is_used_again() {
+    let stage = Stage::new("crash");
+    assert_eq!(stage.render(&[]).status.code(), Some(1));
+    fs::write(stage.path("scene.toy"), "sound").expect("written");
+    assert_eq!(stage.render(&[]).status.code(), Some(1));
+    let worker = format!("{}# repaired\n", include_str!("hostile.py"));
+    fs::write(stage.path("hostile.py"), worker).expect("written");
+    let painted = stage.render(&[]);
+    assert!(painted.status.success(), "{}", told(&painted));
+}
+
+#[test]
+fn a_file_that_shuts_an_engine_out_and_is_not_ours_is_left_aside() {
+    let stage = Stage::new("sound");
+    fs::create_dir_all(stage.path("state/bottega/engines")).expect("a folder");
+    fs::write(stage.path("state/bottega/engines/hostile.json"), "{\"identity\": [[[").expect("written");
+    let painted = stage.render(&[]);
+    assert!(painted.status.success() && told(&painted).contains("is left aside"), "{}", told(&painted));
+}
+
+#[test]
 fn nothing_that_an_engine_started_is_left() {
     let stage = Stage::new("forks");
     let output = stage.render(&[]);
@@ -190,6 +232,13 @@ fn frames_are_numbered_and_told_to_the_engine() {
         let picture = read_picture(stage.path(&format!("out.000{frame}.exr"))).expect("a picture");
         assert_eq!(picture.pixel(5, 5)[0], f32::from(frame));
     }
+    // A frame that is lost is painted again, and no other.
+    fs::remove_file(stage.path("out.0008.exr")).expect("removed");
+    fs::write(stage.path("out.0007.exr"), "mine").expect("written");
+    let done = stage.command(&[&arguments, ["--resume"].as_slice()].concat()).output().expect("the program starts");
+    assert!(done.status.success(), "{}", told(&done));
+    assert_eq!(read_picture(stage.path("out.0008.exr")).expect("a picture").pixel(5, 5)[0], 8.0);
+    assert_eq!(fs::read(stage.path("out.0007.exr")).expect("a file"), b"mine");
 }
 
 #[test]
@@ -202,6 +251,7 @@ fn what_an_engine_lacks_is_told_before_anything_is_painted() {
     refuse(&["--camera", "x"], "--camera is for our own engine");
     refuse(&["--aov", "albedo"], "--aov is for our own engine");
     refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
+    refuse(&["--engine-rules", "x.fcl"], "for pictures that two engines paint");
     refuse(&["-D", "a=b"], "--define means nothing to Hostile");
     refuse(&["--crop", "0,0,97,64"], "not within the picture");
     fs::rename(stage.path("scene.toy"), stage.path("scene.glb")).expect("renamed");

@@ -62,3 +62,47 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     // The square is there: its file came along.
     assert!(farmed.pixel(48, 36) != farmed.pixel(2, 2));
 }
+
+const MOVING: &str = "#version 3.7; global_settings { assumed_gamma 1.0 } #include \"lamp.inc\"
+camera { location <0, 1, -4> look_at <0, 0.5, 0> right x*image_width/image_height angle 45 }
+background { rgb <0.3, 0.4, 0.6> }
+plane { y, 0 pigment { checker rgb 0.7 rgb <0.5, 0.2, 0.1> } }
+sphere { <frame_number / 2 - 1, 0.5, 0>, 0.5 pigment { rgb <0.6, 0.5, 0.4> } }
+";
+
+#[test]
+fn an_animation_is_painted_by_machines_with_povray_and_a_lost_frame_alone() {
+    let Some(server) = servers().pop() else { return };
+    let check = bottega(&["engines", "check", "povray"]).output().expect("the program starts");
+    if !check.status.success() {
+        eprintln!("SKIPPED: there is no POV-Ray; `cargo xtask engines` installs it");
+        return;
+    }
+    let farm = Farm::start(&server);
+    fs::write(farm.path("film.pov"), MOVING).expect("written");
+    fs::write(farm.path("lamp.inc"), "light_source { <3, 5, -4> rgb 1.2 }").expect("written");
+    let ini = "Input_File_Name=film.pov\nInitial_Frame=1\nFinal_Frame=3\n";
+    fs::write(farm.path("film.ini"), ini).expect("written");
+    let scene = farm.path("film.ini");
+    let words = |output: &str| {
+        let output = farm.path(output);
+        let words = ["render", text(&scene), "--engine", "povray", "--frames", "1..3", "-o", text(&output)];
+        let quality = ["--size=64x48", "--spp=4", "--zones=4", "--quiet"];
+        words.into_iter().chain(quality).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let run = |words: &[String]| farm.succeed(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    run(&words("alone.####.exr"));
+    let _machines = ["one", "two"].map(|name| farm.join(name));
+    let farmed = [words("film.####.exr"), vec!["--farm".to_owned()]].concat();
+    run(&farmed);
+    let frame = |kind: &str, number: u32| super::fixture::bits(&farm.path(&format!("{kind}.000{number}.exr")));
+    for number in 1..=3 {
+        assert_eq!(frame("film", number), frame("alone", number), "frame {number}");
+    }
+    assert!(frame("film", 1) != frame("film", 2) && frame("film", 2) != frame("film", 3));
+    fs::remove_file(farm.path("film.0002.exr")).expect("removed");
+    fs::write(farm.path("film.0003.exr"), "mine").expect("written");
+    run(&[farmed, vec!["--resume".to_owned()]].concat());
+    assert_eq!(frame("film", 2), frame("alone", 2));
+    assert_eq!(fs::read(farm.path("film.0003.exr")).expect("a file"), b"mine");
+}

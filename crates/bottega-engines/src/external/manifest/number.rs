@@ -16,6 +16,8 @@ pub struct Range {
     pub default: Option<u32>,
     /// Whether it must be a power of two.
     pub powers_of_two: bool,
+    /// Whether it must be the square of a whole number.
+    pub squares: bool,
 }
 
 #[derive(Deserialize)]
@@ -26,27 +28,40 @@ struct RangeText {
     default: Option<u32>,
     #[serde(default)]
     powers_of_two: bool,
+    #[serde(default)]
+    squares: bool,
 }
 
 impl TryFrom<RangeText> for Range {
     type Error = String;
 
     fn try_from(text: RangeText) -> Result<Self, String> {
-        let RangeText { least, most, default, powers_of_two } = text;
+        let RangeText { least, most, default, powers_of_two, squares } = text;
         if least > most {
             return Err(format!("least is {least} and most {most}: nothing is left"));
         }
         if default.is_some_and(|default| default < least || default > most) {
             return Err(format!("the default must be from {least} to {most}"));
         }
-        Ok(Self { least, most, default, powers_of_two })
+        if powers_of_two && squares {
+            return Err("it cannot be of powers of two and of squares".to_owned());
+        }
+        Ok(Self { least, most, default, powers_of_two, squares })
     }
 }
 
 impl Range {
-    /// The nearest to `wanted` that it may be; between two powers of two the larger.
+    /// The nearest to `wanted` that it may be; between two powers of two the larger, between squares the one with the
+    /// nearest root.
     pub fn fit(&self, wanted: u32) -> u32 {
-        let fitting = if self.powers_of_two { wanted.checked_next_power_of_two().unwrap_or(u32::MAX) } else { wanted };
+        let fitting = if self.powers_of_two {
+            wanted.checked_next_power_of_two().unwrap_or(u32::MAX)
+        } else if self.squares {
+            let root = f64::from(wanted).sqrt().round() as u32;
+            root.saturating_mul(root)
+        } else {
+            wanted
+        };
         fitting.clamp(self.least, self.most)
     }
 }

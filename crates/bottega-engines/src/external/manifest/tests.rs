@@ -113,6 +113,6 @@ fn versions_are_compared_by_number() {
 
 #[test]
 fn ranges_fit_what_is_wanted() {
-    let range = Range { least: 4, most: 64, default: None, powers_of_two: true };
+    let range = Range { least: 4, most: 64, default: None, powers_of_two: true, squares: false };
     assert_eq!([0, 4, 5, 33, 1000, u32::MAX].map(|wanted| range.fit(wanted)), [4, 4, 8, 64, 64, 64]);
 }

@@ -1,0 +1,111 @@
+//! Who paints a zone where several engines may: what the rules of `rules/engine-choice.fcl`, or others, say of it.
+//!
+//! They see of a zone what the rules of quality see ([`Expert`](crate::Expert)), laid out over the same ranges.
+
+use std::sync::Arc;
+
+use bottega_engines::Leaning;
+use bottega_fuzzy::FunctionBlock;
+
+use crate::{
+    ExpertError, WorkRow, ZoneRow,
+    expert::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
+};
+
+/// Which engine suits a zone better: −1 the first named, 1 the last.
+const LEANING: &str = "leaning";
+const INPUTS: [&str; 3] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE];
+
+/// Rules that choose an engine.
+#[derive(Clone, Debug)]
+pub struct EngineChoice(Arc<FunctionBlock>);
+
+impl EngineChoice {
+    /// What the rules that come with the program are called.
+    pub const RULES_NAME: &str = "engine-choice";
+    /// Their text.
+    pub const RULES: &str = include_str!("../../../rules/engine-choice.fcl");
+
+    /// Rules that have been read.
+    ///
+    /// # Errors
+    /// They ask for something that is not known of a zone, or do not decide `leaning`.
+    pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
+        let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
+        if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
+            return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
+        }
+        if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(LEANING)) {
+            let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
+            return Err(ExpertError::NoLeaning { found });
+        }
+        Ok(Self(Arc::new(rules)))
+    }
+
+    /// What they say of a zone; no difference where they cannot be evaluated.
+    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
+        let evaluate = || -> Result<Leaning, ExpertError> {
+            let rules = laid_out(&self.0, &work.ranges)?;
+            let mut values = zone_values(zone, zone.neighbor_difference.mean).to_vec();
+            values.retain(|(name, _)| rules.input_index(name).is_some());
+            Ok(Leaning::new(rules.evaluate(&values)?.get(LEANING).unwrap_or(0.0) as f32))
+        };
+        evaluate().unwrap_or_else(|error| {
+            tracing::warn!(zone = zone.zone.0, %error, "the rules cannot tell which engine suits the zone");
+            Leaning::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_engines::Tunables;
+    use bottega_image::Rect;
+
+    use super::*;
+    use crate::{Goal, InputRanges, NeighborDifference, Optimization, WorkId, WorkSettings, ZoneId};
+
+    fn leanings(rules: &EngineChoice, zones: &[(f64, f64)]) -> Vec<f32> {
+        let row = |(index, (complexity, difference)): (u32, &(f64, f64))| {
+            let (rect, difference) = (Rect::of_size(100, 100), NeighborDifference::all(*difference));
+            ZoneRow::open(WorkId(1), ZoneId(index), rect, complexity * 1e4, difference)
+        };
+        let rows: Vec<ZoneRow> = (0..).zip(zones).map(row).collect();
+        let frame = Rect::of_size(400, 400);
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: 16,
+            goal: Goal::Samples,
+            tunables: Tunables { max_depth: 4, light_samples: 1 },
+            optimization: Optimization::Off,
+        };
+        let work = WorkRow { work: WorkId(1), settings, zone_count: rows.len() as u32, ranges: InputRanges::of(&rows) };
+        rows.iter().map(|row| rules.leaning(&work, row).get()).collect()
+    }
+
+    fn shipped() -> EngineChoice {
+        EngineChoice::new(FunctionBlock::parse(EngineChoice::RULES).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn simple_zones_lean_to_the_first_engine_and_complex_ones_to_the_last() {
+        let found = leanings(&shipped(), &[(0.1, 0.0), (1.0, 0.5), (2.0, 0.2), (4.0, 1.0)]);
+        assert!(found.is_sorted() && found[0] < -0.9 && found[3] > 0.9, "{found:?}");
+    }
+
+    #[test]
+    fn where_all_zones_are_alike_none_is_far_from_the_others() {
+        let found = leanings(&shipped(), &[(1.0, 0.0), (1.0, 0.0)]);
+        assert_eq!(found[0], found[1]);
+    }
+
+    #[test]
+    fn rules_about_something_else_are_refused() {
+        let read = |from: &str, to: &str| FunctionBlock::parse(&EngineChoice::RULES.replace(from, to)).unwrap();
+        let wrong = EngineChoice::new(read("complexity", "moon")).unwrap_err();
+        assert!(wrong.to_string().contains("`moon`; a zone has only complexity"), "{wrong}");
+        let wrong = EngineChoice::new(read("leaning", "taste")).unwrap_err();
+        assert!(wrong.to_string().contains("taste"), "{wrong}");
+    }
+}

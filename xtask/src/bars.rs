@@ -1,0 +1,331 @@
+//! The bars for other people's engines: a picture that bottega has them paint in zones is the picture that they paint of the
+//! whole frame by themselves, without our workers.
+
+mod compare;
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use anyhow::{Context, Result, bail, ensure};
+use bottega_image::{Picture, Rect, read_picture};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use compare::{Found, compare};
+
+/// Zones of each picture, about.
+const ZONES: u32 = 12;
+/// Pictures of each kind where noise differs.
+const SEEDS: u32 = 6;
+/// How far the means of all pictures may be apart.
+const MEAN_OFF_MAX: f64 = 0.003;
+/// Share of the pixels that may differ at a significance of 1 %: chance makes 1 % of them do so.
+const DIFFERING_MAX: f64 = 0.015;
+/// So improbable a difference at edges of zones is no chance.
+const NO_SEAMS_MIN: f64 = 1e-3;
+
+/// A scene that an engine is held to.
+struct Bar {
+    engine: &'static str,
+    scene: Place,
+    size: &'static str,
+    samples: u32,
+    /// Whether zones have the bits of the frame.
+    has_bits: bool,
+}
+
+/// Where a scene is.
+enum Place {
+    /// Made for the checks, in the repository.
+    Checks(&'static str),
+    /// A `.blend` of the same, which Blender makes.
+    Made(&'static str),
+    /// Among the scenes of the repository.
+    Own(&'static str),
+    /// In the folder that `BOTTEGA_SCENES` names.
+    Large(&'static str),
+}
+
+const BARS: &[Bar] = &[
+    Bar { engine: "mitsuba", scene: Place::Checks("room.xml"), size: "192x144", samples: 32, has_bits: false },
+    Bar {
+        engine: "mitsuba",
+        scene: Place::Large("peers/c_goblets.xml"),
+        size: "192x144",
+        samples: 64,
+        has_bits: false,
+    },
+    Bar { engine: "cycles", scene: Place::Made("room.blend"), size: "192x144", samples: 32, has_bits: true },
+    Bar { engine: "cycles", scene: Place::Own("goblets.glb"), size: "192x144", samples: 32, has_bits: true },
+    Bar { engine: "luxcore", scene: Place::Checks("room.cfg"), size: "192x144", samples: 32, has_bits: false },
+    Bar {
+        engine: "luxcore",
+        scene: Place::Large("peers/c_goblets.scn"),
+        size: "192x144",
+        samples: 64,
+        has_bits: false,
+    },
+    Bar { engine: "povray", scene: Place::Checks("room.pov"), size: "192x144", samples: 9, has_bits: true },
+    Bar {
+        engine: "povray",
+        scene: Place::Large("external/povray/glassthing.pov"),
+        size: "192x144",
+        samples: 4,
+        has_bits: true,
+    },
+];
+
+/// What came of a check or a bar.
+pub(crate) struct Row {
+    engine: String,
+    what: String,
+    /// Of a bar: what was found, in how many zones.
+    found: Option<(Found, usize)>,
+    /// What is wrong; `None`: nothing.
+    problem: Option<String>,
+}
+
+impl Row {
+    pub(crate) fn passes(&self) -> bool {
+        self.problem.is_none()
+    }
+
+    /// A check that finds or does not find something wrong.
+    pub(crate) fn check(engine: &str, what: &str, outcome: Result<()>) -> Self {
+        let problem = outcome.err().map(|error| format!("{error:#}"));
+        Self { engine: engine.to_owned(), what: what.to_owned(), found: None, problem }
+    }
+
+    fn as_json(&self) -> Value {
+        let mut row =
+            json!({"engine": self.engine, "what": self.what, "passes": self.passes(), "problem": self.problem});
+        if let Some((found, zones)) = &self.found {
+            row["zones"] = json!(zones);
+            row["equal_share"] = json!(found.equal);
+            row["mean_off"] = json!(found.mean_off);
+            row["mean_error"] = json!(found.mean_error);
+            row["differing_share"] = json!(found.differing);
+            row["flip"] = json!(found.flip);
+            row["flip_of_seeds"] = json!(found.flip_of_seeds);
+            row["no_seams_p"] = json!(found.no_seams);
+        }
+        row
+    }
+}
+
+/// Prints the rows, for people or for machines.
+pub(crate) fn print(rows: &[Row], json: bool) {
+    if json {
+        println!("{}", json!({"rows": rows.iter().map(Row::as_json).collect::<Vec<_>>()}));
+        return;
+    }
+    println!(
+        "{:<8} {:<48} {:>5} {:>8} {:>16} {:>8} {:>15} {:>7}",
+        "engine", "what", "zones", "bits", "mean off", "differ", "FLIP (of seeds)", "seams p"
+    );
+    for row in rows {
+        let figures = row.found.as_ref().map_or_else(
+            || " ".repeat(64),
+            |(found, zones)| {
+                let mean = format!("{:+.3} ± {:.3} %", 100.0 * found.mean_off, 100.0 * found.mean_error);
+                let flip = format!("{:.4} ({:.4})", found.flip, found.flip_of_seeds);
+                format!(
+                    "{zones:>5} {:>6.1} % {mean:>16} {:>6.2} % {flip:>15} {:>7.3}",
+                    100.0 * found.equal,
+                    100.0 * found.differing,
+                    found.no_seams
+                )
+            },
+        );
+        let verdict = row.problem.as_ref().map_or_else(|| "passes".to_owned(), |problem| format!("FAILS: {problem}"));
+        println!("{:<8} {:<48} {figures}  {verdict}", row.engine, row.what);
+    }
+}
+
+/// Holds an engine to its bars.
+///
+/// - `must`: a scene that is not there is a failure, and not only told.
+pub(crate) fn hold(program: &Path, engine: &str, must: bool) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for bar in BARS.iter().filter(|bar| bar.engine == engine) {
+        let name = bar.scene.name();
+        match bar.paint_and_compare(program) {
+            Ok(None) if must => {
+                let problem = format!("there is no {name}: BOTTEGA_SCENES must name the folder that has it");
+                rows.push(Row::check(engine, name, Err(anyhow::anyhow!(problem))));
+            }
+            Ok(None) => eprintln!("LEFT OUT: {engine} on {name}, which BOTTEGA_SCENES does not have"),
+            Ok(Some((found, zones))) => rows.push(Row {
+                engine: engine.to_owned(),
+                what: format!("{name}, {}, {} samples", bar.size, bar.samples),
+                problem: bar.problem(&found),
+                found: Some((found, zones)),
+            }),
+            Err(error) => rows.push(Row::check(engine, name, Err(error))),
+        }
+    }
+    rows
+}
+
+impl Place {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Checks(name) | Self::Made(name) | Self::Own(name) | Self::Large(name) => name,
+        }
+    }
+
+    /// The file, where it is there or can be made.
+    fn file(&self, scratch: &Path) -> Result<Option<PathBuf>> {
+        let root = root();
+        let file = match self {
+            Self::Checks(name) => root.join("engines/tests/scenes").join(name),
+            Self::Own(name) => root.join("scenes").join(name),
+            Self::Large(name) => match env::var_os("BOTTEGA_SCENES") {
+                Some(folder) => Path::new(&folder).join(name),
+                None => return Ok(None),
+            },
+            Self::Made(name) => {
+                let file = scratch.join(name);
+                python(&[&root.join("engines/tests/make_scenes.py"), &file])?;
+                file
+            }
+        };
+        Ok(file.is_file().then_some(file))
+    }
+}
+
+impl Bar {
+    fn paint_and_compare(&self, program: &Path) -> Result<Option<(Found, usize)>> {
+        let scratch = TempDir::new()?;
+        let Some(scene) = self.scene.file(scratch.path())? else { return Ok(None) };
+        let seeds: Vec<u32> = (1..=if self.has_bits { 1 } else { SEEDS }).collect();
+        let frames = self.full_frames(&scene, &seeds, scratch.path())?;
+        let (mut zoned, mut rects) = (Vec::new(), Vec::new());
+        for seed in seeds {
+            let (picture, zones) = self.in_zones(program, &scene, seed, scratch.path())?;
+            ensure!(zones.len() > 1, "the picture was not cut into zones");
+            zoned.push(picture);
+            rects.push(zones);
+        }
+        let zones = rects[0].len();
+        Ok(Some((compare(&frames, &zoned, &rects)?, zones)))
+    }
+
+    /// By the engine's own interface.
+    fn full_frames(&self, scene: &Path, seeds: &[u32], scratch: &Path) -> Result<Vec<Picture>> {
+        let folder = scratch.join("frames");
+        let listed = seeds.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
+        let samples = self.samples.to_string();
+        let script = root().join("engines/tests/full_frame.py");
+        let words: Vec<&Path> = vec![
+            &script,
+            Path::new(self.engine),
+            scene,
+            Path::new("--size"),
+            Path::new(self.size),
+            Path::new("--samples"),
+            Path::new(&samples),
+            Path::new("--seeds"),
+            Path::new(&listed),
+            Path::new("-o"),
+            &folder,
+        ];
+        python(&words)?;
+        let read = |seed: &u32| Ok(read_picture(folder.join(format!("{seed}.exr")))?);
+        seeds.iter().map(read).collect()
+    }
+
+    /// By bottega; with the zones that it has cut.
+    fn in_zones(&self, program: &Path, scene: &Path, seed: u32, scratch: &Path) -> Result<(Picture, Vec<Rect>)> {
+        let output = scratch.join(format!("zones-{seed}.exr"));
+        let mut command = Command::new(program);
+        command.arg("render").arg(scene).arg("-o").arg(&output).args([
+            "--engine",
+            self.engine,
+            "--level",
+            "3",
+            "--json",
+        ]);
+        command.args(["--size", self.size, "--zones", &ZONES.to_string()]);
+        command.args(["--spp", &self.samples.to_string(), "--seed", &seed.to_string()]);
+        command.env("XDG_STATE_HOME", scratch).stdin(Stdio::null()).stderr(Stdio::piped());
+        let done = command.output().with_context(|| format!("cannot start {}", program.display()))?;
+        if !done.status.success() {
+            bail!("bottega fails: {}", String::from_utf8_lossy(&done.stderr).trim());
+        }
+        let events = String::from_utf8_lossy(&done.stdout).into_owned();
+        let events = events.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let analyzed = events.into_iter().find(|event| event["event"] == "analyzed");
+        let analyzed = analyzed.context("bottega does not tell its zones")?;
+        let number = |value: &Value| value.as_u64().unwrap_or_default() as u32;
+        let rects = analyzed["zones"].as_array().into_iter().flatten().map(|zone| {
+            let rect = &zone["rect"];
+            Rect::new(number(&rect[0]), number(&rect[1]), number(&rect[2]), number(&rect[3]))
+        });
+        Ok((read_picture(output)?, rects.collect()))
+    }
+
+    /// What of it is beyond the bars.
+    fn problem(&self, found: &Found) -> Option<String> {
+        let mut problems = Vec::new();
+        if self.has_bits && found.equal < 1.0 {
+            problems.push(format!("{:.2} % of the pixels have other bits", 100.0 * (1.0 - found.equal)));
+        }
+        if found.mean_off.abs() > MEAN_OFF_MAX {
+            problems.push("the means differ".to_owned());
+        }
+        if found.differing > DIFFERING_MAX {
+            problems.push("more pixels differ than by chance".to_owned());
+        }
+        if found.no_seams < NO_SEAMS_MIN {
+            problems.push("edges of zones can be seen".to_owned());
+        }
+        (!problems.is_empty()).then(|| problems.join(", "))
+    }
+}
+
+/// The repository.
+pub(crate) fn root() -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    root.canonicalize().unwrap_or(root)
+}
+
+/// Runs a script to its end; what it says is told where it fails.
+fn python(words: &[&Path]) -> Result<()> {
+    let done = Command::new("python3").args(words).stdin(Stdio::null()).output().context("cannot start python3")?;
+    let said = [done.stdout, done.stderr].concat();
+    let said = String::from_utf8_lossy(&said).into_owned();
+    let last: Vec<&str> = said.lines().rev().take(5).collect();
+    let name = words[0].file_name().unwrap_or_default().display();
+    ensure!(done.status.success(), "{name} fails: {}", last.into_iter().rev().collect::<Vec<_>>().join(" "));
+    Ok(())
+}
+
+/// Whether an engine can be used here; else why not, and how it is installed.
+pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
+    let state = TempDir::new()?;
+    let mut command = Command::new(program);
+    command.args(["engines", "check", engine]).env("XDG_STATE_HOME", state.path()).env("NO_COLOR", "1");
+    let done = command.stdin(Stdio::null()).output().with_context(|| format!("cannot start {}", program.display()))?;
+    let said = String::from_utf8_lossy(&done.stderr).replace(['│', '×', '╰', '├', '─', '▶'], " ");
+    ensure!(done.status.success(), "{}", said.split_whitespace().collect::<Vec<_>>().join(" "));
+    Ok(())
+}
+
+/// Runs the checks of a worker.
+///
+/// - `log`: where what they say goes.
+pub(crate) fn check_worker(engine: &str, log: &Path) -> Result<()> {
+    let file = fs::File::create(log)?;
+    let mut command = Command::new("python3");
+    command.arg(root().join("engines/tests/check_worker.py")).arg(engine).stdin(Stdio::null());
+    let status = command.stdout(file.try_clone()?).stderr(file).status().context("cannot start python3")?;
+    let said = fs::read_to_string(log).unwrap_or_default();
+    let wrong: Vec<&str> = said.lines().filter(|line| line.contains("WRONG")).map(str::trim).collect();
+    let why = if wrong.is_empty() { said.trim().to_owned() } else { wrong.join("; ") };
+    ensure!(status.success(), "{why}");
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! All that proves what bottega does with other people's engines.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use clap::Args;
+use tempfile::TempDir;
+
+use crate::{
+    bars::{self, Row},
+    ci::cargo,
+    needs,
+};
+
+/// Every engine that there is a worker for, the large ones last.
+const ENGINES: [&str; 4] = ["povray", "mitsuba", "luxcore", "cycles"];
+/// So many of them are no gigabytes.
+const SMALL: usize = 2;
+
+/// Which engines, and what of them.
+#[derive(Args)]
+pub(crate) struct EnginesArgs {
+    /// Cycles and LuxCore, too: a gigabyte from PyPI. An engine or a scene that cannot be had is a failure then.
+    #[arg(long)]
+    all: bool,
+    /// These engines only.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Only the bars, not the tests and the checks of workers.
+    #[arg(long)]
+    bars: bool,
+    /// The program whose pictures are held to the bars; default: built anew.
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Print the table as one JSON object; what else there is to say goes to stderr.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Tests, checks and bars; an error where one of them fails.
+pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
+    needs::engines(args.all);
+    let mut rows = Vec::new();
+    if !args.bars {
+        let words = ["test", "--quiet", "--package", "bottega", "--test", "engines"];
+        rows.push(Row::check("all", "tests", cargo(&words, &[])));
+    }
+    let program = match &args.program {
+        Some(program) => program.canonicalize()?,
+        None => {
+            cargo(&["build", "--quiet", "--package", "bottega"], &[])?;
+            bars::root().join("target/debug/bottega")
+        }
+    };
+    let logs = TempDir::new()?.keep();
+    let count = if args.all || !args.only.is_empty() { ENGINES.len() } else { SMALL };
+    let wanted = |engine: &&str| args.only.is_empty() || args.only.iter().any(|only| only == engine);
+    for engine in ENGINES.into_iter().take(count).filter(wanted) {
+        match bars::is_here(&program, engine) {
+            Ok(()) => {}
+            Err(error) if args.all => {
+                rows.push(Row::check(engine, "installed", Err(error)));
+                continue;
+            }
+            Err(error) => {
+                eprintln!("LEFT OUT: {error:#}");
+                continue;
+            }
+        }
+        if !args.bars {
+            eprintln!("+ check_worker.py {engine}");
+            let log = logs.join(format!("{engine}.log"));
+            rows.push(Row::check(engine, "worker", bars::check_worker(engine, &log)));
+        }
+        eprintln!("+ bars of {engine}");
+        rows.extend(bars::hold(&program, engine, args.all));
+    }
+    bars::print(&rows, args.json);
+    let failed = rows.iter().filter(|row| !row.passes()).count();
+    ensure!(failed == 0, "{failed} of {} fail; logs of the checks are in {}", rows.len(), logs.display());
+    Ok(std::fs::remove_dir_all(logs)?)
+}
