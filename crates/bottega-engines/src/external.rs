@@ -23,7 +23,7 @@ pub use self::{
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
     locate::{Located, install_hint},
-    session::{Files, Opened, Probe, SceneRequest, Session},
+    session::{CameraView, CombineWord, Files, Opened, OpenedLayer, PixelFilter, Probe, SceneRequest, Session},
     shelf::{Entry, Shelf},
 };
 
