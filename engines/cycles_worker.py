@@ -13,7 +13,7 @@ import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from line_protocol import Line, Refusal, serve, sorted_files
+from line_protocol import Line, Refusal, layers_of, serve, sorted_files
 
 LINE = Line()
 
@@ -27,6 +27,10 @@ LAYER_OF_PASS = {"Depth": "depth", "Normal": "normal", "Position": "position", "
                  "Denoising Normal": "denoising_normal", "Denoising Depth": "denoising_depth"}
 # Denoisers of the whole picture look for `albedo` and `normal`: what Cycles made for them comes first.
 PREFERRED = {"albedo": "Denoising Albedo"}
+# What Cycles takes from the first sample of a pixel, and codes of things with their coverage (those begin with "Crypto").
+PICKED = {"depth", "position", "object_index", "material_index"}
+# Layers that are what bottega's own engine means by these names.
+SHARED = {"normal"}
 
 
 def set_where_known(thing, **values):
@@ -52,7 +56,7 @@ class Cycles:
         self.request = None
         self._load(request["scene"], bool(request.get("trust")))
         parameters = request.get("parameters") or {}
-        scene = self._choose_scene(parameters)
+        scene = self._choose_scene(parameters, request.get("view"))
         if (parameters.get("missing_files") or "fail") == "fail":
             self._refuse_missing_files()
         self._prepare(scene, request)
@@ -63,12 +67,15 @@ class Cycles:
         self.width = render.resolution_x * render.resolution_percentage // 100
         self.height = render.resolution_y * render.resolution_percentage // 100
         return {"width": self.width, "height": self.height, "first_frame": scene.frame_start,
-                "last_frame": scene.frame_end, "frame": scene.frame_current, "layers": self._layers_enabled()}
+                "last_frame": scene.frame_end, "frame": scene.frame_current, "layers": self._layers(),
+                "camera": scene.camera is not None, "filter": self._filter()}
 
     def paint(self, order, path, progress):
         if self.loaded != self.request["scene"]:
             self.open(self.request)
         scene = self.scene
+        if scene.camera is None:
+            raise Refusal("Error: Cannot render, no camera (the scene has none)")
         if order.frame is not None and order.frame != scene.frame_current:
             scene.frame_set(order.frame)
         self._set_quality(order)
@@ -108,14 +115,17 @@ class Cycles:
             bpy.ops.wm.read_factory_settings(use_empty=True)
             if not hasattr(bpy.types, "IMPORT_SCENE_OT_gltf"):
                 bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
-            bpy.ops.import_scene.gltf(filepath=path)
+            # Lights in the units of emissive surfaces, as glTF has them: Blender's own way makes them 683 times darker.
+            asked = {"filepath": path, "export_import_convert_lighting_mode": "COMPAT"}
+            known = bpy.ops.import_scene.gltf.get_rna_type().properties
+            bpy.ops.import_scene.gltf(**{name: value for name, value in asked.items() if name in known})
         else:
             raise Refusal(f"{path}: Blender is given .blend, .gltf and .glb files here")
         if self._on_stats not in bpy.app.handlers.render_stats:
             bpy.app.handlers.render_stats.append(self._on_stats)
         self.loaded = path
 
-    def _choose_scene(self, parameters):
+    def _choose_scene(self, parameters, view):
         scene = bpy.context.scene
         if parameters.get("scene"):
             scene = bpy.data.scenes.get(parameters["scene"])
@@ -129,10 +139,33 @@ class Cycles:
             scene.camera = camera
         elif scene.camera is None:
             scene.camera = next((thing for thing in scene.objects if thing.type == "CAMERA"), None)
-        if scene.camera is None:
-            raise Refusal("Error: Cannot render, no camera (the scene has none)")
+        if scene.camera is None and view is not None:
+            scene.camera = self._camera_of(view)
+            scene.collection.objects.link(scene.camera)
         self.scene = scene
         return scene
+
+    def _camera_of(self, view):
+        """A camera as bottega has it: y is up there, z in Blender."""
+        lens = bpy.data.cameras.new("view")
+        lens.sensor_fit = "VERTICAL"
+        lens.angle = view["vertical_fov"]
+        lens.clip_start, lens.clip_end = 1e-5, 1e9
+        camera = bpy.data.objects.new("view", lens)
+        columns = [view["world_from_camera"][start:start + 3] for start in range(0, 12, 3)]
+        x, y, z = zip(*columns)
+        last = (0.0, 0.0, 0.0, 1.0)
+        camera.matrix_world = Matrix((x, tuple(-value for value in z), y, last))
+        return camera
+
+    def _filter(self):
+        """How samples are spread over a pixel. Cycles' widths are of its own kind: see `filter_table` in its film.cpp."""
+        kind, width = self.scene.cycles.pixel_filter_type, self.scene.cycles.filter_width
+        if kind == "BLACKMAN_HARRIS":
+            return {"kind": "blackman-harris", "radius": width}
+        if kind == "GAUSSIAN":
+            return {"kind": "gaussian", "radius": 1.5 * width, "sigma": width / 4}
+        return {"kind": "box", "radius": 0.5}
 
     def _refuse_missing_files(self):
         missing = [path for path in used_files() if not os.path.isfile(path)]
@@ -209,17 +242,14 @@ class Cycles:
         except (ValueError, IndexError, ZeroDivisionError):
             pass
 
-    def _layers_enabled(self):
-        layer = self.view_layer
-        enabled = {"use_pass_z": "depth", "use_pass_normal": "normal", "use_pass_position": "position",
-                   "use_pass_diffuse_color": "albedo", "use_pass_uv": "uv", "use_pass_vector": "vector",
-                   "use_pass_mist": "mist", "use_pass_emit": "emission", "use_pass_environment": "environment",
-                   "use_pass_ambient_occlusion": "occlusion", "use_pass_object_index": "object_index",
-                   "use_pass_material_index": "material_index"}
-        names = [name for key, name in enabled.items() if getattr(layer, key, False)]
-        if getattr(layer.cycles, "denoising_store_passes", False):
-            names += ["albedo", "denoising_normal", "denoising_depth"]
-        return ["color"] + sorted(set(names))
+    def _layers(self):
+        """The layers that a picture will have beside the color, by Cycles' own list of its passes."""
+        from cycles.engine import list_render_passes
+        passes = {name: channels for name, channels, _ in list_render_passes(self.scene, self.view_layer)}
+        named = [f"{layer_of(kind, passes)}.{channel}" for kind, channels in passes.items() if kind != "Combined"
+                 for channel in channels]
+        picked = PICKED | {layer_of(kind, passes) for kind in passes if kind.startswith("Crypto")}
+        return layers_of(named, picked=picked, shared=SHARED)
 
     def _named(self, channels):
         """Blender's `Layer.Pass.Channel` by the names of the protocol."""
@@ -232,14 +262,19 @@ class Cycles:
                 if channel in "RGB" or (channel == "A" and self.scene.render.film_transparent):
                     named[channel] = plane
                 continue
-            layer = LAYER_OF_PASS.get(kind, kind.replace(" ", "_"))
-            for better, made_by in PREFERRED.items():
-                if made_by in passes and kind == made_by:
-                    layer = better
-                elif made_by in passes and layer == better:
-                    layer = kind
-            named[f"{layer}.{channel}"] = plane
+            named[f"{layer_of(kind, passes)}.{channel}"] = plane
         return named
+
+
+def layer_of(kind, passes):
+    """The protocol's name for the layer of a pass, where the picture has these passes."""
+    layer = LAYER_OF_PASS.get(kind, kind.replace(" ", "_"))
+    for better, made_by in PREFERRED.items():
+        if made_by in passes and kind == made_by:
+            return better
+        if made_by in passes and layer == better:
+            return kind.replace(" ", "_")
+    return layer
 
 
 DEPTHS = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
@@ -329,6 +364,7 @@ def gltf_files(path):
 if __name__ == "__main__":
     try:
         import bpy
+        from mathutils import Matrix
     except ImportError as error:
         LINE.fail(f"Blender's module bpy is not installed for {sys.executable}: {error}", fatal=True)
         LINE.leave(1)

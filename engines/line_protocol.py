@@ -106,6 +106,21 @@ class Line:
                     waiting.put(line)
 
 
+def layers_of(channels, picked=(), shared=()):
+    """The `layers` of the answer to `open`, of the names that the channels of a picture will have, such as `depth.Z`.
+
+    - `picked`: layers of which a mean over passes says nothing, such as numbers of things.
+    - `shared`: layers that are what bottega's own engine means by their names.
+    """
+    found = {}
+    for name in channels:
+        layer, _, channel = name.rpartition(".")
+        if layer:
+            found.setdefault(layer, []).append(channel)
+    return [{"name": name, "channels": parts, "combine": "pick" if name in picked else "mean", "shared": name in shared}
+            for name, parts in sorted(found.items())]
+
+
 class Progress:
     """Tells how much of a window is painted, at most ten times a second."""
 
@@ -191,7 +206,8 @@ def serve(line, worker):
     """Answers requests until stdin ends. `worker` has:
 
     - `name`, `version`: texts.
-    - `open(request)`: loads a scene; returns the fields of `opened`. `width` and `height` are those of the frame.
+    - `open(request)`: loads a scene; returns the fields of `opened`. `width` and `height` are those of the frame, `layers`
+      what `layers_of` makes of the channels of all its pictures.
     - `paint(order, path, progress)`: writes the pixels of an `Order` to `path`; returns (`Window` of the file, samples
       taken).
     - `files(path)`: returns the fields of the answer to `files`.

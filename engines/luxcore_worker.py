@@ -13,7 +13,7 @@ import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from line_protocol import Line, Refusal, serve, sorted_files
+from line_protocol import Line, Refusal, layers_of, serve, sorted_files
 
 LINE = Line()
 
@@ -37,6 +37,9 @@ LAYER_OF_OUTPUT = {
     "INDIRECT_SHADOW_MASK": ("indirect_shadow_mask", "Y"), "IRRADIANCE": ("irradiance", "RGB"),
     "MATERIAL_ID_COLOR": ("material_id", "RGB"), "CAUSTIC": ("caustic", "RGB"),
 }
+
+# What LuxCore takes from the nearest sample of a pixel and does not average.
+PICKED = ("depth", "position", "uv", "normal", "geometric_normal", "material_id")
 
 # What a window must not do by itself, or has no use for.
 FIXED = {
@@ -121,9 +124,10 @@ class LuxCore:
         self.scene = pyluxcore.Scene()
         self.scene.Parse(scene)
         self._move_camera_a_row(scene)
-        layers = sorted({layer for layer, _ in self.outputs.values() if layer})
+        layers = layers_of([f"{layer}.{name}" for layer, names in self.outputs.values() if layer for name in names],
+                           picked=PICKED)
         return {"width": self.width, "height": self.height, "first_frame": 1, "last_frame": 1, "frame": 1,
-                "layers": ["color"] + layers}
+                "layers": layers}
 
     def _configure(self, config, request):
         self.width = int(request.get("width") or value_of(config, "film.width", DEFAULT_FRAME[0]))

@@ -5,11 +5,13 @@ import os
 import mitsuba as mi
 import numpy as np
 
-from line_protocol import Refusal
+from line_protocol import Refusal, layers_of
 
 LAYER_OF_TYPE = {"depth": ("depth", ["Z"]), "albedo": ("albedo", ["R", "G", "B"]),
                  "sh_normal": ("normal", ["X", "Y", "Z"]), "position": ("position", ["X", "Y", "Z"]),
                  "geo_normal": ("geometric_normal", ["X", "Y", "Z"]), "uv": ("uv", ["U", "V"])}
+# Layers that are what bottega's own engine means by these names. Its albedo looks through mirrors and glass.
+SHARED = ("depth", "normal")
 
 
 def parse(path, variant, defines):
@@ -60,6 +62,7 @@ class MitsubaScene:
         self._set_frame(state, sensor_index, request.get("width"), request.get("height"))
         self._read_integrator(state)
         self.with_alpha = self._has_alpha(state, sensor_index)
+        self.pixel_filter = self._pixel_filter(state, sensor_index)
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
         self.scene = scene[0] if isinstance(scene, list) else scene
@@ -112,6 +115,22 @@ class MitsubaScene:
         film = self._film_node(state, sensor_index)
         text = film.props.get("pixel_format", "rgb") if film else "rgb"
         return text.lower().endswith("a") and text.lower() != "luma"
+
+    def _pixel_filter(self, state, sensor_index):
+        """How samples are spread over a pixel, by the protocol's names; None: in a way that it has no name for."""
+        film = self._film_node(state, sensor_index)
+        nodes = [state.nodes[index] for index in (children(state, film, mi.ObjectType.ReconstructionFilter) if film else [])]
+        if not nodes:
+            return {"kind": "gaussian", "radius": 2.0, "sigma": 0.5}
+        kind, props = nodes[0].props.plugin_name(), nodes[0].props
+        sigma = float(props.get("stddev", 0.5))
+        known = {"box": {"kind": "box", "radius": float(props.get("radius", 0.5))},
+                 "tent": {"kind": "tent", "radius": float(props.get("radius", 1.0))},
+                 "gaussian": {"kind": "gaussian", "radius": 4 * sigma, "sigma": sigma},
+                 "mitchell": {"kind": "mitchell", "radius": 2.0, "b": float(props.get("B", 1 / 3)),
+                              "c": float(props.get("C", 1 / 3))},
+                 "catmullrom": {"kind": "mitchell", "radius": 2.0, "b": 0.0, "c": 0.5}}
+        return known.get(kind)
 
     def _read_integrator(self, state):
         """Keeps what the file says of the integrator, so that others of the same kind can be made with other depths."""
@@ -200,7 +219,8 @@ class MitsubaScene:
                 yield from self._trees(value)
 
     def layers(self):
-        return sorted({name.rpartition(".")[0] for name in self.layer_channels.values() if name})
+        """Mitsuba's film averages all of them, numbers of shapes too."""
+        return layers_of([name for name in self.layer_channels.values() if name], shared=SHARED)
 
     def in_lanes(self, integrator):
         """Whether our own loop can paint: a compiled variant, a plain film, and integrators written in C++, whose

@@ -90,7 +90,7 @@ class Mitsuba:
         dr.set_thread_count(threads)
         scene = self.scene
         return {"width": scene.width, "height": scene.height, "first_frame": 1, "last_frame": 1, "frame": 1,
-                "layers": ["color"] + scene.layers()}
+                "layers": scene.layers(), "filter": scene.pixel_filter}
 
     def paint(self, order, path, progress):
         scene = self.scene

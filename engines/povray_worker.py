@@ -126,7 +126,7 @@ class PovRay:
         self._start(self._settings((0, 0, 1, 1), 1, self.frame, None, None, "opened.exr") + ["Quality=0"],
                     lambda share: None)
         return {"width": self.width, "height": self.height, "first_frame": self.first_frame,
-                "last_frame": self.last_frame, "frame": self.frame, "layers": ["color"]}
+                "last_frame": self.last_frame, "frame": self.frame, "layers": []}
 
     def paint(self, order, path, progress):
         window = order.window

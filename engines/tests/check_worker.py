@@ -358,15 +358,16 @@ def check_progress(room):
 
 
 def check_layers(room):
-    layers = [name for name in room.opened["layers"] if name != "color"]
+    layers = {layer["name"]: layer["channels"] for layer in room.opened["layers"]}
     if room.name == "povray":
         expect(not layers, "POV-Ray has no layers")
         return "none"
     picture = room.paint([30, 10, 60, 50], 16)
-    for name in ("depth", "normal", "albedo"):
-        expect(name in layers, f"layer {name} is not told")
-    expect({"depth.Z", "normal.X", "normal.Y", "normal.Z", "albedo.R"} <= picture.channels.keys(),
-           f"the file has {sorted(picture.channels)}")
+    for name, channels in (("depth", ["Z"]), ("normal", ["X", "Y", "Z"]), ("albedo", ["R", "G", "B"])):
+        expect(layers.get(name) == channels, f"layer {name} is not told, or as {layers.get(name)}")
+    told = {f"{name}.{channel}" for name, channels in layers.items() for channel in channels}
+    found = {name for name in picture.channels if "." in name}
+    expect(told == found, f"told are {sorted(told)}, the file has {sorted(found)}")
     middle = room.paint([WIDTH // 2 + 24, 30, WIDTH // 2 + 26, 32], 64)
     depth = mean(middle.channels["depth.Z"])
     expect(4.8 < depth < 5.1, f"the wall at the back is at {depth:.3f} instead of 4.9")

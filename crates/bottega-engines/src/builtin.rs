@@ -261,7 +261,7 @@ impl<'a> ZonePainter<'a> {
         let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;
         settings.light_samples = task.tunables.light_samples;
-        let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+        let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
         Self {
             shared,
             client,
@@ -299,7 +299,7 @@ impl<'a> ZonePainter<'a> {
     /// Hands out the first samples of the next waiting block that lacks any.
     fn start_block(&mut self, ticket: usize) -> Result<(), EngineError> {
         while let Some(rect) = self.waiting.pop_front() {
-            let mut block = Tile::new(rect, self.shared.options.layout);
+            let mut block = Tile::new(rect, self.shared.options.layout.clone());
             block.copy_from(&self.tile);
             // After an interruption some blocks have more samples than others, but all pixels of a block the same.
             let taken = block.pixel(rect.x0, rect.y0)[Layout::SAMPLE_COUNT] as u32;

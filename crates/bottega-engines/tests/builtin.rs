@@ -87,7 +87,7 @@ fn zones_in_parts_and_passes_have_the_bits_of_the_whole() {
     let whole = paint(&engine(1), FRAME, 0..9, None);
     assert!(whole.complete && whole.busy > Duration::ZERO);
     let engine = engine(2);
-    let mut joined = Tile::new(FRAME, whole.tile.layout());
+    let mut joined = Tile::new(FRAME, whole.tile.layout().clone());
     for rect in [Rect::new(0, 0, 17, 33), Rect::new(17, 0, 40, 20), Rect::new(17, 20, 40, 33)] {
         let first = paint(&engine, rect, 0..2, None);
         let rest = paint(&engine, rect, 2..9, Some(first.tile));

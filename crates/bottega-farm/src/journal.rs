@@ -1,6 +1,6 @@
 //! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
 //!
-//! Format, version 3, little endian: eight bytes `BOTTEGA` 3, then records of kind (1 byte), length (u64), the first 16
+//! Format, version 4, little endian: eight bytes `BOTTEGA` 4, then records of kind (1 byte), length (u64), the first 16
 //! bytes of the BLAKE3 hash of kind, length and payload, and the payload. Kinds: 1 a name that the owner chose (of scene
 //! and settings), 2 the row of the work, 3 the row of a zone, with its tile or without. Of several records of a zone the
 //! last one counts. A record that was torn by a crash, and all behind it, are not believed: the work goes on from what
@@ -18,7 +18,7 @@ use crate::{
     wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
 };
 
-const MAGIC: [u8; 8] = *b"BOTTEGA\x03";
+const MAGIC: [u8; 8] = *b"BOTTEGA\x04";
 const HASH_BYTES: usize = 16;
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;

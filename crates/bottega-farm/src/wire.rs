@@ -1,4 +1,4 @@
-//! Rows and tiles as bytes: what the journal holds. Version 3, little endian, no padding.
+//! Rows and tiles as bytes: what the journal holds. Version 4, little endian, no padding.
 
 mod message;
 
@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use bottega_agents::{AgentId, Revision, bus::BlobId};
 use bottega_engines::Tunables;
-use bottega_image::{Aov, AovSet, Layout, Rect, Sides, Tile};
+use bottega_image::{
+    AovSet, CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, Layout, Rect, Sides, Tile,
+};
 
 use crate::{
     Choice, Cut, Goal, InputRanges, Interval, NeighborDifference, Optimization, Painting, ResultRef, Rival, Vote,
@@ -54,14 +56,49 @@ pub(crate) fn put_tile(tile: &Tile, bytes: &mut Vec<u8>) {
 
 fn put_tile_head(tile: &Tile, bytes: &mut Vec<u8>) {
     put_rect(&tile.rect(), bytes);
-    bytes.push(tile.layout().aovs().iter().fold(0, |bits, aov| bits | 1 << aov as u8));
+    put_layout(tile.layout(), bytes);
+}
+
+fn put_layout(layout: &Layout, bytes: &mut Vec<u8>) {
+    bytes.push(layout.aovs().bits());
+    put_u32(layout.layers().len() as u32, bytes);
+    for Layer { name, channels, combine } in layout.layers() {
+        put_text(name, bytes);
+        put_u32(channels.len() as u32, bytes);
+        channels.iter().for_each(|channel| put_text(channel, bytes));
+        bytes.push(u8::from(*combine == Combine::Pick));
+    }
+}
+
+fn get_layout(reader: &mut Reader<'_>) -> Result<Layout, WireError> {
+    let length = reader.0.len();
+    let wrong = || WireError { what: "a layout", length };
+    let aovs = AovSet::from_bits(reader.u8()?).ok_or_else(wrong)?;
+    let count = reader.u32()? as usize;
+    if count > LAYERS_MAX {
+        return Err(wrong());
+    }
+    let mut channels_left = CHANNELS_MAX;
+    let mut layers = Vec::new();
+    for _ in 0..count {
+        let name = reader.text("a layer", CHANNEL_NAME_BYTES_MAX)?;
+        let channel_count = reader.u32()? as usize;
+        channels_left = channels_left.checked_sub(channel_count).ok_or_else(wrong)?;
+        let channels =
+            (0..channel_count).map(|_| reader.text("a channel", CHANNEL_NAME_BYTES_MAX)).collect::<Result<_, _>>()?;
+        let combine = match reader.u8()? {
+            0 => Combine::Mean,
+            1 => Combine::Pick,
+            _ => return Err(wrong()),
+        };
+        layers.push(Layer { name, channels, combine });
+    }
+    Layout::with_layers(aovs, layers).map_err(|_| wrong())
 }
 
 pub(crate) fn get_tile(reader: &mut Reader<'_>) -> Result<Tile, WireError> {
     let rect = reader.rect()?;
-    let bits = reader.u8()?;
-    let aovs: AovSet = Aov::ALL.into_iter().filter(|&aov| bits & (1 << aov as u8) != 0).collect();
-    let layout = Layout::new(aovs);
+    let layout = get_layout(reader)?;
     // Nothing is allocated for more than is there.
     let wanted = rect.area().saturating_mul(4 * layout.stride() as u64);
     let sums = reader.bytes(usize::try_from(wanted).unwrap_or(usize::MAX))?;
@@ -129,9 +166,12 @@ fn put_result(result: &ResultRef, bytes: &mut Vec<u8>) {
 }
 
 fn put_agent(agent: &AgentId, bytes: &mut Vec<u8>) {
-    let name = &agent.name.as_bytes()[..agent.name.floor_char_boundary(NAME_BYTES_MAX)];
-    put_u32(name.len() as u32, bytes);
-    bytes.extend(name);
+    put_text(&agent.name[..agent.name.floor_char_boundary(NAME_BYTES_MAX)], bytes);
+}
+
+fn put_text(text: &str, bytes: &mut Vec<u8>) {
+    put_u32(text.len() as u32, bytes);
+    bytes.extend(text.as_bytes());
 }
 
 pub(crate) fn get_zone(reader: &mut Reader<'_>) -> Result<ZoneRow, WireError> {
@@ -290,10 +330,17 @@ impl<'a> Reader<'a> {
     }
 
     fn agent(&mut self) -> Result<AgentId, WireError> {
+        self.text("a name", NAME_BYTES_MAX).map(AgentId::new)
+    }
+
+    /// - `most`: the most bytes that are believed.
+    fn text(&mut self, what: &'static str, most: usize) -> Result<String, WireError> {
         let length = self.u32()? as usize;
-        let name = self.bytes(length.min(NAME_BYTES_MAX + 1))?;
-        let name = std::str::from_utf8(name).ok().filter(|name| name.len() <= NAME_BYTES_MAX);
-        name.map(AgentId::new).ok_or_else(|| self.error("a name"))
+        if length > most {
+            return Err(self.error(what));
+        }
+        let text = self.bytes(length)?;
+        std::str::from_utf8(text).map(str::to_owned).map_err(|_| self.error(what))
     }
 
     fn state(&mut self) -> Result<ZoneState, WireError> {
@@ -435,7 +482,13 @@ pub(crate) mod tests {
 
     #[test]
     fn a_tile_is_read_as_it_was_written_and_its_digest_sees_one_bit() {
-        let layout = Layout::new([Aov::Albedo, Aov::Cost].into_iter().collect());
+        let layer = |name: &str, channels: &str, combine| Layer {
+            name: name.to_owned(),
+            channels: channels.chars().map(String::from).collect(),
+            combine,
+        };
+        let layers = vec![layer("Farbe", "RGBA", Combine::Mean), layer("Kiste №7", "Y", Combine::Pick)];
+        let layout = Layout::with_layers([Aov::Albedo, Aov::Cost].into_iter().collect(), layers).expect("sound");
         let mut tile = Tile::new(Rect::new(3, 4, 9, 7), layout);
         tile.sums_mut().iter_mut().enumerate().for_each(|(i, sum)| *sum = i as f32 * 0.3 - 2.0);
         let mut bytes = Vec::new();
@@ -444,5 +497,30 @@ pub(crate) mod tests {
         let before = digest(&tile);
         tile.sums_mut()[17] = f32::from_bits(tile.sums()[17].to_bits() ^ 1);
         assert_ne!(digest(&tile), before);
+        for end in 0..bytes.len() {
+            assert!(get_tile(&mut Reader::new(&bytes[..end])).is_err(), "{end} bytes");
+        }
+    }
+
+    #[test]
+    fn a_tile_of_more_layers_than_any_has_is_refused() {
+        let head = |layers: u32, channels: u32| {
+            let mut bytes = Vec::new();
+            put_rect(&Rect::of_size(1, 1), &mut bytes);
+            bytes.push(0);
+            put_u32(layers, &mut bytes);
+            for index in 0..layers.min(200) {
+                put_text(&index.to_string(), &mut bytes);
+                put_u32(channels, &mut bytes);
+                (0..channels.min(600)).for_each(|channel| put_text(&channel.to_string(), &mut bytes));
+                bytes.push(0);
+            }
+            bytes.extend([0; 1 << 13]);
+            get_tile(&mut Reader::new(&bytes)).map(|tile| tile.layout().stride())
+        };
+        assert_eq!(head(LAYERS_MAX as u32, 4), Ok(6 + CHANNELS_MAX));
+        for (layers, channels) in [(LAYERS_MAX as u32 + 1, 1), (u32::MAX, 1), (1, u32::MAX), (2, 400), (1, 0)] {
+            assert!(head(layers, channels).is_err(), "{layers} layers of {channels} channels");
+        }
     }
 }

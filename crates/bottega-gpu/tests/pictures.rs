@@ -63,7 +63,8 @@ fn paint(path: &Path, options: &PathOptions) -> Result<Pair, GpuError> {
     let window = Window { packets: 2, units_per_packet: 64, patience: options.timeout };
     let hra = Hra::with_lanes(HraConfig::default(), vec![Lane::Windowed(Box::new(gpu), window)]);
     let client = hra.client();
-    let blocks = frame.blocks(16).map(|rect| BlockWork { tile: Tile::new(rect, block.tile.layout()), ..block.clone() });
+    let blocks =
+        frame.blocks(16).map(|rect| BlockWork { tile: Tile::new(rect, block.tile.layout().clone()), ..block.clone() });
     let units = blocks.zip(0..).map(|(block, n)| WorkUnit::new(RenderWork::Block(block), n));
     client.submit_group(units.collect()).expect("units are taken");
     let mut device = block.tile.clone();
@@ -106,7 +107,7 @@ impl Pair {
 }
 
 fn film(tile: &Tile) -> Film {
-    let mut film = Film::new(tile.rect(), tile.layout());
+    let mut film = Film::new(tile.rect(), tile.layout().clone());
     film.add_tile(tile, |_, _| 1.0);
     film
 }

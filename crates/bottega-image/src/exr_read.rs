@@ -26,7 +26,15 @@ use crate::{
 /// The most bytes that one compressed block of a file may unfold to.
 const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
-pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<ImageFile, ImageError> {
+/// Planes of further channels, in the order in which they were asked for; `None` where the file has no such channel.
+pub(crate) type Planes = Vec<Option<Vec<f32>>>;
+
+/// The color of a file, and the channels of these full names.
+pub(crate) fn read<R: BufRead + Seek>(
+    source: &Source<'_>,
+    input: R,
+    names: &[String],
+) -> Result<(ImageFile, Planes), ImageError> {
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
     let headers = reader.headers();
     let found = find_color(headers).ok_or_else(|| ImageError::NoColor {
@@ -40,36 +48,95 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<I
         }
     }
 
-    let header = headers[found.layer].clone();
-    let (width, height) = (header.layer_size.0, header.layer_size.1);
-    let mut picture = Picture::new(width as u32, height as u32);
-    let mut covered = 0;
+    let header = headers[found.part].clone();
+    let size = header.layer_size;
+    let mut targets: Vec<Target> = found
+        .channels
+        .iter()
+        .enumerate()
+        .map(|(i, &channel)| Target { part: found.part, channel, to: To::Color(i) })
+        .collect();
+    let more = names.iter().enumerate();
+    targets.extend(more.filter_map(|(i, name)| {
+        let (part, channel) = find_channel(headers, found.part, name)?;
+        // A part of another size is another picture.
+        (headers[part].layer_size == size).then_some(Target { part, channel, to: To::Plane(i) })
+    }));
+    let headers = headers.to_vec();
+    let mut canvas = Canvas { picture: Picture::new(size.0 as u32, size.1 as u32), planes: vec![None; names.len()] };
+    for target in &targets {
+        if let To::Plane(index) = target.to {
+            canvas.planes[index] = Some(vec![0.0; size.0 * size.1]);
+        }
+    }
+    let mut covered = vec![0; headers.len()];
     let mut chunks = reader.all_chunks(false).map_err(|error| failed(source, error))?;
     while let Some(chunk) = chunks.read_next_chunk() {
         let chunk = chunk.map_err(|error| failed(source, error))?;
-        if chunk.layer_index != found.layer {
+        let part = chunk.layer_index;
+        let wanted: Vec<&Target> = targets.iter().filter(|target| target.part == part).collect();
+        if wanted.is_empty() {
             continue;
         }
-        if announces_too_much(&chunk, &header) {
+        if announces_too_much(&chunk, &headers[part]) {
             return Err(source.malformed("EXR", "a block of pixels announces more than it can hold"));
         }
         let block = UncompressedBlock::decompress_chunk(chunk, chunks.meta_data(), false)
             .map_err(|error| failed(source, error))?;
         if block.index.level == Vec2(0, 0) {
-            covered += copy_block(&block, &header, &found, &mut picture)
+            covered[part] += copy_block(&block, &headers[part], &wanted, &mut canvas)
                 .ok_or_else(|| source.malformed("EXR", "a block of pixels lies outside the data window"))?;
         }
     }
-    if covered != width * height {
-        return Err(source.malformed("EXR", format!("{covered} of {} pixels are there", width * height)));
+    if let Some(target) = targets.iter().find(|target| covered[target.part] != size.0 * size.1) {
+        let count = covered[target.part];
+        return Err(source.malformed("EXR", format!("{count} of {} pixels are there", size.0 * size.1)));
     }
     let position = header.own_attributes.layer_position;
     let display = header.shared_attributes.display_window;
-    Ok(ImageFile {
-        picture,
+    let file = ImageFile {
+        picture: canvas.picture,
         offset: (position.0.saturating_sub(display.position.0), position.1.saturating_sub(display.position.1)),
         full_size: (display.size.0 as u32, display.size.1 as u32),
         metadata: metadata(&header),
+    };
+    Ok((file, canvas.planes))
+}
+
+/// A channel of the file, and where its values go.
+struct Target {
+    part: usize,
+    channel: usize,
+    to: To,
+}
+
+#[derive(Clone, Copy)]
+enum To {
+    /// A component of the picture.
+    Color(usize),
+    /// A plane of its own.
+    Plane(usize),
+}
+
+/// What is read.
+struct Canvas {
+    picture: Picture,
+    planes: Planes,
+}
+
+/// The channel of this name: as it stands, in the part of the color first, or in a part that has the name of its layer.
+fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, usize)> {
+    let place = |part: usize, name: &str| {
+        let found = headers[part].channels.list.iter().position(|channel| channel.name.to_string() == name)?;
+        Some((part, found))
+    };
+    let parts = || std::iter::once(first).chain(0..headers.len());
+    parts().find_map(|part| place(part, name)).or_else(|| {
+        let (layer, channel) = name.rsplit_once('.')?;
+        let is_named = |part: &usize| {
+            headers[*part].own_attributes.layer_name.as_ref().is_some_and(|name| name.to_string() == layer)
+        };
+        parts().filter(is_named).find_map(|part| place(part, channel))
     })
 }
 
@@ -122,7 +189,7 @@ fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
 
 /// Which channels of which part of the file are the color.
 struct Color {
-    layer: usize,
+    part: usize,
     /// Channel of red, green and blue; the same one three times for gray.
     channels: [usize; 3],
 }
@@ -153,19 +220,19 @@ fn find_color(headers: &[Header]) -> Option<Color> {
             if let [Some(r), Some(g), Some(b)] = channels
                 && best.as_ref().is_none_or(|(other, _)| key < *other)
             {
-                best = Some((key, Color { layer, channels: [r, g, b] }));
+                best = Some((key, Color { part: layer, channels: [r, g, b] }));
             }
         }
     }
     best.map(|(_, color)| color)
 }
 
-/// Copies the color of a block; the number of its pixels, or `None` when they are not all in the picture.
-fn copy_block(block: &UncompressedBlock, header: &Header, color: &Color, picture: &mut Picture) -> Option<usize> {
+/// Copies what is wanted of a block; the number of its pixels, or `None` when they are not all in the picture.
+fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], canvas: &mut Canvas) -> Option<usize> {
     let Vec2(x, y) = block.index.pixel_position;
     let Vec2(width, height) = block.index.pixel_size;
-    let row_length = picture.width as usize;
-    if x.checked_add(width)? > row_length || y.checked_add(height)? > picture.height as usize {
+    let row_length = canvas.picture.width as usize;
+    if x.checked_add(width)? > row_length || y.checked_add(height)? > canvas.picture.height as usize {
         return None;
     }
     let bytes_of_row: usize = header.channels.list.iter().map(|c| width * c.sample_type.bytes_per_sample()).sum();
@@ -175,13 +242,22 @@ fn copy_block(block: &UncompressedBlock, header: &Header, color: &Color, picture
         let description = &header.channels.list[channel];
         (start..start + bytes(description), description.sample_type)
     };
-    let lines = color.channels.map(line_of);
+    let lines: Vec<_> = wanted.iter().map(|target| (line_of(target.channel), target.to)).collect();
     for row in 0..height {
         let bytes = block.data.get(row * bytes_of_row..(row + 1) * bytes_of_row)?;
         let start = (y + row) * row_length + x;
-        let pixels = &mut picture.data[start..start + width];
-        for (component, (range, sample_type)) in lines.iter().enumerate() {
-            decode(&bytes[range.clone()], *sample_type, pixels.iter_mut().map(|pixel| &mut pixel[component]));
+        for ((range, sample_type), to) in &lines {
+            let bytes = &bytes[range.clone()];
+            match *to {
+                To::Color(component) => {
+                    let pixels = &mut canvas.picture.data[start..start + width];
+                    decode(bytes, *sample_type, pixels.iter_mut().map(|pixel| &mut pixel[component]));
+                }
+                To::Plane(index) => {
+                    let plane = canvas.planes[index].as_mut()?;
+                    decode(bytes, *sample_type, plane[start..start + width].iter_mut());
+                }
+            }
         }
     }
     Some(width * height)

@@ -25,7 +25,7 @@ use exr::{
 };
 
 use crate::{
-    Aov, Film, ImageError, Layout, Metadata, Picture, Rect,
+    Aov, Combine, Film, ImageError, Layout, Metadata, Picture, Rect,
     output::AtomicFile,
     parallel::{map_in_order, thread_count},
 };
@@ -33,7 +33,7 @@ use crate::{
 /// Width of a float in an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HalfOrFloat {
-    /// 16 bits for color, alpha, albedo and normal; the other AOVs stay 32-bit. Values beyond ±65504 are clamped.
+    /// 16 bits for color, alpha, albedo, normal and layers of colors; other AOVs and layers stay 32-bit. Values beyond ±65504 are clamped.
     Half,
     /// 32 bits.
     #[default]
@@ -65,9 +65,10 @@ pub struct ExrOptions {
     pub compression: ExrCompression,
 }
 
-/// Writes a film, with all its AOVs, to `path`, whole or not at all.
+/// Writes a film, with all its AOVs and layers, to `path`, whole or not at all.
 ///
-/// The channels are `R G B A` and, of the AOVs kept, `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`.
+/// The channels are `R G B A`, of the AOVs kept `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`, and those
+/// of the layers under their names.
 /// The data window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes text
 /// attributes. Equal films and metadata give equal bytes.
 pub fn write_exr(
@@ -114,28 +115,36 @@ struct Frame<'a> {
 
 const TILE_SIDE: usize = 64;
 
-fn film_channels(layout: Layout, depth: HalfOrFloat) -> Vec<Channel> {
+fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<Channel> {
     let mut channels = color_channels(depth, ["R", "G", "B"], Layout::COLOR);
     channels.extend(color_channels(depth, ["A"], Layout::ALPHA));
     for aov in layout.aovs().iter() {
         let offset = layout.offset(aov).expect("an AOV of the layout");
-        channels.extend(match aov {
-            Aov::Albedo => color_channels(depth, ["albedo.R", "albedo.G", "albedo.B"], offset),
-            Aov::Normal => color_channels(depth, ["normal.X", "normal.Y", "normal.Z"], offset),
-            Aov::Depth => color_channels(HalfOrFloat::Float, ["depth.Z"], offset),
-            Aov::SampleCount | Aov::Cost => color_channels(HalfOrFloat::Float, [aov.name()], offset),
-        });
+        let depth = if matches!(aov, Aov::Albedo | Aov::Normal) { depth } else { HalfOrFloat::Float };
+        channels.extend(named_channels(depth, aov.full_names(), offset));
+    }
+    for (offset, layer) in layout.placed_layers() {
+        let is_color = layer.combine == Combine::Mean && layer.channels.iter().all(|c| "RGBA".contains(c.as_str()));
+        let depth = if is_color { depth } else { HalfOrFloat::Float };
+        channels.extend(named_channels(depth, layer.full_names(), offset));
     }
     channels
 }
 
 fn color_channels<const N: usize>(depth: HalfOrFloat, names: [&str; N], offset: usize) -> Vec<Channel> {
+    named_channels(depth, names.map(str::to_owned), offset).collect()
+}
+
+fn named_channels(
+    depth: HalfOrFloat,
+    names: impl IntoIterator<Item = String>,
+    offset: usize,
+) -> impl Iterator<Item = Channel> {
     let sample_type = match depth {
         HalfOrFloat::Half => SampleType::F16,
         HalfOrFloat::Float => SampleType::F32,
     };
-    let channel = |(index, name): (usize, &str)| Channel { name: name.to_owned(), sample_type, offset: offset + index };
-    names.into_iter().enumerate().map(channel).collect()
+    names.into_iter().enumerate().map(move |(index, name)| Channel { name, sample_type, offset: offset + index })
 }
 
 /// Writes the file. `value(offset, x, y)` is asked once for each value, at pixels of the data window.
@@ -242,7 +251,8 @@ fn write_file<W: Write + Seek>(
     let headers = std::slice::from_ref(header);
     let mut requirements = MetaData::validate(headers, true)?;
     let attributes = attributes(header, metadata);
-    requirements.has_long_names = attributes.keys().any(|name| name.len() > 31);
+    let long = header.channels.list.iter().any(|channel| channel.name.bytes().len() > 31);
+    requirements.has_long_names = long || attributes.keys().any(|name| name.len() > 31);
 
     exr::meta::magic_number::write(out)?;
     requirements.write(out)?;

@@ -1,6 +1,6 @@
 //! The whole picture, composed of tiles.
 
-use crate::{Aov, Layout, Picture, Rect, Tile, picture::luminance};
+use crate::{Aov, Combine, Layer, LayersError, Layout, Picture, Rect, Tile, picture::luminance};
 
 /// The picture, or the crop window of it, composed of tiles by weighted means.
 ///
@@ -33,7 +33,7 @@ impl Film {
     }
 
     /// The memory that a film takes: to be checked before a picture of a user's size is begun.
-    pub fn bytes(rect: Rect, layout: Layout) -> u64 {
+    pub fn bytes(rect: Rect, layout: &Layout) -> u64 {
         rect.area().saturating_mul(4 * (layout.stride() as u64 + 1))
     }
 
@@ -55,21 +55,25 @@ impl Film {
     }
 
     /// Which values a pixel holds.
-    pub fn layout(&self) -> Layout {
-        self.layout
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// Adds each pixel of `tile` that lies in the film, has samples, and for which `weight(x, y)` is greater than 0.
     ///
     /// Panics when the layouts differ.
     pub fn add_tile(&mut self, tile: &Tile, mut weight: impl FnMut(u32, u32) -> f32) {
-        assert_eq!(self.layout, tile.layout(), "tile and film of different layouts");
+        assert_eq!(&self.layout, tile.layout(), "tile and film of different layouts");
         let Some(shared) = self.rect.intersection(&tile.rect()) else { return };
+        let sums_end = self.layout.sums_end();
         for (x, y) in shared.pixels() {
             let sums = tile.pixel(x, y);
             let weight = weight(x, y);
             if weight > 0.0 && sums[Layout::SAMPLE_COUNT] > 0.0 {
-                blend(self.pixel_mut(x, y), sums, weight);
+                let (sums, values) = sums.split_at(sums_end);
+                let pixel = self.pixel_mut(x, y);
+                pick(pixel, values, weight);
+                blend(pixel, sums, weight);
             }
         }
     }
@@ -119,6 +123,39 @@ impl Film {
         Picture { width: self.rect.width(), height: self.rect.height(), data }
     }
 
+    /// The film with another color, and the one that it had as a layer of this name, unless it has such a layer already.
+    /// Panics when the color is of another size.
+    ///
+    /// # Errors
+    /// The film has no room for a further layer.
+    pub fn with_color(&self, color: &Picture, kept: &str) -> Result<Self, LayersError> {
+        assert_eq!(color.size(), (self.rect.width(), self.rect.height()), "a color of another size");
+        let mut layers = self.layout.layers().to_vec();
+        let is_new = layers.iter().all(|layer| layer.name != kept);
+        if is_new {
+            let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
+            layers.push(Layer { name: kept.to_owned(), channels, combine: Combine::Mean });
+        }
+        let layout = Layout::with_layers(self.layout.aovs(), layers)?;
+        let place = |layer: &Layer| self.layout.placed_layers().find(|(_, other)| *other == layer).map(|(at, _)| at);
+        // Of each layer: where it is, and where it was; that of the color is new.
+        let moves: Vec<(usize, usize, usize)> = layout
+            .placed_layers()
+            .map(|(to, layer)| (to, place(layer).unwrap_or(Layout::COLOR), layer.channels.len()))
+            .collect();
+        let fixed = Layout::new(self.layout.aovs()).stride();
+        let (old, new) = (self.layout.stride() + 1, layout.stride() + 1);
+        let mut film = Self { values: vec![0.0; self.rect.area() as usize * new], layout, ..*self };
+        let pixels = self.values.chunks_exact(old).zip(film.values.chunks_exact_mut(new));
+        for ((from, to), color) in pixels.zip(&color.data) {
+            to[..fixed].copy_from_slice(&from[..fixed]);
+            moves.iter().for_each(|&(at, was, count)| to[at..at + count].copy_from_slice(&from[was..was + count]));
+            to[new - 1] = from[old - 1];
+            to[Layout::COLOR..Layout::COLOR + 3].copy_from_slice(color);
+        }
+        Ok(film)
+    }
+
     /// All values of the pixel (x, y), then its weight: `[stride + 1]`.
     pub(crate) fn pixel(&self, x: u32, y: u32) -> &[f32] {
         let stride = self.layout.stride() + 1;
@@ -130,6 +167,18 @@ impl Film {
         let stride = self.layout.stride() + 1;
         let start = self.rect.index(x, y) * stride;
         &mut self.values[start..start + stride]
+    }
+}
+
+/// Picks the values of which there is no mean where they weigh more than all that was there, before that is blended: of two
+/// tiles that weigh the same those with the larger bits, so that their order does not matter.
+fn pick(pixel: &mut [f32], values: &[f32], weight: f32) {
+    let (before, means) = pixel.split_last_mut().expect("a pixel has values");
+    let start = means.len() - values.len();
+    let picked = &mut means[start..];
+    let is_larger = || values.iter().map(|value| value.to_bits()).gt(picked.iter().map(|value| value.to_bits()));
+    if weight > *before || (weight == *before && is_larger()) {
+        picked.copy_from_slice(values);
     }
 }
 
@@ -226,6 +275,50 @@ mod tests {
         film.add_tile(&tile_of(rect, Layout::new(AovSet::NONE), &[1.0, 2.0, 3.0, 6.0]), |_, _| 1.0);
         // Deviations from 3: 4 + 1 + 0 + 9 = 14; sample variance 14/3; of the mean 14/12.
         assert!((film.variance_of_mean(0, 0) - 14.0 / 12.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn of_a_layer_without_a_mean_the_value_that_weighs_most_is_kept() {
+        let layer = Layer { name: "id".to_owned(), channels: vec!["Y".to_owned()], combine: Combine::Pick };
+        let layout = Layout::with_layers(AovSet::NONE, vec![layer]).unwrap();
+        let rect = Rect::of_size(1, 1);
+        let tile = |id: f32| {
+            let mut tile = tile_of(rect, layout.clone(), &[id, id]);
+            tile.sums_mut()[layout.sums_end()] = id;
+            tile
+        };
+        let composed = |tiles: &[(f32, f32)]| {
+            let mut film = Film::new(rect, layout.clone());
+            tiles.iter().for_each(|&(id, weight)| film.add_tile(&tile(id), |_, _| weight));
+            (film.color(0, 0)[0], film.pixel(0, 0)[layout.sums_end()])
+        };
+        assert_eq!(composed(&[(3.0, 1.0)]), (3.0, 3.0));
+        assert_eq!(composed(&[(3.0, 0.25), (7.0, 0.75)]), (6.0, 7.0));
+        assert_eq!(composed(&[(3.0, 0.75), (7.0, 0.25)]), (4.0, 3.0));
+        assert_eq!(composed(&[(3.0, 0.5), (7.0, 0.5)]), composed(&[(7.0, 0.5), (3.0, 0.5)]));
+    }
+
+    #[test]
+    fn a_new_color_leaves_the_old_one_as_a_layer() {
+        let layer = |name: &str, combine| Layer { name: name.to_owned(), channels: vec!["Y".to_owned()], combine };
+        let layers = vec![layer("z", Combine::Mean), layer("a", Combine::Pick)];
+        let layout = Layout::with_layers(AovSet::NONE.with(Aov::Depth), layers).unwrap();
+        let rect = Rect::of_size(2, 1);
+        let mut tile = tile_of(rect, layout.clone(), &[3.0]);
+        for ((offset, layer), value) in layout.placed_layers().zip([5.0, 9.0]) {
+            assert_eq!(layer.combine == Combine::Pick, value == 9.0);
+            tile.sums_mut().chunks_exact_mut(layout.stride()).for_each(|pixel| pixel[offset] = value);
+        }
+        let mut film = Film::new(rect, layout);
+        film.add_tile(&tile, |_, _| 0.5);
+        let new = film.with_color(&Picture::from_fn(2, 1, |x, _| [x as f32; 3]), "noisy").unwrap();
+        assert_eq!((new.color(1, 0), new.aov(Aov::Depth, 1, 0)[0], new.weight(1, 0)), ([1.0; 4], 6.0, 0.5));
+        let values: Vec<(&str, f32)> =
+            new.layout().placed_layers().map(|(at, layer)| (layer.name.as_str(), new.pixel(1, 0)[at])).collect();
+        assert_eq!(values, [("noisy", 3.0), ("z", 5.0), ("a", 9.0)]);
+        let again = new.with_color(&Picture::new(2, 1), "noisy").unwrap();
+        assert_eq!(again.layout(), new.layout());
+        assert_eq!(again.pixel(1, 0)[new.layout().placed_layers().next().unwrap().0], 3.0);
     }
 
     proptest! {

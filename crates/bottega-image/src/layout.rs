@@ -1,5 +1,9 @@
 //! Which values a pixel holds, and where.
 
+use std::sync::Arc;
+
+use crate::layers::{Layer, Layers, LayersError};
+
 /// A value that a picture can carry beside its colour ("arbitrary output variable").
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Aov {
@@ -33,9 +37,27 @@ impl Aov {
     /// Floats that it takes in a pixel. The sample count is always kept and takes none of its own.
     pub fn channel_count(self) -> usize {
         match self {
-            Self::Albedo | Self::Normal => 3,
-            Self::Depth | Self::Cost => 1,
             Self::SampleCount => 0,
+            Self::Cost => 1,
+            other => other.channels().len(),
+        }
+    }
+
+    /// Names of its channels within its layer; none where it is a channel by itself.
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Albedo => &["R", "G", "B"],
+            Self::Normal => &["X", "Y", "Z"],
+            Self::Depth => &["Z"],
+            Self::SampleCount | Self::Cost => &[],
+        }
+    }
+
+    /// The names of its channels in a file.
+    pub fn full_names(self) -> Vec<String> {
+        match self.channels() {
+            [] => vec![self.name().to_owned()],
+            channels => channels.iter().map(|channel| format!("{}.{channel}", self.name())).collect(),
         }
     }
 }
@@ -82,10 +104,14 @@ impl FromIterator<Aov> for AovSet {
 }
 
 /// Where each value lies in a pixel of a [`Tile`](crate::Tile): first radiance R G B, then alpha, then the sum of
-/// squared luminances (for the variance), then the sample count, then the AOVs that are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// squared luminances (for the variance), then the sample count, then the AOVs that are kept, then the layers of other
+/// engines: those that are averaged, then those that are picked. These are no sums; behind them stands the number of
+/// samples of the pass that they are of.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     aovs: AovSet,
+    stride: usize,
+    layers: Option<Arc<Layers>>,
 }
 
 impl Layout {
@@ -101,7 +127,22 @@ impl Layout {
 
     /// The layout that keeps these AOVs.
     pub fn new(aovs: AovSet) -> Self {
-        Self { aovs }
+        let stride = Self::FIXED + aovs.iter().map(Aov::channel_count).sum::<usize>();
+        Self { aovs, stride, layers: None }
+    }
+
+    /// The layout that keeps these AOVs, and these layers beside them, in whichever order they are given.
+    ///
+    /// # Errors
+    /// They are too many, or have names that no file can hold.
+    pub fn with_layers(aovs: AovSet, layers: Vec<Layer>) -> Result<Self, LayersError> {
+        let plain = Self::new(aovs);
+        if layers.is_empty() {
+            return Ok(plain);
+        }
+        let layers = Layers::new(layers, aovs)?;
+        let stride = plain.stride + layers.mean_channels + layers.picked_floats();
+        Ok(Self { stride, layers: Some(Arc::new(layers)), ..plain })
     }
 
     /// The AOVs kept.
@@ -109,9 +150,29 @@ impl Layout {
         self.aovs
     }
 
+    /// The layers beside them, in the order in which they lie in a pixel.
+    pub fn layers(&self) -> &[Layer] {
+        self.layers.as_ref().map_or(&[], |layers| &layers.list)
+    }
+
+    /// The layers with the offset of the first float of each.
+    pub fn placed_layers(&self) -> impl Iterator<Item = (usize, &Layer)> {
+        let begin = self.sums_end() - self.layers.as_ref().map_or(0, |layers| layers.mean_channels);
+        self.layers().iter().scan(begin, |next, layer| {
+            let offset = *next;
+            *next += layer.channels.len();
+            Some((offset, layer))
+        })
+    }
+
     /// Floats in a pixel.
     pub fn stride(&self) -> usize {
-        Self::FIXED + self.aovs.iter().map(Aov::channel_count).sum::<usize>()
+        self.stride
+    }
+
+    /// Offset of the first float that is no sum: see [`Combine::Pick`](crate::Combine::Pick).
+    pub fn sums_end(&self) -> usize {
+        self.stride - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
 
     /// Offset of the first float of `aov`; `None` when it is not kept.
@@ -122,5 +183,64 @@ impl Layout {
         self.aovs.contains(aov).then(|| {
             Self::FIXED + self.aovs.iter().take_while(|&other| other != aov).map(Aov::channel_count).sum::<usize>()
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::{CHANNELS_MAX, Combine, LAYERS_MAX};
+
+    fn layer(name: &str, channels: &str, combine: Combine) -> Layer {
+        Layer { name: name.to_owned(), channels: channels.chars().map(String::from).collect(), combine }
+    }
+
+    #[test]
+    fn layers_that_are_averaged_lie_before_those_that_are_picked() {
+        let aovs = AovSet::NONE.with(Aov::Normal);
+        let layers = vec![
+            layer("depth", "Z", Combine::Pick),
+            layer("uv", "UV", Combine::Mean),
+            layer("beauty", "RGB", Combine::Mean),
+        ];
+        let layout = Layout::with_layers(aovs, layers).unwrap();
+        let placed: Vec<(usize, &str)> =
+            layout.placed_layers().map(|(offset, layer)| (offset, layer.name.as_str())).collect();
+        assert_eq!(placed, [(9, "beauty"), (12, "uv"), (14, "depth")]);
+        assert_eq!((layout.stride(), layout.sums_end()), (16, 14));
+        assert_eq!(Layout::with_layers(aovs, Vec::new()).unwrap(), Layout::new(aovs));
+    }
+
+    #[test]
+    fn layers_that_no_file_holds_are_refused() {
+        let refused = |layers| Layout::with_layers(AovSet::NONE.with(Aov::Depth), layers).unwrap_err();
+        let many = |count| (0..count).map(|i| layer(&i.to_string(), "X", Combine::Mean)).collect::<Vec<_>>();
+        assert!(Layout::with_layers(AovSet::NONE, many(LAYERS_MAX)).is_ok());
+        assert!(matches!(refused(many(LAYERS_MAX + 1)), LayersError::Count { what: "layers", .. }));
+        let wide = layer("wide", &"x".repeat(CHANNELS_MAX + 1), Combine::Mean);
+        assert!(matches!(refused(vec![wide]), LayersError::Count { what: "channels", .. }));
+        for (name, channels) in [("", "X"), ("a", ""), ("a\0b", "X"), ("a\n", "X"), (&"n".repeat(254), "X")] {
+            assert!(
+                matches!(refused(vec![layer(name, channels, Combine::Mean)]), LayersError::Name { .. }),
+                "{name:?}"
+            );
+        }
+        for layers in [vec![layer("a", "XX", Combine::Mean)], vec![layer("depth", "Z", Combine::Pick)]] {
+            assert!(matches!(refused(layers), LayersError::Twice { .. }));
+        }
+    }
+
+    #[test]
+    fn a_layer_that_is_like_an_aov_is_known_as_such() {
+        assert_eq!(layer("normal", "XYZ", Combine::Mean).as_aov(), Some(Aov::Normal));
+        assert_eq!(layer("depth", "Z", Combine::Mean).as_aov(), Some(Aov::Depth));
+        for other in [
+            layer("depth", "Z", Combine::Pick),
+            layer("normal", "RGB", Combine::Mean),
+            layer("cost", "", Combine::Mean),
+            layer("samples", "Y", Combine::Mean),
+        ] {
+            assert_eq!(other.as_aov(), None, "{other:?}");
+        }
     }
 }

@@ -7,7 +7,11 @@ use std::{
     path::Path,
 };
 
-use crate::{ImageError, Metadata, Picture, exr_read, png_read};
+use crate::{
+    ImageError, Metadata, Picture,
+    exr_read::{self, Planes},
+    png_read,
+};
 
 /// A picture and what its file says of it.
 #[derive(Clone, Debug)]
@@ -52,12 +56,24 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
     if file.metadata().is_ok_and(|found| found.is_dir()) {
         return Err(ImageError::read(path, std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(&Source { path, limits }, BufReader::new(file))
+    read_from(&Source { path, limits }, BufReader::new(file), &[]).map(|(file, _)| file)
+}
+
+/// As [`read_image`], with further channels of an OpenEXR file by their full names, such as `depth.Z`: a plane each,
+/// row by row from the top, in the order of `names`; `None` where the file has no such channel.
+pub fn read_channels(
+    path: impl AsRef<Path>,
+    limits: ReadLimits,
+    names: &[String],
+) -> Result<(ImageFile, Vec<Option<Vec<f32>>>), ImageError> {
+    let path = path.as_ref();
+    let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
+    read_from(&Source { path, limits }, BufReader::new(file), names)
 }
 
 /// As [`read_image`], of the bytes of a file; `name` stands in errors.
 pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
-    read_from(&Source { path: name.as_ref(), limits }, std::io::Cursor::new(bytes))
+    read_from(&Source { path: name.as_ref(), limits }, std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
 }
 
 /// What the readers of all formats need to know.
@@ -86,24 +102,30 @@ impl Source<'_> {
     }
 }
 
-fn read_from<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<ImageFile, ImageError> {
+fn read_from<R: BufRead + Seek>(
+    source: &Source<'_>,
+    mut input: R,
+    names: &[String],
+) -> Result<(ImageFile, Planes), ImageError> {
     let mut magic = Vec::new();
     input.by_ref().take(10).read_to_end(&mut magic).map_err(|error| ImageError::read(source.path, error))?;
     input.rewind().map_err(|error| ImageError::read(source.path, error))?;
+    // Other formats have no channels but the color's.
+    let alone = |file| (file, vec![None; names.len()]);
     match magic.as_slice() {
-        [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || exr_read::read(source, input)),
-        [0x89, b'P', b'N', b'G', ..] => guarded(source, "PNG", || png_read::read(source, input)),
-        [b'#', b'?', ..] => guarded(source, "HDR", || read_hdr(source, input)),
+        [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || exr_read::read(source, input, names)),
+        [0x89, b'P', b'N', b'G', ..] => guarded(source, "PNG", || png_read::read(source, input)).map(alone),
+        [b'#', b'?', ..] => guarded(source, "HDR", || read_hdr(source, input)).map(alone),
         _ => Err(ImageError::UnknownFormat { path: source.path.to_owned() }),
     }
 }
 
 /// The decoders are other people's, and fuzzing has found panics in such before: one becomes an error of the file.
-fn guarded(
+fn guarded<T>(
     source: &Source<'_>,
     format: &'static str,
-    read: impl FnOnce() -> Result<ImageFile, ImageError>,
-) -> Result<ImageFile, ImageError> {
+    read: impl FnOnce() -> Result<T, ImageError>,
+) -> Result<T, ImageError> {
     // Nothing that `read` leaves half changed outlives it, so unwinding out of it is safe.
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(source.malformed(format, "its decoder gave up")))
 }

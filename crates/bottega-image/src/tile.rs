@@ -33,7 +33,8 @@ pub struct Tile {
 impl Tile {
     /// A tile of no samples.
     pub fn new(rect: Rect, layout: Layout) -> Self {
-        Self { rect, layout, sums: vec![0.0; rect.area() as usize * layout.stride()] }
+        let sums = vec![0.0; rect.area() as usize * layout.stride()];
+        Self { rect, layout, sums }
     }
 
     /// The pixels that it holds, in picture coordinates.
@@ -42,8 +43,8 @@ impl Tile {
     }
 
     /// Where each value lies in a pixel.
-    pub fn layout(&self) -> Layout {
-        self.layout
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// All sums, `[area × stride]`.

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use bottega_image::{
-    Aov, Encoding, ExrCompression, ExrOptions, Film, HalfOrFloat, ImageError, Layout, Metadata, Picture, PngBits,
-    PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, read_image, read_image_bytes, read_picture, write_exr,
-    write_picture_exr, write_png, write_png_rgb8,
+    Aov, AovSet, Combine, Encoding, ExrCompression, ExrOptions, Film, HalfOrFloat, ImageError, Layer, Layout, Metadata,
+    Picture, PngBits, PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, read_channels, read_image,
+    read_image_bytes, read_picture, write_exr, write_picture_exr, write_png, write_png_rgb8,
 };
 
 /// A film with every AOV, whose values tell the pixel that they belong to.
 fn film(rect: Rect, picture: (u32, u32)) -> Film {
     let layout = Layout::new(Aov::ALL.into_iter().collect());
-    let mut tile = Tile::new(rect, layout);
+    let mut tile = Tile::new(rect, layout.clone());
     for (x, y) in rect.pixels() {
         let (x0, y0) = (x as f32, y as f32);
         for sample in 0..2 {
@@ -65,6 +65,45 @@ fn an_exr_file_holds_the_film_in_every_layout() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn layers_of_a_film_are_read_back_from_a_file() {
+    let layer = |name: &str, channels: &[&str], combine| Layer {
+        name: name.to_owned(),
+        channels: channels.iter().map(|&channel| channel.to_owned()).collect(),
+        combine,
+    };
+    let long = "a layer of a name that is longer than 31 bytes";
+    let layers = vec![
+        layer("id", &["Y"], Combine::Pick),
+        layer(long, &["R", "G", "B"], Combine::Mean),
+        layer("motion", &["X", "Y", "Z", "W"], Combine::Mean),
+    ];
+    let layout = Layout::with_layers(AovSet::NONE.with(Aov::Depth), layers).unwrap();
+    let rect = Rect::of_size(70, 9);
+    let mut tile = Tile::new(rect, layout.clone());
+    let stride = layout.stride();
+    for (index, pixel) in tile.sums_mut().chunks_exact_mut(stride).enumerate() {
+        pixel[Layout::SAMPLE_COUNT] = 2.0;
+        // Of sums the mean is half; an identity is what it is.
+        pixel[Layout::SAMPLE_COUNT + 1..].iter_mut().enumerate().for_each(|(i, sum)| *sum = (2 * (index + i)) as f32);
+    }
+    let mut film = Film::new(rect, layout.clone());
+    film.add_tile(&tile, |_, _| 0.3);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    for options in all_options() {
+        write_exr(&path, &film, &Metadata::new(), options).unwrap();
+        let names = ["depth.Z", &format!("{long}.G"), "motion.W", "id.Y", "nothing.Y", "A"].map(str::to_owned);
+        let (file, planes) = read_channels(&path, ReadLimits::default(), &names).unwrap();
+        assert_eq!(file.picture, film.to_picture());
+        for (plane, offset, scale) in [(0, 0, 1), (1, 2, 1), (2, 7, 1), (3, 8, 2)] {
+            let expected: Vec<f32> = (0..70 * 9).map(|index| (scale * (index + offset)) as f32).collect();
+            assert_eq!(planes[plane].as_deref(), Some(expected.as_slice()), "{} {options:?}", names[plane]);
+        }
+        assert!(planes[4].is_none() && planes[5].is_some());
     }
 }
 

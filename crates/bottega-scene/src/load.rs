@@ -109,6 +109,8 @@ pub struct RenderHints {
     pub max_depth: Option<u32>,
     /// The pixel filter.
     pub filter: Option<FilmFilter>,
+    /// Whether the file has no light, and a neutral sky was added.
+    pub is_sky_added: bool,
 }
 
 /// A separable pixel filter. Radii are in pixels, from the centre to the edge.
@@ -211,7 +213,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     };
     let resources = Resources::new(path, options, &budget);
     let request = Request { path, file: &file, options, resources: &resources };
-    let (mut scene, metadata, hints) = import(&request, &mut warnings)?;
+    let (mut scene, metadata, mut hints) = import(&request, &mut warnings)?;
     let files = resources.finish(&mut digest);
     let unsupported = warnings.take_unsupported();
     if options.strict && !unsupported.is_empty() {
@@ -227,6 +229,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if options.add_sky && !scene.has_light() {
         warnings.add("", "the scene has no light; a neutral sky shines on it");
         scene.add_sky();
+        hints.is_sky_added = true;
     }
     if scene.cameras.is_empty() {
         warnings.add("", "the scene has no camera; one that frames it is used");

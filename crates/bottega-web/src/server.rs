@@ -73,7 +73,9 @@ impl JobState {
             }
             Event::Progress(_) => self.progress = Some(event),
             Event::Preview { .. } => self.preview = Some(event),
-            Event::Warning { .. } | Event::Asked { .. } | Event::LightingAgents(_) => self.notes.push(event),
+            Event::Warning { .. } | Event::Asked { .. } | Event::LightingAgents(_) | Event::Denoised { .. } => {
+                self.notes.push(event);
+            }
             Event::Finished { .. } | Event::Interrupted { .. } => self.end = Some(event),
         }
     }

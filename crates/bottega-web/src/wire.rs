@@ -81,6 +81,13 @@ pub enum Event {
     },
     /// What the lighting agents of a picture were like, what they cost and what they were asked.
     LightingAgents(LightingAgents),
+    /// What noise was left in the picture is removed.
+    Denoised {
+        /// By what, of which layers.
+        by: String,
+        /// How long it took.
+        seconds: f64,
+    },
     /// The picture is written.
     Finished {
         /// The file.

@@ -1,6 +1,7 @@
 //! What the command line takes. Everything here is checked before any work begins.
 
 mod guiding;
+mod layers;
 mod lighting_agents;
 mod photons;
 mod values;
@@ -8,19 +9,20 @@ mod values;
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
-use bottega_image::{Aov, Rect};
+use bottega_image::Rect;
 use bottega_render::{AgentSettings, PhotonSettings, ala::Criterion};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
 pub(crate) use self::guiding::GuideArg;
+pub(crate) use self::layers::{GUIDES, LayersArg};
 pub(crate) use self::values::{
     DEPTH_MAX, EncodingArg, EnvironmentArg, FilterArg, ImportanceArg, IntegratorArg, OptimizeArg, SAMPLES_MAX, Size,
     ToneArg, parse_define, parse_duration, parse_size,
 };
 use self::values::{
-    parse_aov, parse_channel, parse_criterion, parse_distance, parse_environment, parse_error, parse_factor,
-    parse_rate, parse_rect, parse_share, parse_stops, parse_time,
+    parse_channel, parse_criterion, parse_distance, parse_environment, parse_error, parse_factor, parse_rate,
+    parse_rect, parse_share, parse_stops, parse_time,
 };
 use self::{guiding::GuideArgs, lighting_agents::LightingAgentArgs, photons::PhotonArgs};
 use crate::{
@@ -237,9 +239,16 @@ pub(crate) struct RenderArgs {
     /// Paint only this part of the picture; each pixel is the same as in the whole. Default: what the scene file asks for.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture")]
     pub(crate) crop: Option<Rect>,
-    /// More values a pixel, as layers of the EXR file: albedo,normal,depth,samples,cost.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_aov, help_heading = "Output")]
-    pub(crate) aov: Vec<Aov>,
+    /// More values a pixel, as layers of the EXR file: names with commas between, `all` or `none`. Our own engine has
+    /// albedo,normal,depth,samples,cost, and makes none unless asked. Of other engines all layers come out that the scene asks
+    /// for, unless this says which of them. Of two engines: those that both mean the same by.
+    #[arg(long, value_name = "LIST", help_heading = "Output")]
+    pub(crate) aov: Option<LayersArg>,
+    /// Remove what noise is left in the finished picture, by Intel's Open Image Denoise, which must be installed; BOTTEGA_OIDN
+    /// names its file or folder where it is not found. Albedo and normals are made for it, and are layers of the EXR file then,
+    /// as is the noisy color (`noisy`).
+    #[arg(long, help_heading = "Output")]
+    pub(crate) denoise: bool,
     /// Brighten (+) or darken (-) a PNG by so many stops.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse_stops, help_heading = "Output")]
     pub(crate) exposure: f32,

@@ -2,6 +2,7 @@
 
 mod args;
 mod attempt;
+mod layers;
 mod list;
 mod material;
 mod painter;

@@ -9,6 +9,7 @@ use bottega_agents::{
     },
     file_store::FileStoreError,
 };
+use bottega_denoise::DenoiseError;
 use bottega_engines::{
     EngineError,
     external::{EngineFault, manifest::ManifestError},
@@ -51,6 +52,12 @@ pub(crate) enum CliError {
     Job(#[source] JobError),
     #[error("cannot use the GPU")]
     Gpu(#[source] GpuError),
+    #[error("cannot denoise the picture")]
+    Denoise {
+        source: DenoiseError,
+        #[help]
+        remedy: String,
+    },
     #[error("cannot serve the live view")]
     Serve(#[source] ServeError),
     #[error("cannot use the rules in `{}`: {problem}", .path.display())]

@@ -91,7 +91,7 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("env={:?}", args.scene.env),
         format!("env-rotate={}", args.scene.env_rotate),
         format!("env-strength={}", args.scene.env_strength),
-        format!("aov={:?}", args.aov),
+        format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
     ]
     .join("; ")
 }

@@ -5,6 +5,7 @@ mod analyze;
 mod bench;
 mod cli;
 mod clock;
+mod denoise;
 mod devices;
 mod diff;
 mod engines;

@@ -10,14 +10,15 @@ use bottega_farm::{
     simulate::Recorder, survey_size,
 };
 use bottega_image::{
-    AovSet, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
-    check_writable, write_exr, write_png,
+    Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap, check_writable,
+    write_exr, write_png,
 };
 use bottega_render::{Filter, PathSettings};
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
-    cli::{DEPTH_MAX, EncodingArg, FilterArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
+    cli::{DEPTH_MAX, EncodingArg, FilterArg, LayersArg, OptimizeArg, RenderArgs, SAMPLES_MAX, ToneArg},
+    denoise,
     devices::{Crew, costs, incident_line},
     engines::{self, Material},
     error::CliError,
@@ -83,7 +84,8 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         return Ok(ExitCode::SUCCESS);
     }
     let name = name_of(args, &subject, &settings);
-    // Devices that are not there are told before anything is written.
+    // Devices and denoisers that are not there are told before anything is written.
+    let denoiser = denoise::ready(args)?;
     let (engine, crew) = engine(args, &subject, &settings)?;
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
@@ -128,7 +130,9 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         write_record(path, &record)?;
         reporter.say(&recorded(path));
     }
+    let mut report = report;
     let mut metadata = metadata(args, &subject, &settings, &crew, &report);
+    denoise::finish(denoiser.as_ref(), args, &mut report, &mut metadata, &reporter, stop)?;
     if let Some(swarm) = engine.lighting_agents() {
         lighting_agents::tell(&swarm, &reporter, &mut metadata);
     }
@@ -167,6 +171,9 @@ pub(crate) fn had(
 ) -> Result<ExitCode, CliError> {
     reporter.finish();
     write_picture(&args.output, picture)?;
+    if let Some(lacking) = denoise::lacking(args, picture) {
+        reporter.warn(lacking);
+    }
     if let Err(error) = fs::remove_file(journal) {
         reporter.warn(format!("cannot remove {}: {error}", journal.display()));
     }
@@ -232,7 +239,7 @@ pub(crate) fn job_settings(
         _ => DEFAULT_SAMPLES,
     };
     let samples = args.spp.or(hinted).map_or(default, |samples| samples.clamp(1, SAMPLES_MAX));
-    let layout = Layout::new(args.aov.iter().copied().collect::<AovSet>());
+    let layout = Layout::new(LayersArg::of_own_engine(args.aov.as_ref(), args.denoise)?);
     Ok(JobSettings {
         crop,
         level: level(args.scene.level),
@@ -289,8 +296,8 @@ pub(crate) fn engine(
         ..PathSettings::default()
     };
     let choice = args.devices.exactly(args.exact)?;
-    let mut crew = Crew::gather(&choice, job.processors, &subject.prepared, job.layout, photons.is_some())?;
-    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout, threads: crew.threads };
+    let mut crew = Crew::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
+    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads };
     let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, std::mem::take(&mut crew.devices));
     Ok((engine, crew))
 }

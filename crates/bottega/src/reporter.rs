@@ -172,6 +172,20 @@ impl Reporter {
         }));
     }
 
+    /// Tells how far a step is that comes after the painting.
+    pub(crate) fn tell_step(&self, name: &'static str, share: f64) {
+        if self.bar.is_finished() {
+            self.bar.reset();
+        }
+        self.bar.set_position((share * BAR_STEPS as f64) as u64);
+        self.bar.set_message(name);
+    }
+
+    /// The step is done.
+    pub(crate) fn end_step(&self) {
+        self.bar.finish_and_clear();
+    }
+
     /// No progress is shown from now on; the preview is what was painted last.
     pub(crate) fn finish(&self) {
         if let Some(watch) = self.watch.get() {

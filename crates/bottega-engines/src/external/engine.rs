@@ -81,6 +81,7 @@ struct Health {
 struct Shared {
     located: Arc<Located>,
     options: ExternalOptions,
+    wanted: picture::Wanted,
     lanes: usize,
     queue: Mutex<Queue>,
     woken: Condvar,
@@ -109,6 +110,7 @@ impl ExternalEngine {
         let lane_count = if located.manifest().cost.parallel { options.request.threads.max(1) } else { 1 };
         let shared = Arc::new(Shared {
             located,
+            wanted: picture::Wanted::of(&options.layout),
             options,
             lanes: lane_count,
             queue: Mutex::default(),
@@ -224,7 +226,7 @@ impl Drop for ExternalEngine {
         self.shared.woken.notify_all();
         for work in waiting {
             if let Work::Zone(task, done) = work {
-                done(Ok(unpainted(task, self.shared.options.layout)));
+                done(Ok(unpainted(task, &self.shared.options.layout)));
             }
         }
         for lane in self.lanes.drain(..).filter(|lane| lane.thread().id() != thread::current().id()) {
@@ -309,8 +311,8 @@ impl Shared {
 }
 
 /// What a task comes to that was cancelled before it began.
-fn unpainted(task: ZoneTask, layout: Layout) -> Painted {
-    let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout));
+fn unpainted(task: ZoneTask, layout: &Layout) -> Painted {
+    let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout.clone()));
     Painted { tile, busy: Duration::ZERO, parts: Vec::new(), complete: false }
 }
 
@@ -414,7 +416,7 @@ impl Lane {
     fn zone(&mut self, task: ZoneTask) -> Result<Painted, EngineFault> {
         let shared = Arc::clone(&self.shared);
         if task.cancel.is_cancelled() || shared.closing.is_cancelled() {
-            return Ok(unpainted(task, shared.options.layout));
+            return Ok(unpainted(task, &shared.options.layout));
         }
         let adds_up = shared.located.manifest().adds_up();
         let kept = task.tile.filter(|_| adds_up);
@@ -435,18 +437,18 @@ impl Lane {
             Err(EngineFault::Cancelled) => {
                 // The process is at work for nobody.
                 self.session = None;
-                let tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+                let tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
                 return Ok(Painted { tile, busy: self.busy(begun), parts: Vec::new(), complete: false });
             }
             written => written?,
         };
-        let window = picture::read(&written, task.rect)?;
+        let window = picture::read_wanted(&written, task.rect, &shared.wanted)?;
         if window.is_black() && shared.expects_light(task.rect) {
             return Err(EngineFault::Black { window: task.rect });
         }
         tell(1.0);
         shared.dropped_count.fetch_add(window.dropped as u64, Ordering::Relaxed);
-        let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout));
+        let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
         window.add_to(&mut tile, count);
         if let Some(watcher) = shared.watcher.get() {
             watcher(&tile);

@@ -125,6 +125,15 @@ pub enum EngineFault {
         /// How many.
         count: usize,
     },
+    /// A layer that it announced is not there.
+    #[error("its picture lacks the channel `{channel}`, which it announced when it opened the scene")]
+    Layer {
+        /// The channel.
+        channel: String,
+    },
+    /// Layers that no picture can have.
+    #[error("the layers that it announces cannot be kept")]
+    Layers(#[source] bottega_image::LayersError),
     /// Nothing but black.
     #[error("its picture of the window {window} is all black, and the whole picture is not there")]
     Black {
@@ -155,6 +164,7 @@ impl EngineFault {
             | Self::Picture(_)
             | Self::Size { .. }
             | Self::NotFinite { .. }
+            | Self::Layer { .. }
             | Self::Black { .. } => false,
             _ => true,
         }

@@ -1,44 +1,67 @@
 //! What an engine wrote: looked at before it counts, cut to the window, and added to the zone's sums.
 
-use bottega_image::{ImageFile, Layout, Picture, ReadLimits, Rect, Tile, luminance, read_image};
+use bottega_image::{ImageFile, Layout, Picture, ReadLimits, Rect, Tile, luminance, read_channels};
 
 use super::{error::EngineFault, session::Written};
 
 /// So large a share of pixels may lack finite values: an engine's own numerical accidents.
 const NOT_FINITE_SHARE: f64 = 0.01;
+/// What is larger in a layer counts as no number: the sums of all samples must be one.
+const LARGEST: f32 = 1e30;
+
+/// Which channels of a file are wanted beside the color, and where their values go in a pixel.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Wanted {
+    /// Alpha, then the layers' channels.
+    names: Vec<String>,
+    offsets: Vec<usize>,
+}
+
+impl Wanted {
+    pub(super) fn of(layout: &Layout) -> Self {
+        let aovs = layout.aovs().iter().filter(|aov| !aov.channels().is_empty());
+        let aovs = aovs.filter_map(|aov| Some((layout.offset(aov)?, aov.full_names())));
+        let layers = layout.placed_layers().map(|(offset, layer)| (offset, layer.full_names().collect()));
+        let mut wanted = Self { names: vec!["A".to_owned()], offsets: vec![Layout::ALPHA] };
+        for (offset, names) in aovs.chain(layers) {
+            wanted.offsets.extend((0..names.len()).map(|index| offset + index));
+            wanted.names.extend(names);
+        }
+        wanted
+    }
+}
 
 /// A window that was painted and looked at.
 #[derive(Debug)]
 pub(super) struct Window {
     pub(super) picture: Picture,
+    /// Alpha and the layers: where a value goes in a pixel, and the values.
+    planes: Vec<(usize, Vec<f32>)>,
     /// Pixels whose values were no finite numbers, and are black now.
     pub(super) dropped: usize,
 }
 
-/// Reads what an engine wrote and cuts out the window.
+/// Reads the color that an engine wrote and cuts out the window.
 pub(super) fn read(written: &Written, window: Rect) -> Result<Window, EngineFault> {
+    read_wanted(written, window, &Wanted::default())
+}
+
+/// Reads the color and further channels that an engine wrote and cuts out the window.
+pub(super) fn read_wanted(written: &Written, window: Rect, wanted: &Wanted) -> Result<Window, EngineFault> {
+    let (mut picture, planes) = load(written, window, &wanted.names)?;
     let Rect { x0, y0, .. } = written.shows;
-    let wanted = (written.shows.width(), written.shows.height());
-    let limits = ReadLimits { max_pixels: written.shows.area() };
-    let file = read_image(&written.file, limits);
-    let ImageFile { picture, .. } = match file {
-        Ok(file) => file,
-        Err(bottega_image::ImageError::TooLarge { width, height, .. }) => {
-            let found = (u32::try_from(width).unwrap_or(u32::MAX), u32::try_from(height).unwrap_or(u32::MAX));
-            return Err(EngineFault::Size { found, wanted, window });
-        }
-        Err(error) => return Err(EngineFault::Picture(error)),
-    };
-    if picture.size() != wanted {
-        return Err(EngineFault::Size { found: picture.size(), wanted, window });
-    }
-    let mut picture = picture;
-    if written.is_upside_down {
-        let row = picture.width as usize;
-        picture.data = picture.data.chunks(row).rev().flatten().copied().collect();
-    }
     let cut = Rect::new(window.x0 - x0, window.y0 - y0, window.x1 - x0, window.y1 - y0);
-    let mut picture = picture.cropped(cut);
+    let (row, height) = (picture.width, picture.height);
+    let place = |(x, y): (u32, u32)| {
+        let y = if written.is_upside_down { height - 1 - y } else { y };
+        y as usize * row as usize + x as usize
+    };
+    let places: Vec<usize> = cut.pixels().map(place).collect();
+    picture = Picture {
+        width: cut.width(),
+        height: cut.height(),
+        data: places.iter().map(|&place| picture.data[place]).collect(),
+    };
     let mut dropped = 0;
     for pixel in &mut picture.data {
         if !pixel.iter().all(|value| value.is_finite()) {
@@ -49,9 +72,37 @@ pub(super) fn read(written: &Written, window: Rect) -> Result<Window, EngineFaul
     if dropped as f64 > NOT_FINITE_SHARE * window.area() as f64 {
         return Err(EngineFault::NotFinite { count: dropped });
     }
+    let sound = |value: f32| if value.abs() <= LARGEST { value } else { 0.0 };
+    let mut kept = Vec::new();
+    for ((name, &offset), plane) in wanted.names.iter().zip(&wanted.offsets).zip(planes) {
+        match plane {
+            Some(plane) => kept.push((offset, places.iter().map(|&place| sound(plane[place])).collect())),
+            // A film need not have any.
+            None if offset == Layout::ALPHA => {}
+            None => return Err(EngineFault::Layer { channel: name.clone() }),
+        }
+    }
     // Read, and of no more use: a long picture must not fill the disk.
     let _ = std::fs::remove_file(&written.file);
-    Ok(Window { picture, dropped })
+    Ok(Window { picture, planes: kept, dropped })
+}
+
+/// All that is wanted of a file of the size that was told.
+fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, Vec<Option<Vec<f32>>>), EngineFault> {
+    let wanted = (written.shows.width(), written.shows.height());
+    let limits = ReadLimits { max_pixels: written.shows.area() };
+    let (ImageFile { picture, .. }, planes) = match read_channels(&written.file, limits, names) {
+        Ok(read) => read,
+        Err(bottega_image::ImageError::TooLarge { width, height, .. }) => {
+            let found = (u32::try_from(width).unwrap_or(u32::MAX), u32::try_from(height).unwrap_or(u32::MAX));
+            return Err(EngineFault::Size { found, wanted, window });
+        }
+        Err(error) => return Err(EngineFault::Picture(error)),
+    };
+    if picture.size() != wanted {
+        return Err(EngineFault::Size { found: picture.size(), wanted, window });
+    }
+    Ok((picture, planes))
 }
 
 impl Window {
@@ -60,22 +111,34 @@ impl Window {
         self.picture.data.iter().all(|pixel| *pixel == [0.0; 3])
     }
 
-    /// Adds the pixels to `tile`, as the mean of so many samples.
+    /// Adds the pixels to `tile`, as the mean of so many samples. Values that are picked are those of
+    /// the pass of most samples.
     ///
     /// The squares of single samples are not known: those of their mean stand for them, which are smaller.
     pub(super) fn add_to(&self, tile: &mut Tile, samples: u32) {
-        let (rect, stride) = (tile.rect(), tile.layout().stride());
+        let (stride, sums_end) = (tile.layout().stride(), tile.layout().sums_end());
         let count = samples as f32;
-        for ((x, y), color) in rect.pixels().zip(&self.picture.data) {
-            let start = rect.index(x, y) * stride;
-            let sums = &mut tile.sums_mut()[start..start + stride];
+        let has_alpha = self.planes.iter().any(|(offset, _)| *offset == Layout::ALPHA);
+        let (summed, picked): (Vec<_>, Vec<_>) = self.planes.iter().partition(|(offset, _)| *offset < sums_end);
+        for (index, (sums, color)) in tile.sums_mut().chunks_exact_mut(stride).zip(&self.picture.data).enumerate() {
             for (sum, value) in sums[Layout::COLOR..].iter_mut().zip(color) {
                 *sum += value * count;
             }
             let luminance = luminance(*color);
-            sums[Layout::ALPHA] += count;
             sums[Layout::LUMINANCE_SQUARED] += luminance * luminance * count;
             sums[Layout::SAMPLE_COUNT] += count;
+            if !has_alpha {
+                sums[Layout::ALPHA] += count;
+            }
+            for (offset, plane) in &summed {
+                sums[*offset] += plane[index] * count;
+            }
+            if let Some(most) = sums[sums_end..].last().copied()
+                && count > most
+            {
+                picked.iter().for_each(|(offset, plane)| sums[*offset] = plane[index]);
+                sums[stride - 1] = count;
+            }
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use bottega_image::{Combine, Layer};
+use bottega_scene::FilmFilter;
 use serde::{Deserialize, Serialize};
 
 /// The version of the protocol.
@@ -18,6 +20,7 @@ pub(super) enum Request<'a> {
         threads: usize,
         trust: bool,
         scratch: &'a Path,
+        view: Option<CameraView>,
         parameters: &'a BTreeMap<String, serde_json::Value>,
     },
     Paint {
@@ -65,9 +68,117 @@ pub struct Opened {
     /// The scene's last frame.
     #[serde(default)]
     pub last_frame: Option<u32>,
+    /// Whether the scene has a camera, or has been given one. Without one nothing can be painted.
+    #[serde(default = "yes")]
+    pub camera: bool,
+    /// How samples are spread over a pixel; `None`: nobody knows, or in a way that there is no name for.
+    #[serde(default)]
+    pub filter: Option<PixelFilter>,
     /// What it paints beside the colour.
     #[serde(default)]
-    pub layers: Vec<String>,
+    pub layers: Vec<OpenedLayer>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A camera for a scene that has none, in the axes of the scene's file. It looks along its own −z, and +y is up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CameraView {
+    /// Where it stands: camera space to world space, without scale, column by column.
+    pub world_from_camera: [f32; 16],
+    /// From the lower to the upper edge, in radians.
+    pub vertical_fov: f32,
+}
+
+/// How samples are spread over a pixel. Lengths are in pixels; the radius is where it ends.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum PixelFilter {
+    /// Constant.
+    Box {
+        /// Half its width.
+        radius: f32,
+    },
+    /// Falls off linearly.
+    Tent {
+        /// Where it ends.
+        radius: f32,
+    },
+    /// The bell.
+    Gaussian {
+        /// Where it ends.
+        radius: f32,
+        /// Standard deviation.
+        sigma: f32,
+    },
+    /// Mitchell and Netravali 1988.
+    Mitchell {
+        /// Where it ends.
+        radius: f32,
+        /// Their B.
+        b: f32,
+        /// Their C.
+        c: f32,
+    },
+    /// The four-term window of Blackman and Harris.
+    BlackmanHarris {
+        /// Where it ends.
+        radius: f32,
+    },
+}
+
+impl From<PixelFilter> for FilmFilter {
+    fn from(filter: PixelFilter) -> Self {
+        match filter {
+            PixelFilter::Box { radius } => Self::Box { radius },
+            PixelFilter::Tent { radius } => Self::Tent { radius },
+            PixelFilter::Gaussian { radius, sigma } => Self::Gaussian { radius, sigma },
+            PixelFilter::Mitchell { radius, b, c } => Self::Mitchell { radius, b, c },
+            PixelFilter::BlackmanHarris { radius } => Self::BlackmanHarris { radius },
+        }
+    }
+}
+
+impl Opened {
+    /// The layers, as a film keeps them.
+    pub fn layers(&self) -> impl Iterator<Item = Layer> {
+        self.layers.iter().map(|OpenedLayer { name, channels, combine, .. }| Layer {
+            name: name.clone(),
+            channels: channels.clone(),
+            combine: match combine {
+                CombineWord::Mean => Combine::Mean,
+                CombineWord::Pick => Combine::Pick,
+            },
+        })
+    }
+}
+
+/// A layer that a worker announces.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct OpenedLayer {
+    /// Its name.
+    pub name: String,
+    /// Its channels: in the file they have its name before theirs, and a dot between.
+    pub channels: Vec<String>,
+    /// What several passes come to.
+    #[serde(default)]
+    pub combine: CombineWord,
+    /// Whether it is what our own engine means by a layer of this name.
+    #[serde(default)]
+    pub shared: bool,
+}
+
+/// What several passes come to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CombineWord {
+    /// Their weighted mean.
+    #[default]
+    Mean,
+    /// That of most samples.
+    Pick,
 }
 
 /// The files that a scene refers to.
@@ -131,5 +242,13 @@ mod tests {
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
         assert_eq!(answer, Answer::Failed(Failed { reason: "no".into(), fatal: true }));
         assert!(serde_json::from_str::<Answer>(r#"{"painted":{"id":-1}}"#).is_err());
+        let answer = serde_json::from_str(
+            r#"{"opened":{"width":8,"height":8,"filter":{"kind":"gaussian","radius":2,"sigma":0.5},"layers":[{"name":"id","channels":["Y"],"combine":"pick"}]}}"#,
+        );
+        let Ok(Answer::Opened(opened)) = answer else { panic!("{answer:?}") };
+        let layer = Layer { name: "id".to_owned(), channels: vec!["Y".to_owned()], combine: Combine::Pick };
+        assert_eq!(opened.layers().collect::<Vec<_>>(), [layer]);
+        let filter = FilmFilter::Gaussian { radius: 2.0, sigma: 0.5 };
+        assert_eq!((opened.filter.map(FilmFilter::from), opened.camera), (Some(filter), true));
     }
 }

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use bottega_image::Rect;
 
-pub use super::protocol::{Files, Opened};
+pub use super::protocol::{CameraView, CombineWord, Files, Opened, OpenedLayer, PixelFilter};
 use super::{error::EngineFault, locate::Located, manifest::Kind, quarantine};
 use crate::CancelSwitch;
 use command::CommandLine;
@@ -24,6 +24,8 @@ pub struct SceneRequest {
     pub frame: Option<u32>,
     /// Threads of the engine.
     pub threads: usize,
+    /// The camera of a scene that has none.
+    pub view: Option<CameraView>,
     /// Whether scripts in the scene may run.
     pub trust: bool,
     /// More for the engine: what its manifest says, and the user beside it.
@@ -86,7 +88,10 @@ impl Session {
     }
 
     /// Opens it again, as another request says: at another size, say.
-    pub(super) fn reopen(&mut self, engine: &Arc<Located>, request: &SceneRequest) -> Result<(), EngineFault> {
+    ///
+    /// # Errors
+    /// The engine refuses it.
+    pub fn reopen(&mut self, engine: &Arc<Located>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             Driver::Worker(worker) => self.opened = worker.open(request)?,
             Driver::Command(_) => *self = Self::open(engine, request)?,

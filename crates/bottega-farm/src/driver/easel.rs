@@ -35,8 +35,8 @@ impl Easel {
         // Whoever resumes appends to the journal that holds these.
         let stored = tiles.iter().map(|(&zone, (id, _))| (zone, *id)).collect();
         Self {
-            film: Film::new(settings.crop, settings.layout).with_picture_size(settings.width, settings.height),
-            layout: settings.layout,
+            film: Film::new(settings.crop, settings.layout.clone()).with_picture_size(settings.width, settings.height),
+            layout: settings.layout.clone(),
             samples_wanted: settings.samples,
             tiles,
             rows: BTreeMap::new(),
@@ -50,7 +50,7 @@ impl Easel {
     /// Begins the film. What was in one before is void.
     pub(super) fn begin(&mut self, work: &WorkRow) -> io::Result<()> {
         let (width, height) = self.film.picture_size();
-        self.film = Film::new(self.film.rect(), self.layout).with_picture_size(width, height);
+        self.film = Film::new(self.film.rect(), self.layout.clone()).with_picture_size(width, height);
         self.store.as_mut().map_or(Ok(()), |store| store.put_work(work))
     }
 
@@ -99,7 +99,7 @@ impl Easel {
         if id != result.digest {
             return Err("its tile is another one".to_owned());
         }
-        if tile.layout() != self.layout {
+        if *tile.layout() != self.layout {
             return Err("its tile holds other values than the film".to_owned());
         }
         if !tile.sums().iter().all(|sum| sum.is_finite()) {
@@ -113,7 +113,7 @@ impl Easel {
     pub(super) fn compose_unfinished(&mut self) {
         for (zone, (_, tile)) in std::mem::take(&mut self.tiles) {
             let rect = self.rows.get(&zone).map_or(tile.rect(), |row| row.rect);
-            if tile.layout() == self.layout && tile.sums().iter().all(|sum| sum.is_finite()) {
+            if *tile.layout() == self.layout && tile.sums().iter().all(|sum| sum.is_finite()) {
                 let film = &self.film;
                 let bare: Vec<bool> = rect.pixels().map(|(x, y)| !film.is_painted(x, y)).collect();
                 let weight = |x, y| f32::from(u8::from(rect.contains(x, y) && bare[rect.index(x, y)]));
@@ -135,7 +135,7 @@ impl Easel {
     }
 
     pub(super) fn take_film(&mut self) -> Film {
-        let nothing = Film::new(Default::default(), self.layout);
+        let nothing = Film::new(Default::default(), self.layout.clone());
         std::mem::replace(&mut self.film, nothing)
     }
 }

@@ -250,9 +250,7 @@ impl Reader<'_> {
     }
 
     fn reason(&mut self) -> Result<String, WireError> {
-        let length = self.u32()? as usize;
-        let bytes = if length <= REASON_BYTES_MAX { self.bytes(length)? } else { return Err(self.error("a reason")) };
-        std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| self.error("a reason"))
+        self.text("a reason", REASON_BYTES_MAX)
     }
 }
 

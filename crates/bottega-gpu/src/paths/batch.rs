@@ -48,7 +48,7 @@ pub(super) struct Kind {
 
 impl Kind {
     pub(super) fn of(block: &BlockWork) -> Self {
-        Self { view: block.view, settings: Arc::clone(&block.settings), layout: block.tile.layout() }
+        Self { view: block.view, settings: Arc::clone(&block.settings), layout: block.tile.layout().clone() }
     }
 
     /// Floats of a pixel: those of its layout, and the number of samples that were dropped.

@@ -38,6 +38,7 @@ impl World {
             samples: Some(self.samples(context)?),
             max_depth: Some(self.max_depth(context)?),
             filter: Some(self.pixel_filter(context)?),
+            ..RenderHints::default()
         })
     }
 

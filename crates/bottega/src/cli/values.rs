@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Duration};
 
 use bottega_farm::Channel;
-use bottega_image::{Aov, Rect};
+use bottega_image::Rect;
 use bottega_render::ala::Criterion;
 use clap::ValueEnum;
 
@@ -153,13 +153,6 @@ pub(super) fn parse_environment(text: &str) -> Result<EnvironmentArg, String> {
         Some(_) => Err("a radiance is three numbers from 0 up, such as 0.5,0.6,0.8".to_owned()),
         None => Ok(EnvironmentArg::Picture(PathBuf::from(text))),
     }
-}
-
-pub(super) fn parse_aov(text: &str) -> Result<Aov, String> {
-    Aov::ALL
-        .into_iter()
-        .find(|aov| aov.name() == text.trim())
-        .ok_or_else(|| format!("there are {}", Aov::ALL.map(Aov::name).join(", ")))
 }
 
 pub(super) fn parse_channel(text: &str) -> Result<Channel, String> {

@@ -103,7 +103,7 @@ impl Crew {
         choice: &DeviceChoice,
         threads: usize,
         scene: &Arc<PreparedScene>,
-        layout: Layout,
+        layout: &Layout,
         photons: bool,
     ) -> Result<Self, CliError> {
         let lacks = lacks(layout, photons);
@@ -168,7 +168,7 @@ pub(super) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(
 }
 
 /// What is asked for that no GPU does, whatever the scene.
-fn lacks(layout: Layout, photons: bool) -> Vec<String> {
+fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (--aov cost)".to_owned());
     let photons = photons.then(|| "photon mapping".to_owned());
     cost.into_iter().chain(photons).collect()

@@ -62,6 +62,7 @@ fn request(args: &TryArgs, engine: &Located) -> Result<SceneRequest, CliError> {
         size: args.size.map(|size| (size.width, size.height)),
         frame: None,
         threads: args.threads.map_or_else(processors, usize::from),
+        view: None,
         trust: args.trust,
         parameters: parameters(engine, &args.options)?,
     })

@@ -8,17 +8,19 @@ use std::{
 
 use bottega_engines::{
     BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
-    external::{ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor},
+    external::{CameraView, ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor},
 };
 use bottega_farm::{Expert, JobReport, JobSettings};
-use bottega_image::{AovSet, Layout, Metadata, Rect};
+use bottega_image::{Layer, Layout, Metadata, Rect};
+use bottega_scene::Projection;
+use glam::Mat4;
 
 use super::{
     attempt::{absolute, parameters},
-    located,
+    layers, located,
 };
 use crate::{
-    cli::{DEPTH_MAX, IntegratorArg, RenderArgs, SAMPLES_MAX},
+    cli::{DEPTH_MAX, IntegratorArg, RenderArgs, SAMPLES_MAX, Size},
     error::CliError,
     render,
     scene::{Subject, agents, shown, threads},
@@ -68,20 +70,25 @@ impl Painter {
             // Half of the processors for each.
             request.threads = (request.threads / 2).max(1);
         }
-        let session = Session::open(&located, &request).map_err(failed)?;
+        let mut session = Session::open(&located, &request).map_err(failed)?;
+        if !session.opened().camera {
+            request.view = Some(own_view(args, &manifest.title)?);
+            session.reopen(&located, &request).map_err(failed)?;
+        }
         let opened = session.opened().clone();
         request.size = Some((opened.width, opened.height));
-        let own = is_mixed.then(|| own(args, &opened, experts.clone())).transpose()?;
+        let layout = layers::layout(args, &opened, &manifest.title, is_mixed)?;
+        let own = is_mixed.then(|| own(args, &opened, &manifest.title, experts.clone(), layout.clone())).transpose()?;
         let settings = match &own {
             Some((_, settings)) => settings.clone(),
-            None => settings(args, &located, &opened, experts)?,
+            None => settings(args, &located, &opened, experts, layout)?,
         };
         let depth = args.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
         let options = ExternalOptions {
             request: request.clone(),
             seed: args.seed,
             samples: settings.crop.area() * u64::from(settings.samples),
-            layout: settings.layout,
+            layout: settings.layout.clone(),
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
             scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
             bounds_zones: args.zones.is_none() && args.scene.level > 0,
@@ -143,7 +150,7 @@ impl Painter {
             format!("optimize={}", settings.optimization),
             format!("error={:?}", args.error),
             format!("timed={}", args.time.is_some()),
-            format!("aov={:?}", args.aov),
+            format!("layers={}", layer_names(&settings.layout)),
         ];
         Ok(parts.join("; "))
     }
@@ -199,6 +206,7 @@ fn request(args: &RenderArgs, located: &Located) -> Result<SceneRequest, CliErro
         size: args.scene.size.map(|size| (size.width, size.height)),
         frame: args.engines.frame,
         threads: threads(&args.scene),
+        view: None,
         trust: args.engines.trust,
         parameters,
     })
@@ -222,7 +230,6 @@ fn check(args: &RenderArgs) -> Result<(), CliError> {
         ("--integrator", args.integrator != IntegratorArg::Path),
         ("--variant", args.scene.file.variant.is_some()),
         ("--animation", args.scene.file.animation.is_some()),
-        ("--aov", !args.aov.is_empty()),
         ("--exact", args.exact),
         ("--record", args.record.is_some()),
     ];
@@ -240,6 +247,7 @@ fn settings(
     located: &Located,
     opened: &Opened,
     experts: Vec<Expert>,
+    layout: Layout,
 ) -> Result<JobSettings, CliError> {
     let frame = Rect::of_size(opened.width, opened.height);
     let crop = args.crop.unwrap_or(frame);
@@ -263,20 +271,69 @@ fn settings(
         importance: args.scene.importance_function(),
         zones: args.zones,
         verify: args.verify.unwrap_or(1),
-        ..JobSettings::new(frame.width(), frame.height(), samples, asked, Layout::new(AovSet::NONE))
+        ..JobSettings::new(frame.width(), frame.height(), samples, asked, layout)
     })
+}
+
+/// Where our own engine would look from, for a scene without a camera.
+fn own_view(args: &RenderArgs, title: &str) -> Result<CameraView, CliError> {
+    let lacking = |why: String| {
+        CliError::failed(
+            format!(
+                "the scene has no camera, and {title} cannot be given the one that our own engine would take: {why}"
+            ),
+            "put a camera into the scene",
+        )
+    };
+    let subject = Subject::load(&args.scene).map_err(|error| lacking(error.told()))?;
+    let camera = &subject.scene().cameras[subject.view.camera];
+    match camera.projection {
+        Projection::Perspective { vertical_fov } => {
+            Ok(CameraView { world_from_camera: Mat4::from(camera.world_from_camera).to_cols_array(), vertical_fov })
+        }
+        Projection::Orthographic { .. } => Err(lacking("that one has no perspective".to_owned())),
+    }
+}
+
+/// The same picture for our own engine: of the size that the other one found, without layers of its own.
+fn as_opened(args: &RenderArgs, opened: &Opened) -> RenderArgs {
+    let mut args = args.clone();
+    args.scene.size = Size::new(opened.width, opened.height).ok();
+    args.aov = None;
+    args
+}
+
+/// Names of all layers, in their order.
+fn layer_names(layout: &Layout) -> String {
+    let channels = layout.layers().iter().flat_map(Layer::full_names);
+    layout.aovs().iter().map(|aov| aov.name().to_owned()).chain(channels).collect::<Vec<_>>().join(",")
 }
 
 /// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
 fn own(
     args: &RenderArgs,
     opened: &Opened,
+    title: &str,
     experts: Vec<Expert>,
+    layout: Layout,
 ) -> Result<(Arc<BuiltinEngine>, JobSettings), CliError> {
-    let mut args = args.clone();
-    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
-    let subject = Subject::load(&args.scene)?;
-    let settings = render::job_settings(&args, &subject, experts)?;
+    let args = as_opened(args, opened);
+    let mut subject = Subject::load(&args.scene)?;
+    if subject.hints.is_sky_added {
+        return Err(CliError::failed(
+            format!("the scene has no light: our own engine would have a sky shine on it, and {title} none"),
+            "put light into the scene, or let one engine paint it",
+        ));
+    }
+    let settings = JobSettings { layout, ..render::job_settings(&args, &subject, experts)? };
+    // The same part of a pixel's surroundings counts for both.
+    let Some(filter) = opened.filter else {
+        return Err(CliError::failed(
+            format!("{title} paints this scene with a pixel filter that our own engine does not have"),
+            "give the scene's film another one, such as a Gaussian, or let one engine paint it",
+        ));
+    };
+    subject.hints.filter = Some(filter.into());
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
     let (engine, _) = render::engine(&args, &subject, &half)?;
     Ok((Arc::new(engine), settings))
@@ -293,8 +350,7 @@ fn surveyor(args: &RenderArgs, located: &Located, opened: &Opened) -> Option<Sur
     if located.manifest().scene.importance != Importance::Builtin {
         return None;
     }
-    let mut args = args.clone();
-    args.scene.size = crate::cli::Size::new(opened.width, opened.height).ok();
+    let args = as_opened(args, opened);
     let once = Mutex::new(());
     Some(Box::new(move |width, height| {
         let _one = once.lock().unwrap_or_else(PoisonError::into_inner);

@@ -10,6 +10,7 @@ use bottega_web::{Dashboard, wire::Event};
 use super::{Material, Painter, choice, rules};
 use crate::{
     cli::RenderArgs,
+    denoise,
     error::CliError,
     farm::{Asked, Painted, Tools},
     keeping::Keeping,
@@ -39,6 +40,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         reporter.tell(Event::Asked { job: number });
         return Ok(ExitCode::SUCCESS);
     }
+    let denoiser = denoise::ready(args)?;
     let mut painter = Painter::open(args, experts)?;
     painter.settings.engine_choice = choice;
     painter.settings.goal = render::goal(args, begun)?;
@@ -59,7 +61,10 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         reporter.warn(format!("{} pixels had no finite values and count as black", painter.engine.dropped_count()));
     }
     tell_mix(&painter, &report, &reporter)?;
-    render::write(args, &args.output, format, &report.film, &painter.metadata(args, &report))?;
+    let mut metadata = painter.metadata(args, &report);
+    let mut report = report;
+    denoise::finish(denoiser.as_ref(), args, &mut report, &mut metadata, &reporter, stop)?;
+    render::write(args, &args.output, format, &report.film, &metadata)?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
     {

@@ -29,7 +29,8 @@ use super::{
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
-    cli::RenderArgs, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter, scene::threads,
+    cli::RenderArgs, denoise, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter,
+    scene::threads,
 };
 
 /// How often is looked for frames that are painted.
@@ -44,6 +45,10 @@ struct Wanted {
 /// Asks a farm for an animation, paints with the others, and has the pictures in the end.
 pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> Result<ExitCode, CliError> {
     let reporter = Arc::new(render::reporter(args, None)?);
+    if !args.detach {
+        // This machine takes part, and is the one whose user can do something about it.
+        denoise::ready(args)?;
+    }
     let FarmLink { uplink, name, .. } = link(args.farm.as_ref().and_then(Option::as_ref), &args.login)?;
     let board = JobBoard { uplink };
     let wanted = submit(args, frames, &board, &name, &reporter)?;
@@ -54,9 +59,10 @@ pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> 
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {
-        let (board, reporter, stop, over) = (board.clone(), Arc::clone(&reporter), stop.clone(), Arc::clone(&over));
+        let (args, board, reporter) = (args.clone(), board.clone(), Arc::clone(&reporter));
+        let (stop, over) = (stop.clone(), Arc::clone(&over));
         thread::Builder::new().name("frames".to_owned()).spawn(move || {
-            let collected = collect(&board, wanted, &reporter, &stop);
+            let collected = collect(&args, &board, wanted, &reporter, &stop);
             over.store(true, Ordering::Relaxed);
             collected
         })
@@ -117,6 +123,7 @@ fn submit(
 
 /// Writes the pictures as they come, until all are there or the user wants to stop.
 fn collect(
+    args: &RenderArgs,
     board: &JobBoard,
     mut wanted: BTreeMap<u32, Wanted>,
     reporter: &Reporter,
@@ -139,6 +146,9 @@ fn collect(
                 && let Some(picture) = patiently(stop, say, || board.picture(&job))?
             {
                 write_picture(output, &picture)?;
+                if let Some(lacking) = denoise::lacking(args, &picture) {
+                    reporter.warn(lacking);
+                }
                 patiently(stop, say, || board.remove(number))?;
                 over.push(number);
                 let done = all - wanted.len() + over.len();

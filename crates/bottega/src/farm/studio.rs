@@ -4,7 +4,7 @@ use std::{fs, path::Path, sync::Arc};
 
 use bottega_engines::{BuiltinEngine, RenderEngine};
 use bottega_farm::{Expert, JobReport, JobSettings};
-use bottega_image::{Metadata, check_writable};
+use bottega_image::{Film, Metadata, check_writable};
 
 use super::{
     cache::Cache,
@@ -14,6 +14,7 @@ use super::{
 };
 use crate::{
     cli::RenderArgs,
+    denoise,
     devices::{Crew, DeviceChoice},
     engines::Painter,
     error::CliError,
@@ -85,20 +86,28 @@ impl Studio {
         self.hand.samples_done()
     }
 
+    /// Denoises a picture that is painted, if that was asked for and can be done here. What the picture says of itself.
+    pub(super) fn finish(&self, board: &JobBoard, number: u32, report: &mut JobReport) -> Metadata {
+        let mut metadata = self.hand.metadata(&self.args, &self.settings, report);
+        if let Err(error) = denoise::here(&self.args, report, &mut metadata) {
+            board.log(number, &format!("the picture keeps its noise: {}", error.told()));
+        }
+        metadata
+    }
+
     /// Has the farm keep the picture, as the file that was asked for.
     pub(super) fn keep_picture(
         &self,
         board: &JobBoard,
         job: &Job,
-        report: &JobReport,
+        (film, metadata): (&Film, &Metadata),
         cache: &Cache,
     ) -> Result<(), CliError> {
         let name = Path::new(&job.output).extension().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
         let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             let format = check_writable(&path)?;
-            let metadata = self.hand.metadata(&self.args, &self.settings, report);
-            render::write(&self.args, &path, format, &report.film, &metadata)?;
+            render::write(&self.args, &path, format, film, metadata)?;
             let bytes = fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
             board.keep_picture(job, &bytes)
         };

@@ -169,10 +169,12 @@ impl Worker {
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
         let part = patiently(stop, &self.say, part)?;
         let is_over = !matches!(part, Part::Left(_));
-        if let Part::Led(report, leading) = part {
+        if let Part::Led(mut report, leading) = part {
             let state = match report.failed.len() {
                 0 => {
-                    patiently(stop, &self.say, || studio.keep_picture(board, job, &report, &self.cache))?;
+                    let metadata = studio.finish(board, number, &mut report);
+                    let picture = (&report.film, &metadata);
+                    patiently(stop, &self.say, || studio.keep_picture(board, job, picture, &self.cache))?;
                     JobState::Done { kept: true }
                 }
                 failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },

@@ -14,6 +14,24 @@ def picture(path, width, height, color):
         channels[name] = array.array("f", [color(x, y)[i] for y in range(height) for x in range(width)])
     plain_exr.write(path, width, height, channels)
 
+def layers(mode):
+    """What is told of layers."""
+    if mode == "layers":
+        return [{"name": "id", "channels": ["Y"], "combine": "pick"}, {"name": "normal", "channels": ["X", "Y", "Z"]},
+                {"name": "two", "channels": ["a", "b"]}]
+    if mode == "no such layer":
+        return [{"name": "depth", "channels": ["Z"]}]
+    if mode == "many layers":
+        return [{"name": str(i), "channels": ["Y"]} for i in range(1000)]
+    if mode == "nameless layer":
+        return [{"name": "a\0b", "channels": ["Y"]}]
+    return []
+
+def layered(x, y):
+    """The color, alpha, and the layers of the mode `layers`, by where the pixel is."""
+    return {"R": x / 8, "G": y / 8, "B": 1.0, "A": x / 128, "id.Y": x * 1000.0 + y, "normal.X": x * 1.0,
+            "normal.Y": y * 1.0, "normal.Z": 0.5, "two.a": x + y, "two.b": x - y}
+
 def sound(x, y):
     return (x / 8, y / 8, 1.0)
 
@@ -61,7 +79,11 @@ def paint(request, mode, size, scratch):
         except OSError:
             color = lambda x, y: (0.0, 1.0, 0.0)
         at = color
-    if mode != "nothing":
+    if mode == "layers":
+        pixels = [layered(x + x0, y + y0) for y in range(height) for x in range(width)]
+        planes = {name: array.array("f", [pixel[name] for pixel in pixels]) for name in pixels[0]}
+        plain_exr.write(path, width, height, planes)
+    elif mode != "nothing":
         picture(path, width, height, at)
     if mode == "half":
         with open(path, "r+b") as file:
@@ -82,7 +104,7 @@ def main():
                 say(failed={"id": None, "reason": "line 1: I do not know the word `unreadable`", "fatal": False})
                 continue
             size, scratch = (request["width"] or 96, request["height"] or 64), request["scratch"]
-            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": ["color"]})
+            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": layers(mode)})
         elif request["do"] == "paint":
             paint(request, mode, size, scratch)
         elif request["do"] == "files":

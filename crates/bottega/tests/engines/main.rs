@@ -12,7 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_image::{Picture, read_picture};
+use bottega_image::{Picture, ReadLimits, read_channels, read_picture};
 use support::text;
 use tempfile::TempDir;
 
@@ -220,6 +220,53 @@ fn engines_have_no_network_where_the_system_can_shut_them_in() {
     assert_eq!(stage.picture().pixel(3, 3), [0.0, 1.0, 0.0]);
 }
 
+/// Channels of the picture, by their full names.
+fn channels<const N: usize>(stage: &Stage, names: [&str; N]) -> [Option<Vec<f32>>; N] {
+    let names = names.map(str::to_owned);
+    let (_, planes) = read_channels(stage.path("out.exr"), ReadLimits::default(), &names).expect("a picture");
+    planes.try_into().expect("a plane each")
+}
+
+#[test]
+fn layers_and_alpha_come_out_in_their_places() {
+    let stage = Stage::new("layers");
+    let is_right = |plane: &Option<Vec<f32>>, value: fn(f32, f32) -> f32| {
+        let expected: Vec<f32> = (0..96 * 64).map(|i| value((i % 96) as f32, (i / 96) as f32)).collect();
+        plane.as_ref().is_some_and(|plane| *plane == expected)
+    };
+    for more in [&[][..], &["--spp", "7"], &["--aov", "all"]] {
+        let output = stage.render(more);
+        assert!(output.status.success(), "{}", told(&output));
+        let [alpha, id, normal, two, samples] = channels(&stage, ["A", "id.Y", "normal.X", "two.b", "samples"]);
+        assert!(is_right(&alpha, |x, _| x / 128.0) && is_right(&two, |x, y| x - y), "{more:?}");
+        assert!(is_right(&normal, |x, _| x) && samples.is_none());
+        assert!(is_right(&id, |x, y| x * 1000.0 + y), "an identity is none of two neighbours");
+    }
+    let output = stage.render(&["--aov", "two,samples"]);
+    assert!(output.status.success(), "{}", told(&output));
+    let [id, normal, two, samples] = channels(&stage, ["id.Y", "normal.X", "two.a", "samples"]);
+    assert!(id.is_none() && normal.is_none() && two.is_some() && is_right(&samples, |_, _| 4.0));
+    assert!(stage.render(&["--aov", "none"]).status.success());
+    assert!(channels(&stage, ["id.Y", "normal.X", "two.a", "samples"]).iter().all(Option::is_none));
+    let refused = stage.render(&["--aov", "two,uv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(told(&refused).contains("there are id, normal, two, samples"), "{}", told(&refused));
+}
+
+#[test]
+fn layers_that_no_picture_can_have_are_refused() {
+    for (scene, says) in [
+        ("no such layer", "lacks the channel `depth.Z`"),
+        ("many layers", "there are 1000 layers, and at most 128 are taken"),
+        ("nameless layer", "is no name for a channel"),
+    ] {
+        let stage = Stage::new(scene);
+        let output = stage.render(&[]);
+        assert_eq!(output.status.code(), Some(1), "{scene}: {}", told(&output));
+        assert!(told(&output).contains(says), "{scene}: {}", told(&output));
+    }
+}
+
 #[test]
 fn frames_are_numbered_and_told_to_the_engine() {
     let stage = Stage::new("frames");
@@ -249,7 +296,7 @@ fn what_an_engine_lacks_is_told_before_anything_is_painted() {
         assert!(!output.status.success() && told(&output).contains(says), "{arguments:?}: {}", told(&output));
     };
     refuse(&["--camera", "x"], "--camera is for our own engine");
-    refuse(&["--aov", "albedo"], "--aov is for our own engine");
+    refuse(&["--aov", "albedo"], "Hostile makes no layer `albedo` of this scene");
     refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
     refuse(&["--engine-rules", "x.fcl"], "for pictures that two engines paint");
     refuse(&["-D", "a=b"], "--define means nothing to Hostile");

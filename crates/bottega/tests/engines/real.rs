@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path, process::Command};
 
-use bottega_image::{Picture, read_picture};
+use bottega_image::{Picture, ReadLimits, read_channels, read_picture};
 
 use crate::support::{bottega, scenes, text};
 
@@ -93,6 +93,83 @@ fn cycles_paints_in_zones() {
     let scene = scenes().join("goblets.glb");
     if is_here("cycles") && scene.is_file() {
         check("cycles", &scene, "16");
+    }
+}
+
+/// Has Mitsuba itself paint the whole frame, without a worker: two pictures of different seeds, all channels.
+const WHOLE_FRAMES: &str = "
+import sys, numpy, mitsuba
+mitsuba.set_variant('scalar_rgb')
+scene = mitsuba.load_file(sys.argv[1])
+names = scene.integrator().aov_names()
+for seed in (1, 2):
+    picture = numpy.array(mitsuba.render(scene, spp=32, seed=seed), numpy.float32)
+    picture = numpy.concatenate([picture[..., :4], picture[..., picture.shape[2] - len(names):]], 2)
+    picture.transpose(2, 0, 1).tofile(sys.argv[1 + seed])
+print(' '.join(names))
+";
+
+fn aov_scene() -> String {
+    let inner = r#"<integrator type="path"><integer name="max_depth" value="6"/></integrator>"#;
+    let aovs = "far:depth,up:sh_normal,paint:albedo,which:shape_index,here:uv";
+    let outer = format!(r#"<integrator type="aov"><string name="aovs" value="{aovs}"/>{inner}</integrator>"#);
+    let film = r#"<film type="hdrfilm">"#;
+    let with_alpha = format!(r#"{film}<string name="pixel_format" value="rgba"/>"#);
+    MITSUBA.replace(inner, &outer).replace(film, &with_alpha)
+}
+
+#[test]
+fn layers_of_a_picture_in_zones_are_those_of_the_whole_frame() {
+    if !is_here("mitsuba") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("scene.xml"), aov_scene()).expect("written");
+    let python = std::env::var_os("BOTTEGA_MITSUBA_PYTHON").unwrap_or_else(|| "python3".into());
+    let whole = Command::new(python).args(["-c", WHOLE_FRAMES]).args([at("scene.xml"), at("1"), at("2")]).output();
+    let whole = whole.expect("Python starts");
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    let own_names = String::from_utf8_lossy(&whole.stdout).into_owned();
+    let own_names: Vec<&str> = ["R", "G", "B", "A"].into_iter().chain(own_names.split_whitespace()).collect();
+    let planes = |name: &str| -> Vec<f32> {
+        let bytes = fs::read(at(name)).expect("a picture");
+        bytes.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect()
+    };
+    let (one, other) = (planes("1"), planes("2"));
+    let output = at("zones.exr");
+    // Two passes of each zone, of different numbers of samples, and bands where zones overlap.
+    let scene = at("scene.xml");
+    let words = ["render", text(&scene), "--engine", "mitsuba", "--spp", "32", "--zones", "7"];
+    let done = bottega(&[&words[..], &["--quiet", "-o", text(&output)]].concat()).output().expect("the program starts");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let pairs = [
+        ("R", "R"),
+        ("A", "A"),
+        ("depth.Z", "far.T"),
+        ("normal.X", "up.X"),
+        ("normal.Z", "up.Z"),
+        ("albedo.G", "paint.G"),
+        ("which.I", "which.I"),
+        ("uv.U", "here.U"),
+        ("uv.V", "here.V"),
+    ];
+    let names: Vec<String> = pairs.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let (file, found) = read_channels(&output, ReadLimits::default(), &names).expect("a picture");
+    let red: Vec<f32> = file.picture.data.iter().map(|pixel| pixel[0]).collect();
+    for ((name, own), found) in pairs.iter().zip(found) {
+        let found: Vec<f32> = if *name == "R" { red.clone() } else { found.unwrap_or_else(|| panic!("no {name}")) };
+        let place = own_names.iter().position(|known| known == own);
+        let place = place.unwrap_or_else(|| panic!("Mitsuba has {own_names:?}, not {own}")) * found.len();
+        let (one, other) = (&one[place..place + found.len()], &other[place..place + found.len()]);
+        let rms = |a: &[f32], b: &[f32]| {
+            (a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+        };
+        let (apart, noise) = (rms(&found, one), rms(other, one));
+        let mean = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64;
+        let z = (mean(&found) - mean(one)) / (noise / (found.len() as f64).sqrt()).max(1e-6);
+        assert!(apart < 1.2 * noise + 1e-5, "{name}: {apart} apart where two seeds are {noise}");
+        assert!(z.abs() < 4.5, "{name}: the means differ by {z} standard errors");
     }
 }
 

@@ -43,7 +43,7 @@ impl CommandLine {
             Some(size) => size,
             None => line.ask_size()?,
         };
-        let opened = Opened { width: line.size.0, height: line.size.1, ..Opened::default() };
+        let opened = Opened { width: line.size.0, height: line.size.1, camera: true, ..Opened::default() };
         Ok((line, opened))
     }
 

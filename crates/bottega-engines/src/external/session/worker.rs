@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_image::Rect;
+use bottega_image::{AovSet, Layout, Rect};
 use tempfile::TempDir;
 
 use super::{Files, Opened, SceneRequest, WindowRequest, Written};
@@ -96,6 +96,7 @@ impl Worker {
             threads: request.threads,
             trust: request.trust,
             scratch: &scratch,
+            view: request.view,
             parameters: &request.parameters,
         })?;
         let seconds = self.engine.manifest().limits.open_seconds;
@@ -103,7 +104,10 @@ impl Worker {
             Answer::Opened(opened) if opened.width == 0 || opened.height == 0 => {
                 Err(protocol_error(format!("the scene has {}x{} pixels", opened.width, opened.height)))
             }
-            Answer::Opened(opened) => Ok(opened),
+            Answer::Opened(opened) => {
+                Layout::with_layers(AovSet::NONE, opened.layers().collect()).map_err(EngineFault::Layers)?;
+                Ok(opened)
+            }
             Answer::Failed(failed) => Err(failed.into()),
             other => Err(out_of_turn(&other)),
         }

@@ -178,7 +178,7 @@ impl Studio<'_> {
 }
 
 fn picture(tile: &Tile) -> Picture {
-    let mut film = Film::new(tile.rect(), tile.layout());
+    let mut film = Film::new(tile.rect(), tile.layout().clone());
     film.add_tile(tile, |_, _| 1.0);
     film.to_picture()
 }

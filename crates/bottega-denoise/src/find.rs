@@ -1,0 +1,97 @@
+//! Where the library is.
+
+use std::{
+    env,
+    path::{Path, PathBuf},
+};
+
+use crate::{DenoiseError, library::Library};
+
+/// Names the library's file, or a folder that it is in.
+pub const VARIABLE: &str = "BOTTEGA_OIDN";
+
+/// What the library's file is called, the newest first.
+const NAMES: &[&str] = if cfg!(target_os = "macos") {
+    &["libOpenImageDenoise.2.dylib", "libOpenImageDenoise.dylib", "libOpenImageDenoise.1.dylib"]
+} else if cfg!(windows) {
+    &["OpenImageDenoise.dll"]
+} else {
+    &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.so.1"]
+};
+/// Where archives and package managers put it below a folder.
+const FOLDERS: [&str; 4] = ["", "lib", "lib64", "bin"];
+
+/// How it is installed on this system.
+pub fn install_hint() -> String {
+    let way = if cfg!(target_os = "macos") {
+        "brew install open-image-denoise"
+    } else if cfg!(windows) {
+        "take the archive for Windows from https://www.openimagedenoise.org"
+    } else {
+        "Debian 13, Ubuntu 24.04: apt install libopenimagedenoise2; Fedora: dnf install oidn; Arch: pacman -S \
+         openimagedenoise; anywhere: the archive from https://www.openimagedenoise.org"
+    };
+    format!("{way}; where it is not found by itself, {VARIABLE} names its file or folder")
+}
+
+/// The library of this machine.
+pub(crate) fn library() -> Result<Library, DenoiseError> {
+    match env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
+        Some(place) => named(Path::new(&place)),
+        None => usual(),
+    }
+}
+
+/// The library in a place that the user names.
+fn named(place: &Path) -> Result<Library, DenoiseError> {
+    if place.is_file() {
+        return Library::open(place);
+    }
+    let files = FOLDERS.iter().flat_map(|folder| NAMES.iter().map(move |name| place.join(folder).join(name)));
+    match files.into_iter().find(|file| file.is_file()) {
+        Some(file) => Library::open(&file),
+        None => Err(DenoiseError::NotFound {
+            tried: format!("{VARIABLE} is `{}`, and there is no {} in it", place.display(), NAMES.join(", ")),
+        }),
+    }
+}
+
+/// The library where the system looks for such.
+fn usual() -> Result<Library, DenoiseError> {
+    // Of a library that is there and is of no use the system says why; of one that is not there, what all systems say.
+    let mut homebrew = Vec::new();
+    if cfg!(target_os = "macos") {
+        let lib = ["/opt/homebrew/lib", "/usr/local/lib"];
+        homebrew = lib.iter().flat_map(|folder| NAMES.iter().map(|name| Path::new(folder).join(name))).collect();
+    }
+    let places: Vec<PathBuf> = NAMES.iter().map(PathBuf::from).chain(homebrew).collect();
+    let mut unfit = None;
+    for place in &places {
+        match Library::open(place) {
+            Ok(library) => return Ok(library),
+            Err(error @ DenoiseError::Unfit { .. }) => unfit = unfit.or(Some(error)),
+            Err(_) => {}
+        }
+    }
+    Err(unfit.unwrap_or_else(|| DenoiseError::NotFound { tried: format!("no {} in the system", NAMES.join(", ")) }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_without_the_library_and_a_file_that_is_none_are_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = named(folder.path()).expect_err("nothing there").to_string();
+        assert!(missing.contains("not installed") && missing.contains(NAMES[0]), "{missing}");
+        let file = folder.path().join("lib").join(NAMES[0]);
+        std::fs::create_dir(folder.path().join("lib")).expect("a folder");
+        std::fs::write(&file, "no library").expect("written");
+        for place in [file.as_path(), folder.path()] {
+            let unfit = named(place).expect_err("no library");
+            assert!(matches!(&unfit, DenoiseError::Unfit { path, .. } if *path == file), "{unfit}");
+        }
+        assert!(install_hint().contains(VARIABLE));
+    }
+}

@@ -1,0 +1,274 @@
+//! The C interface of Open Image Denoise, and a safe one over it.
+//!
+//! Unsafe: functions of a library that is found at run time are called by the types that its header declares
+//! (`OpenImageDenoise/oidn.h`, 1.4 and 2.x). What makes this sound: the symbols are looked up once and kept beside the library
+//! that they are of, which is never unloaded (its threads may outlive its last call); a device and a filter are released by
+//! who made them; and images are borrowed as long as the filter that was given their addresses exists.
+#![allow(unsafe_code)]
+
+use std::{
+    ffi::{CStr, c_char, c_int, c_void},
+    ops::ControlFlow,
+    path::Path,
+    ptr,
+};
+
+use bottega_image::Picture;
+
+use crate::DenoiseError;
+
+/// `OIDN_DEVICE_TYPE_CPU`.
+const DEVICE_CPU: c_int = 1;
+/// `OIDN_FORMAT_FLOAT3`.
+const FORMAT_FLOAT3: c_int = 3;
+/// `OIDN_ERROR_NONE`.
+const ERROR_NONE: c_int = 0;
+/// `OIDN_ERROR_CANCELLED`.
+const ERROR_CANCELLED: c_int = 6;
+/// The oldest version that knows `cleanAux`.
+const OLDEST: c_int = 10_400;
+
+type Handle = *mut c_void;
+type Monitor = extern "C" fn(*mut c_void, f64) -> bool;
+
+/// The functions that are called.
+#[derive(Clone, Copy, Debug)]
+struct Functions {
+    new_device: unsafe extern "C" fn(c_int) -> Handle,
+    set_device_int: unsafe extern "C" fn(Handle, *const c_char, c_int),
+    get_device_int: unsafe extern "C" fn(Handle, *const c_char) -> c_int,
+    commit_device: unsafe extern "C" fn(Handle),
+    get_device_error: unsafe extern "C" fn(Handle, *mut *const c_char) -> c_int,
+    release_device: unsafe extern "C" fn(Handle),
+    new_filter: unsafe extern "C" fn(Handle, *const c_char) -> Handle,
+    set_image: unsafe extern "C" fn(Handle, *const c_char, *mut c_void, c_int, usize, usize, usize, usize, usize),
+    set_bool: unsafe extern "C" fn(Handle, *const c_char, bool),
+    set_monitor: unsafe extern "C" fn(Handle, Monitor, *mut c_void),
+    commit_filter: unsafe extern "C" fn(Handle),
+    execute_filter: unsafe extern "C" fn(Handle),
+    release_filter: unsafe extern "C" fn(Handle),
+}
+
+/// The library, loaded.
+#[derive(Debug)]
+pub(crate) struct Library {
+    functions: Functions,
+    version: c_int,
+}
+
+impl Library {
+    /// Loads the library: a file, or a name that the system looks for.
+    pub(crate) fn open(path: &Path) -> Result<Self, DenoiseError> {
+        let unfit = |problem: String| DenoiseError::Unfit { path: path.to_owned(), problem };
+        // SAFETY: the user, or the system, says that this is the library; its initializers are what it is trusted with.
+        let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
+            if path.is_file() { unfit(error.to_string()) } else { DenoiseError::NotFound { tried: error.to_string() } }
+        })?;
+        let functions = Functions::of(&library).map_err(|error| unfit(error.to_string()))?;
+        // Never unloaded: `functions` stay valid, and so do threads that it has started.
+        std::mem::forget(library);
+        let mut loaded = Self { functions, version: 0 };
+        // Its version is known to a device alone.
+        let version = loaded.device(1)?.int(c"version");
+        if version < OLDEST {
+            return Err(unfit(format!("it says that its version is {version}")));
+        }
+        loaded.version = version;
+        Ok(loaded)
+    }
+
+    /// Its version, as 10000 · major + 100 · minor + patch.
+    pub(crate) fn version(&self) -> c_int {
+        self.version
+    }
+
+    /// A device that computes on so many processors.
+    pub(crate) fn device(&self, threads: usize) -> Result<Device, DenoiseError> {
+        let functions = self.functions;
+        // SAFETY: called as declared; the handle is checked before it is used.
+        let handle = unsafe { (functions.new_device)(DEVICE_CPU) };
+        let device = Device { functions, handle };
+        if handle.is_null() {
+            return Err(device.error().unwrap_or_else(|| DenoiseError::Failed("it has no device".to_owned())));
+        }
+        let threads = c_int::try_from(threads).unwrap_or(0);
+        // SAFETY: the device is alive, and the name ends with a zero.
+        unsafe {
+            (functions.set_device_int)(handle, c"numThreads".as_ptr(), threads);
+            (functions.commit_device)(handle);
+        }
+        device.check().map(|()| device)
+    }
+}
+
+impl Functions {
+    fn of(library: &libloading::Library) -> Result<Self, libloading::Error> {
+        // SAFETY: each symbol has the type that the header gives to the function of its name. Where 2.0 has given another
+        // name to a function, the older one is of the same type.
+        unsafe {
+            Ok(Self {
+                new_device: *library.get(b"oidnNewDevice\0")?,
+                set_device_int: *library.get(b"oidnSetDeviceInt\0").or_else(|_| library.get(b"oidnSetDevice1i\0"))?,
+                get_device_int: *library.get(b"oidnGetDeviceInt\0").or_else(|_| library.get(b"oidnGetDevice1i\0"))?,
+                commit_device: *library.get(b"oidnCommitDevice\0")?,
+                get_device_error: *library.get(b"oidnGetDeviceError\0")?,
+                release_device: *library.get(b"oidnReleaseDevice\0")?,
+                new_filter: *library.get(b"oidnNewFilter\0")?,
+                set_image: *library.get(b"oidnSetSharedFilterImage\0")?,
+                set_bool: *library.get(b"oidnSetFilterBool\0").or_else(|_| library.get(b"oidnSetFilter1b\0"))?,
+                set_monitor: *library.get(b"oidnSetFilterProgressMonitorFunction\0")?,
+                commit_filter: *library.get(b"oidnCommitFilter\0")?,
+                execute_filter: *library.get(b"oidnExecuteFilter\0")?,
+                release_filter: *library.get(b"oidnReleaseFilter\0")?,
+            })
+        }
+    }
+}
+
+/// What a filter reads and writes.
+pub(crate) struct Images<'a> {
+    /// Read and written in place.
+    main: &'a mut Picture,
+    /// What `main` is to the library.
+    name: &'static CStr,
+    /// Clean pictures that help.
+    guides: Vec<(&'static CStr, &'a Picture)>,
+}
+
+impl<'a> Images<'a> {
+    /// Light, and what helps if it is there.
+    pub(crate) fn color(color: &'a mut Picture, albedo: Option<&'a Picture>, normal: Option<&'a Picture>) -> Self {
+        let guides = [(c"albedo", albedo), (c"normal", normal)];
+        let guides = guides.into_iter().filter_map(|(name, picture)| Some((name, picture?))).collect();
+        Self { main: color, name: c"color", guides }
+    }
+
+    /// Albedo by itself.
+    pub(crate) fn albedo(albedo: &'a mut Picture) -> Self {
+        Self { main: albedo, name: c"albedo", guides: Vec::new() }
+    }
+
+    /// Normals by themselves.
+    pub(crate) fn normal(normal: &'a mut Picture) -> Self {
+        Self { main: normal, name: c"normal", guides: Vec::new() }
+    }
+}
+
+/// A device of the library's.
+#[derive(Debug)]
+pub(crate) struct Device {
+    functions: Functions,
+    handle: Handle,
+}
+
+impl Device {
+    /// Denoises `images.main` in place. Panics when a picture is of another size.
+    pub(crate) fn filter(
+        &self,
+        size: (u32, u32),
+        images: Images<'_>,
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<(), DenoiseError> {
+        let Images { main, name, guides } = images;
+        assert!(main.size() == size && guides.iter().all(|(_, guide)| guide.size() == size), "pictures of one size");
+        let functions = self.functions;
+        // SAFETY: the device is alive.
+        let filter = Filter { functions, handle: unsafe { (functions.new_filter)(self.handle, c"RT".as_ptr()) } };
+        if filter.handle.is_null() {
+            return Err(self.error().unwrap_or_else(|| DenoiseError::Failed("it has no filter".to_owned())));
+        }
+        let (width, height) = (size.0 as usize, size.1 as usize);
+        let image = |name: &CStr, data: *mut c_void| {
+            // SAFETY: `data` points to `width * height` pixels of three floats, as asserted above, which outlive `filter`.
+            unsafe {
+                (functions.set_image)(filter.handle, name.as_ptr(), data, FORMAT_FLOAT3, width, height, 0, 0, 0);
+            }
+        };
+        // One address for both: the library may work in place.
+        let data = main.data.as_mut_ptr().cast::<c_void>();
+        image(name, data);
+        image(c"output", data);
+        for (name, guide) in &guides {
+            // The library only reads what is not its output.
+            image(name, guide.data.as_ptr().cast_mut().cast());
+        }
+        let (is_color, has_guides) = (name == c"color", !guides.is_empty());
+        let mut monitor = Progress { tell: progress };
+        // SAFETY: the filter is alive; `monitor` and the images outlive its execution, which this waits for.
+        unsafe {
+            if is_color {
+                (functions.set_bool)(filter.handle, c"hdr".as_ptr(), true);
+                (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), has_guides);
+            }
+            (functions.set_monitor)(filter.handle, told, ptr::from_mut(&mut monitor).cast());
+            (functions.commit_filter)(filter.handle);
+            self.check()?;
+            (functions.execute_filter)(filter.handle);
+        }
+        drop(filter);
+        self.check()
+    }
+
+    fn int(&self, name: &CStr) -> c_int {
+        // SAFETY: the device is alive, and the name ends with a zero.
+        unsafe { (self.functions.get_device_int)(self.handle, name.as_ptr()) }
+    }
+
+    fn check(&self) -> Result<(), DenoiseError> {
+        self.error().map_or(Ok(()), Err)
+    }
+
+    /// What went wrong last on this thread, if anything.
+    fn error(&self) -> Option<DenoiseError> {
+        let mut message: *const c_char = ptr::null();
+        // SAFETY: the handle is that of a device, or null, which asks for errors of no device.
+        let code = unsafe { (self.functions.get_device_error)(self.handle, &raw mut message) };
+        match code {
+            ERROR_NONE => None,
+            ERROR_CANCELLED => Some(DenoiseError::Cancelled),
+            code if message.is_null() => Some(DenoiseError::Failed(format!("error {code}"))),
+            _ => {
+                // SAFETY: a text of the library's that ends with a zero, and lives until its next call.
+                let message = unsafe { CStr::from_ptr(message) };
+                Some(DenoiseError::Failed(message.to_string_lossy().into_owned()))
+            }
+        }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        if !self.handle.is_null() {
+            // SAFETY: made by `Library::device`, released once.
+            unsafe { (self.functions.release_device)(self.handle) }
+        }
+    }
+}
+
+/// A filter of a device's.
+struct Filter {
+    functions: Functions,
+    handle: Handle,
+}
+
+impl Drop for Filter {
+    fn drop(&mut self) {
+        if !self.handle.is_null() {
+            // SAFETY: made by `Device::filter`, released once.
+            unsafe { (self.functions.release_filter)(self.handle) }
+        }
+    }
+}
+
+/// Who is told of progress.
+struct Progress<'a> {
+    tell: &'a mut dyn FnMut(f64) -> ControlFlow<()>,
+}
+
+/// Called by the library while it works; false ends it.
+extern "C" fn told(user: *mut c_void, share: f64) -> bool {
+    // SAFETY: `Device::filter` has given the address of a `Progress` that lives while the filter works, and the library calls
+    // from one thread at a time. A panic in there ends the process, as no unwinding may cross the library.
+    let progress = unsafe { &mut *user.cast::<Progress<'_>>() };
+    (progress.tell)(share).is_continue()
+}
