@@ -91,6 +91,7 @@ pub(super) fn run(args: &EnginesBenchArgs) -> Result<ExitCode, CliError> {
         frame: None,
         threads: args.threads.map_or_else(processors, usize::from),
         trust: false,
+        view: None,
         parameters: parameters(&engine, &args.options)?,
     };
     if request.size.is_none() {
