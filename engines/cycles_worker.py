@@ -119,6 +119,9 @@ class Cycles:
             asked = {"filepath": path, "export_import_convert_lighting_mode": "COMPAT"}
             known = bpy.ops.import_scene.gltf.get_rna_type().properties
             bpy.ops.import_scene.gltf(**{name: value for name, value in asked.items() if name in known})
+            # A glTF says nothing of these, and Blender's defaults make the picture darker: all of its light counts.
+            set_where_known(bpy.context.scene.cycles, sample_clamp_direct=0.0, sample_clamp_indirect=0.0, blur_glossy=0.0,
+                            light_sampling_threshold=0.0, caustics_reflective=True, caustics_refractive=True)
         else:
             raise Refusal(f"{path}: Blender is given .blend, .gltf and .glb files here")
         if self._on_stats not in bpy.app.handlers.render_stats:
@@ -152,7 +155,7 @@ class Cycles:
         lens.angle = view["vertical_fov"]
         lens.clip_start, lens.clip_end = 1e-5, 1e9
         camera = bpy.data.objects.new("view", lens)
-        columns = [view["world_from_camera"][start:start + 3] for start in range(0, 12, 3)]
+        columns = [view["world_from_camera"][start:start + 3] for start in range(0, 16, 4)]
         x, y, z = zip(*columns)
         last = (0.0, 0.0, 0.0, 1.0)
         camera.matrix_world = Matrix((x, tuple(-value for value in z), y, last))

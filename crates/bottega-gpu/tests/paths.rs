@@ -59,12 +59,12 @@ fn a_processor_and_a_device_paint_one_picture() {
         scene: Arc::clone(&scene),
         view: View { camera: 0, width: SIDE, height: SIDE },
         settings: Arc::clone(&settings),
-        tile: Tile::new(rect, layout),
+        tile: Tile::new(rect, layout.clone()),
         samples: 0..16,
     };
     let units = whole.blocks(8).zip(0..).map(|(rect, n)| WorkUnit::new(RenderWork::Block(block(rect)), n));
     client.submit_group(units.collect()).unwrap();
-    let (mut picture, mut by_device) = (Tile::new(whole, layout), 0);
+    let (mut picture, mut by_device) = (Tile::new(whole, layout.clone()), 0);
     while let Some(completed) = client.take() {
         by_device += u32::from(completed.resource.is_some_and(|resource| resource.0 == 1));
         let Ok(RenderOutput::Block(output)) = completed.output else { panic!("{:?}", completed.output) };

@@ -473,6 +473,8 @@ impl Lane {
         let manifest = self.shared.located.manifest();
         let ranges = &manifest.tunables;
         let asked = |value: u32, of_scene: Option<u32>| (of_scene != Some(value)).then_some(value);
+        // We count what shines itself as 0, the protocol counts direct light as 0.
+        let bounces = asked(tunables.max_depth, options.scene_depth).map(|depth| depth.saturating_sub(1));
         let fit = |range: Option<super::manifest::Range>, value: Option<u32>| Some(range?.fit(value?));
         // Two windows of the same size must not have the same noise, unless they are parts of one.
         let seed = match manifest.determinism {
@@ -484,7 +486,7 @@ impl Lane {
             samples: ranges.samples.map_or(samples, |range| range.fit(samples)),
             first_sample,
             seed: (seed & SEED_MASK) as u32,
-            max_depth: fit(ranges.max_depth, asked(tunables.max_depth, options.scene_depth)),
+            max_depth: fit(ranges.max_depth, bounces),
             light_samples: fit(ranges.light_samples, asked(tunables.light_samples, options.scene_light_samples)),
             cancel,
         }

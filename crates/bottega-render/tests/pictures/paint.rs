@@ -54,12 +54,12 @@ fn paint_once(
 ) -> Film {
     let frame = Rect::of_size(width, height);
     let layout = Layout::new(AovSet::NONE);
-    let mut film = Film::new(frame, layout);
+    let mut film = Film::new(frame, layout.clone());
     let bands: Vec<Rect> = (0..height).step_by(4).map(|y| Rect::new(0, y, width, (y + 4).min(height))).collect();
     let paint_band = |rect: &Rect| -> Tile {
         let view = View { camera: 0, width, height };
         let (scene, settings) = (Arc::clone(prepared), Arc::clone(settings));
-        let work = BlockWork { scene, view, settings, tile: Tile::new(*rect, layout), samples: 0..samples };
+        let work = BlockWork { scene, view, settings, tile: Tile::new(*rect, layout.clone()), samples: 0..samples };
         work.perform().expect("a picture").tile
     };
     let paint_every = |first: usize| bands.iter().skip(first).step_by(THREADS as usize).map(paint_band).collect();

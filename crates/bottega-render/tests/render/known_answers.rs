@@ -230,7 +230,7 @@ fn other_values_tell_of_the_first_surface() {
     let aovs: AovSet = Aov::ALL.into_iter().collect();
     let layout = Layout::new(aovs);
     let view = View { camera: 0, width: 1, height: 1 };
-    let tile = Tile::new(Rect::of_size(1, 1), layout);
+    let tile = Tile::new(Rect::of_size(1, 1), layout.clone());
     let settings = Arc::new(PathSettings { filter: Filter::PIXEL, ..PathSettings::default() });
     let work = BlockWork { scene: prepare(scene), view, settings, tile, samples: 0..256 };
     let tile = work.perform().unwrap().tile;

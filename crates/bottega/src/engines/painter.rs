@@ -80,10 +80,12 @@ impl Painter {
         let layout = layers::layout(args, &opened, &manifest.title, is_mixed)?;
         let own = is_mixed.then(|| own(args, &opened, &manifest.title, experts.clone(), layout.clone())).transpose()?;
         let settings = match &own {
-            Some((_, settings)) => settings.clone(),
+            Some(own) => own.settings.clone(),
             None => settings(args, &located, &opened, experts, layout)?,
         };
         let depth = args.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
+        // Where the scene says nothing the two would each take a number of their own.
+        let depth = depth.or(own.as_ref().filter(|own| !own.has_depth).map(|own| own.settings.tunables.max_depth));
         let options = ExternalOptions {
             request: request.clone(),
             seed: args.seed,
@@ -95,7 +97,7 @@ impl Painter {
             surveyor: surveyor(args, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
-        let mix = own.map(|(own, _)| {
+        let mix = own.map(|Own { engine: own, .. }| {
             let (ours, others): (Arc<dyn RenderEngine>, Arc<dyn RenderEngine>) =
                 (Arc::clone(&own) as _, Arc::clone(&engine) as _);
             let mut both = vec![(ours, 1), (others, engine.lanes())];
@@ -234,6 +236,10 @@ fn check(args: &RenderArgs) -> Result<(), CliError> {
         ("--record", args.record.is_some()),
     ];
     match options.into_iter().find(|(_, is_given)| *is_given) {
+        None if args.max_depth == Some(0) => Err(CliError::usage(
+            "--max-depth 0 is for our own engine",
+            "other engines show direct light at least: --max-depth 1",
+        )),
         None => Ok(()),
         Some((option, _)) => Err(CliError::usage(
             format!("{option} is for our own engine"),
@@ -309,14 +315,16 @@ fn layer_names(layout: &Layout) -> String {
     layout.aovs().iter().map(|aov| aov.name().to_owned()).chain(channels).collect::<Vec<_>>().join(",")
 }
 
+/// Our own engine beside another one.
+struct Own {
+    engine: Arc<BuiltinEngine>,
+    settings: JobSettings,
+    /// Whether the scene says how far light goes.
+    has_depth: bool,
+}
+
 /// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
-fn own(
-    args: &RenderArgs,
-    opened: &Opened,
-    title: &str,
-    experts: Vec<Expert>,
-    layout: Layout,
-) -> Result<(Arc<BuiltinEngine>, JobSettings), CliError> {
+fn own(args: &RenderArgs, opened: &Opened, title: &str, experts: Vec<Expert>, layout: Layout) -> Result<Own, CliError> {
     let args = as_opened(args, opened);
     let mut subject = Subject::load(&args.scene)?;
     if subject.hints.is_sky_added {
@@ -336,7 +344,7 @@ fn own(
     subject.hints.filter = Some(filter.into());
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
     let (engine, _) = render::engine(&args, &subject, &half)?;
-    Ok((Arc::new(engine), settings))
+    Ok(Own { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })
 }
 
 /// An agent for each process that paints: more would only wait for one another.

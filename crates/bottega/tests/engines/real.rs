@@ -180,19 +180,93 @@ fn two_engines_paint_one_picture() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("scene.xml");
-    fs::write(&scene, MITSUBA).expect("written");
-    let paint = |engine: &str| {
+    fs::write(&scene, aov_scene()).expect("written");
+    let paint = |engine: &str, more: &[&str]| {
         let output = folder.path().join(format!("{engine}.exr"));
         let words = ["render", text(&scene), "--engine", engine, "--spp", "64", "--zones", "8", "-o", text(&output)];
-        let done = bottega(&words).output().expect("the program starts");
+        let done = bottega(&[&words, more].concat()).output().expect("the program starts");
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         assert!(done.status.success(), "{engine}: {told}");
         assert!(!told.contains("can be seen"), "{engine}: {told}");
-        (read_picture(output).expect("a picture"), told)
+        (output, told)
     };
-    let (own, _) = paint("builtin");
-    let (other, _) = paint("mitsuba");
-    let (both, told) = paint("builtin,mitsuba");
+    let (own, _) = paint("builtin", &["--aov", "depth,normal"]);
+    let (other, _) = paint("mitsuba", &[]);
+    let (both, told) = paint("builtin,mitsuba", &[]);
     assert!(told.contains("by builtin") && told.contains("by mitsuba"), "{told}");
-    assert!((mean(&both) / mean(&other) - 1.0).abs() < 0.02 && (mean(&both) / mean(&own) - 1.0).abs() < 0.02);
+    let names = ["depth.Z", "normal.X", "normal.Y", "normal.Z", "albedo.R", "uv.U"].map(str::to_owned);
+    let read = |path: &Path| {
+        let (file, planes) = read_channels(path, ReadLimits::default(), &names).expect("a picture");
+        let colors = file.picture.data.iter().flatten().copied().collect();
+        std::iter::once(Some(colors)).chain(planes).collect::<Vec<Option<Vec<f32>>>>()
+    };
+    let (own, other, both) = (read(&own), read(&other), read(&both));
+    // Those layers by which both mean the same.
+    assert!(both[5..].iter().all(Option::is_none) && other[5..].iter().all(Option::is_some));
+    for (channel, ((own, other), both)) in own.iter().zip(&other).zip(&both).take(5).enumerate() {
+        let [own, other, both] = [own, other, both].map(|plane| plane.as_deref().expect("a plane"));
+        let mean = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64;
+        let size = mean(&other.iter().map(|value| value.abs()).collect::<Vec<_>>());
+        for (who, plane) in [("builtin", own), ("both", both)] {
+            let apart = mean(plane) - mean(other);
+            assert!(apart.abs() < 0.02 * size, "{channel}: {who} is {apart} apart from Mitsuba, of {size}");
+        }
+    }
+}
+
+/// What is refused of two engines in one picture.
+#[test]
+fn two_engines_that_would_not_agree_are_refused() {
+    if !is_here("mitsuba") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene.xml");
+    let refuse = |text_of_scene: &str, more: &[&str], says: &str| {
+        fs::write(&scene, text_of_scene).expect("written");
+        let output = folder.path().join("a.exr");
+        let words = ["render", text(&scene), "--engine", "builtin,mitsuba", "-o", text(&output)];
+        let done = bottega(&[&words, more].concat()).env("NO_COLOR", "1").output().expect("the program starts");
+        let told = String::from_utf8_lossy(&done.stderr).replace('│', " ");
+        let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(!done.status.success() && told.contains(says), "{told}");
+    };
+    let film = r#"<film type="hdrfilm">"#;
+    let lanczos = MITSUBA.replace(film, &format!(r#"{film}<rfilter type="lanczos"/>"#));
+    refuse(&lanczos, &[], "a pixel filter that our own engine does not have");
+    refuse(&aov_scene(), &["--aov", "depth,albedo"], "do not make the same layer `albedo`");
+    refuse(MITSUBA, &["--filter", "box"], "--filter is for our own engine");
+}
+
+#[test]
+fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
+    let scene = scenes().join("cornell-box.glb");
+    if !is_here("cycles") || !scene.is_file() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let paint = |engine: &str| {
+        let output = folder.path().join(format!("{engine}.exr"));
+        let size = ["--size", "64x64", "--spp", "64", "--max-depth", "8", "--zones", "4"];
+        let words = ["render", text(&scene), "--engine", engine, "-o", text(&output)];
+        let done = bottega(&[&words[..], &size].concat()).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success() && !told.contains("can be seen"), "{engine}: {told}");
+        read_picture(output).expect("a picture")
+    };
+    let (own, other, both) = (paint("builtin"), paint("cycles"), paint("builtin,cycles"));
+    // Blocks of pixels, so that noise counts less than a shift of the view by a pixel would.
+    let blocks = |picture: &Picture| -> Vec<f64> {
+        let mut sums = vec![0.0; 256];
+        for (index, pixel) in picture.data.iter().enumerate() {
+            let (x, y) = (index % 64, index / 64);
+            sums[y / 4 * 16 + x / 4] += pixel.iter().map(|value| f64::from(value.min(1.0))).sum::<f64>() / 48.0;
+        }
+        sums
+    };
+    let size = blocks(&own).iter().sum::<f64>() / 256.0;
+    for (who, picture) in [("cycles", &other), ("both", &both)] {
+        let apart = blocks(picture).iter().zip(blocks(&own)).map(|(a, b)| (a - b).abs()).sum::<f64>() / 256.0;
+        assert!(apart < 0.05 * size, "{who}: {apart} apart on average, of {size}");
+    }
 }

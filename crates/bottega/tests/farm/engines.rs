@@ -1,8 +1,8 @@
 //! Farms that paint with other people's engines.
 
-use std::fs;
+use std::{fs, path::Path};
 
-use bottega_image::read_picture;
+use bottega_image::{ReadLimits, read_channels, read_picture};
 
 use super::{
     fixture::Farm,
@@ -10,7 +10,10 @@ use super::{
 };
 
 const SCENE: &str = r#"<scene version="3.0.0">
-  <integrator type="path"><integer name="max_depth" value="4"/></integrator>
+  <integrator type="aov">
+    <string name="aovs" value="far:depth,here:uv"/>
+    <integrator type="path"><integer name="max_depth" value="4"/></integrator>
+  </integrator>
   <sensor type="perspective">
     <float name="fov" value="39"/>
     <transform name="to_world"><lookat origin="0, -4, 1" target="0, 0, 0" up="0, 0, 1"/></transform>
@@ -59,6 +62,15 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
         picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
     };
     assert!((mean(&farmed) / mean(&alone) - 1.0).abs() < 0.02, "{} and {}", mean(&farmed), mean(&alone));
+    // Layers came along, and lie where the colour does.
+    let names = ["depth.Z", "uv.U"].map(str::to_owned);
+    let layers = |path: &Path| read_channels(path, ReadLimits::default(), &names).expect("a picture").1;
+    for (name, (farmed, alone)) in names.iter().zip(layers(&output).into_iter().zip(layers(&farm.path("alone.exr")))) {
+        let (farmed, alone) = (farmed.expect("the layer"), alone.expect("the layer"));
+        let apart = farmed.iter().zip(&alone).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / alone.len() as f64;
+        let size = alone.iter().map(|value| f64::from(*value)).sum::<f64>() / alone.len() as f64;
+        assert!(size > 0.05 && apart < 0.05 * size, "{name}: {apart} apart, {size} on average");
+    }
     // The square is there: its file came along.
     assert!(farmed.pixel(48, 36) != farmed.pixel(2, 2));
 }
