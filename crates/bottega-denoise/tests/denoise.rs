@@ -25,7 +25,7 @@ fn truth() -> Picture {
 }
 
 fn albedo(x: u32, y: u32) -> f32 {
-    if (x / 12 + y / 12) % 2 == 0 { 0.8 } else { 0.2 }
+    if (x / 12 + y / 12).is_multiple_of(2) { 0.8 } else { 0.2 }
 }
 
 fn light(x: u32, y: u32) -> [f32; 3] {

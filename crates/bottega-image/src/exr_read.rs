@@ -27,7 +27,7 @@ use crate::{
 const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
 /// Planes of further channels, in the order in which they were asked for; `None` where the file has no such channel.
-pub(crate) type Planes = Vec<Option<Vec<f32>>>;
+pub type Planes = Vec<Option<Vec<f32>>>;
 
 /// The color of a file, and the channels of these full names.
 pub(crate) fn read<R: BufRead + Seek>(
@@ -134,7 +134,7 @@ fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, 
     parts().find_map(|part| place(part, name)).or_else(|| {
         let (layer, channel) = name.rsplit_once('.')?;
         let is_named = |part: &usize| {
-            headers[*part].own_attributes.layer_name.as_ref().is_some_and(|name| name.to_string() == layer)
+            headers[*part].own_attributes.layer_name.as_ref().is_some_and(|name| name.bytes() == layer.as_bytes())
         };
         parts().filter(is_named).find_map(|part| place(part, channel))
     })

@@ -33,6 +33,7 @@ mod tone;
 pub use canvas::Canvas;
 pub use color_map::{ColorMap, false_color};
 pub use error::ImageError;
+pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};

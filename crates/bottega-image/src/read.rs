@@ -65,7 +65,7 @@ pub fn read_channels(
     path: impl AsRef<Path>,
     limits: ReadLimits,
     names: &[String],
-) -> Result<(ImageFile, Vec<Option<Vec<f32>>>), ImageError> {
+) -> Result<(ImageFile, Planes), ImageError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
     read_from(&Source { path, limits }, BufReader::new(file), names)

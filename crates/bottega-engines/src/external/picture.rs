@@ -1,6 +1,6 @@
 //! What an engine wrote: looked at before it counts, cut to the window, and added to the zone's sums.
 
-use bottega_image::{ImageFile, Layout, Picture, ReadLimits, Rect, Tile, luminance, read_channels};
+use bottega_image::{ImageFile, Layout, Picture, Planes, ReadLimits, Rect, Tile, luminance, read_channels};
 
 use super::{error::EngineFault, session::Written};
 
@@ -88,7 +88,7 @@ pub(super) fn read_wanted(written: &Written, window: Rect, wanted: &Wanted) -> R
 }
 
 /// All that is wanted of a file of the size that was told.
-fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, Vec<Option<Vec<f32>>>), EngineFault> {
+fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, Planes), EngineFault> {
     let wanted = (written.shows.width(), written.shows.height());
     let limits = ReadLimits { max_pixels: written.shows.area() };
     let (ImageFile { picture, .. }, planes) = match read_channels(&written.file, limits, names) {
