@@ -404,6 +404,7 @@ pub(crate) mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use bottega_image::Aov;
 
     pub(crate) fn rows() -> impl Strategy<Value = ZoneRow> {
         let times = (proptest::option::of(0u64..1 << 40), proptest::option::of(0u64..1 << 40));

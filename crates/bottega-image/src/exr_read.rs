@@ -133,8 +133,9 @@ fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, 
     let parts = || std::iter::once(first).chain(0..headers.len());
     parts().find_map(|part| place(part, name)).or_else(|| {
         let (layer, channel) = name.rsplit_once('.')?;
-        let is_named =
-            |part: &usize| headers[*part].own_attributes.layer_name.as_ref().is_some_and(|name| name == layer);
+        let is_named = |part: &usize| {
+            headers[*part].own_attributes.layer_name.as_ref().is_some_and(|name| name.bytes() == layer.as_bytes())
+        };
         parts().filter(is_named).find_map(|part| place(part, channel))
     })
 }

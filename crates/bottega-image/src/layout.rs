@@ -110,7 +110,8 @@ impl FromIterator<Aov> for AovSet {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     aovs: AovSet,
-    stride: usize,
+    /// At most some hundreds: a tile stays small.
+    stride: u32,
     layers: Option<Arc<Layers>>,
 }
 
@@ -128,7 +129,7 @@ impl Layout {
     /// The layout that keeps these AOVs.
     pub fn new(aovs: AovSet) -> Self {
         let stride = Self::FIXED + aovs.iter().map(Aov::channel_count).sum::<usize>();
-        Self { aovs, stride, layers: None }
+        Self { aovs, stride: stride as u32, layers: None }
     }
 
     /// The layout that keeps these AOVs, and these layers beside them, in whichever order they are given.
@@ -141,8 +142,8 @@ impl Layout {
             return Ok(plain);
         }
         let layers = Layers::new(layers, aovs)?;
-        let stride = plain.stride + layers.mean_channels + layers.picked_floats();
-        Ok(Self { stride, layers: Some(Arc::new(layers)), ..plain })
+        let stride = plain.stride() + layers.mean_channels + layers.picked_floats();
+        Ok(Self { stride: stride as u32, layers: Some(Arc::new(layers)), ..plain })
     }
 
     /// The AOVs kept.
@@ -167,12 +168,12 @@ impl Layout {
 
     /// Floats in a pixel.
     pub fn stride(&self) -> usize {
-        self.stride
+        self.stride as usize
     }
 
     /// Offset of the first float that is no sum: see [`Combine::Pick`](crate::Combine::Pick).
     pub fn sums_end(&self) -> usize {
-        self.stride - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
+        self.stride() - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
 
     /// Offset of the first float of `aov`; `None` when it is not kept.

@@ -196,7 +196,6 @@ impl Worker {
     }
 
     /// Answers a batch of rays.
-    #[expect(clippy::result_large_err, reason = "work that failed goes back as it came")]
     fn follow(&mut self, work: RenderWork) -> Outcome {
         let answer = match &work {
             RenderWork::Rays { scene, .. } | RenderWork::Occlusion { scene, .. }
