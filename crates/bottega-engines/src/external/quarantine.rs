@@ -101,11 +101,8 @@ fn read(path: &Path) -> Result<Option<Quarantine>, String> {
         .and_then(|file| file.take(BYTES_MAX).read_to_end(&mut bytes))
         .map_err(|error| error.to_string())?;
     let mut found: Quarantine = serde_json::from_slice(&bytes).map_err(|error| error.to_string())?;
-    let plain = |text: &str| -> String {
-        let signs = text.chars().map(|sign| if sign.is_control() && sign != '\n' { ' ' } else { sign });
-        signs.take(REASON_MAX).collect()
-    };
-    found.reason = plain(&found.reason);
+    let signs = found.reason.chars().map(|sign| if sign.is_control() && sign != '\n' { ' ' } else { sign });
+    found.reason = signs.take(REASON_MAX).collect();
     Ok(Some(found))
 }
 
