@@ -136,7 +136,7 @@ class PovRay:
         grid = min(max(1, math.ceil(math.sqrt(order.samples) - 1e-9)), LARGEST_GRID)
         frame = self.frame if order.frame is None else order.frame
         written = f"{order.id}.povray.exr"
-        place = os.path.join(self.scratch, written)
+        place = self._place(written, frame)
         if os.path.exists(place):
             os.remove(place)
         settings = self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth, order,
@@ -151,6 +151,13 @@ class PovRay:
         cut = picture.cut(window.x0, window.y0, window.x1, window.y1)
         plain_exr.write(path, cut.width, cut.height, cut.channels)
         return window, grid * grid
+
+    def _place(self, name, frame):
+        """Where POV-Ray writes a picture: in an animation it puts the frame into the name, with the digits of the last."""
+        stem, kind = os.path.splitext(name)
+        if self.last_frame > self.first_frame:
+            stem += str(frame).zfill(len(str(self.last_frame)))
+        return os.path.join(self.scratch, stem + kind)
 
     def _settings(self, window, grid, frame, max_depth, order, written):
         """Lines of an .ini file. POV-Ray counts columns and rows from 1, and the last ones belong to the window."""
@@ -192,7 +199,7 @@ class PovRay:
             settings = self._settings((0, 0, width, height), key[-1], frame, order.max_depth, order, name + ".exr")
             self._start(settings + [f"Width={width}", f"Height={height}", "Work_Threads=1", "Antialias=off",
                                     "Radiosity_To_File=on", f'Radiosity_File_Name="{name}.rca"'], lambda share: None)
-            os.remove(os.path.join(self.scratch, name + ".exr"))
+            os.remove(self._place(name + ".exr", frame))
             # A scene may name radiosity and not use it: then there is no such file.
             there = os.path.isfile(kept)
             self.gathered[key] = [f'Radiosity_File_Name="{name}.rca"', "Radiosity_From_File=on",

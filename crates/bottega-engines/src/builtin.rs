@@ -172,6 +172,7 @@ impl RenderEngine for BuiltinEngine {
             has_max_depth: true,
             has_light_samples: true,
             resumes_samples: true,
+            is_profiled: true,
             exact_by_pixel: self.shared.devices == 0,
         }
     }

@@ -50,6 +50,9 @@ pub struct EngineDescription {
     pub has_light_samples: bool,
     /// Whether a tile can be gone on with later: the samples of a pass are kept and the picture is the same.
     pub resumes_samples: bool,
+    /// Whether a zone's first samples are worth painting by themselves, to learn how long it will take: not where the start of
+    /// each painting is dear.
+    pub is_profiled: bool,
     /// Whether a pixel has the same bits whatever region it was painted in.
     pub exact_by_pixel: bool,
 }

@@ -176,6 +176,7 @@ impl RenderEngine for MixedEngine {
             has_max_depth: all.iter().all(|engine| engine.has_max_depth),
             has_light_samples: all.iter().all(|engine| engine.has_light_samples),
             resumes_samples: all.iter().all(|engine| engine.resumes_samples),
+            is_profiled: all.iter().all(|engine| engine.is_profiled),
             exact_by_pixel: false,
         }
     }
@@ -216,6 +217,7 @@ mod tests {
                 has_max_depth: true,
                 has_light_samples: true,
                 resumes_samples: true,
+                is_profiled: true,
                 exact_by_pixel: true,
             }
         }

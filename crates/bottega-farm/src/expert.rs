@@ -76,7 +76,7 @@ pub struct Expert {
     ignored: Arc<[String]>,
     has_max_depth: bool,
     has_light_samples: bool,
-    resumes_samples: bool,
+    is_profiled: bool,
     goals: GoalRules,
     engine_choice: Option<EngineChoice>,
 }
@@ -103,9 +103,9 @@ impl Expert {
             return Err(ExpertError::NoOutput { technique, found: ignored });
         }
         let (rules, ignored, goals) = (Arc::new(rules), ignored.into(), GoalRules::default());
-        let (has_max_depth, has_light_samples, resumes_samples) = (true, true, true);
+        let (has_max_depth, has_light_samples, is_profiled) = (true, true, true);
         let engine_choice = None;
-        Ok(Self { rules, ignored, has_max_depth, has_light_samples, resumes_samples, goals, engine_choice })
+        Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, goals, engine_choice })
     }
 
     /// The outputs of the rules that mean nothing in path tracing, by their names.
@@ -121,8 +121,8 @@ impl Expert {
     /// The same for an engine: what it has no knob for is left as it is, and not credited.
     #[must_use]
     pub fn for_engine(self, engine: &EngineDescription) -> Self {
-        let &EngineDescription { has_max_depth, has_light_samples, resumes_samples, .. } = engine;
-        Self { has_max_depth, has_light_samples, resumes_samples, ..self }
+        let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
+        Self { has_max_depth, has_light_samples, is_profiled, ..self }
     }
 
     /// The same with rules for who paints a zone, where several engines may.
@@ -173,10 +173,10 @@ impl Expert {
         Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
     }
 
-    /// How many samples a zone's first painting takes. An engine that cannot go on with them would take them again: then it
-    /// takes all at once, and the time of the zone is known when it is over.
+    /// How many samples a zone's first painting takes. Where the engine is not profiled that is all of them, and the time of the
+    /// zone is known when it is over.
     pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
-        if self.resumes_samples || goal.needs_error() { choice.profile_samples(goal) } else { choice.samples }
+        if self.is_profiled || goal.needs_error() { choice.profile_samples(goal) } else { choice.samples }
     }
 
     /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
@@ -303,6 +303,7 @@ mod tests {
             has_max_depth: false,
             has_light_samples: false,
             resumes_samples: true,
+            is_profiled: true,
             exact_by_pixel: true,
         };
         let choice = Expert::path_tracing().for_engine(&engine).decide(&work, &rows[1]);
@@ -311,15 +312,16 @@ mod tests {
     }
 
     #[test]
-    fn an_engine_that_cannot_go_on_paints_a_zone_at_once() {
+    fn an_engine_that_is_not_profiled_paints_a_zone_at_once() {
         let work = work(Optimization::Off, &[zone(0, 1.0, 0.0)]);
         let choice = Choice::unchanged(&work.settings);
-        let first = |resumes_samples, goal| {
+        let first = |is_profiled, goal| {
             let engine = EngineDescription {
                 name: "plain".to_owned(),
                 has_max_depth: true,
                 has_light_samples: true,
-                resumes_samples,
+                resumes_samples: true,
+                is_profiled,
                 exact_by_pixel: true,
             };
             Expert::path_tracing().for_engine(&engine).first_samples(&choice, &goal)

@@ -12,7 +12,7 @@ use std::{
     process::{Child, ChildStdin, Command, Stdio},
     sync::{
         Arc, Mutex, PoisonError,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc::{self, Receiver, RecvTimeoutError},
     },
     thread,
@@ -67,6 +67,8 @@ pub(super) struct Program<'a> {
 pub(super) struct Log {
     kept: Mutex<VecDeque<u8>>,
     bytes: AtomicU64,
+    /// Nothing more will be written to it.
+    is_whole: AtomicBool,
 }
 
 impl Log {
@@ -201,6 +203,10 @@ impl Guarded {
         let until = Instant::now() + GRACE;
         loop {
             match self.child.try_wait() {
+                // What it said last may still be on its way.
+                Ok(Some(_)) if Instant::now() < until && !self.log.is_whole.load(Ordering::Acquire) => {
+                    thread::sleep(Duration::from_millis(5));
+                }
                 Ok(Some(status)) => return Some(guard::told(status)),
                 Ok(None) if Instant::now() < until => thread::sleep(Duration::from_millis(5)),
                 _ => return None,
@@ -295,6 +301,7 @@ fn read_log(mut from: impl Read, log: &Log) {
     while let Ok(count @ 1..) = from.read(&mut buffer) {
         log.take_in(&buffer[..count]);
     }
+    log.is_whole.store(true, Ordering::Release);
 }
 
 /// Lines of standard output. `None`: one is too long, and no more is read.

@@ -25,8 +25,10 @@ use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine,
 
 /// After so many failures in a row it is not used any more.
 const FAILURES_MAX: u32 = 3;
-/// A zone whose samples add up is painted twice: a little for its profile, and then.
+/// A zone is painted twice: a little for its profile, and then.
 const WINDOWS_OF_ZONE: f64 = 2.0;
+/// But not where the manifest says that a window costs so many seconds.
+const WINDOW_DEAR: f64 = 0.1;
 /// Seeds of engines are often signed numbers of 32 bits.
 const SEED_MASK: u64 = (1 << 31) - 1;
 /// Light that counts as black: less than any file of 16 bits tells from it.
@@ -166,6 +168,12 @@ impl ExternalEngine {
 }
 
 impl ExternalEngine {
+    /// Samples that do not add up would be taken again, and windows that are dear be started twice.
+    fn is_profiled(&self) -> bool {
+        let manifest = self.shared.located.manifest();
+        manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
+    }
+
     /// What windows cost, and samples.
     fn pace(&self) -> Option<tiny::Pace> {
         let (sender, answer) = mpsc::channel();
@@ -185,6 +193,7 @@ impl RenderEngine for ExternalEngine {
             has_max_depth: manifest.tunables.max_depth.is_some() && self.shared.options.scene_depth.is_none(),
             has_light_samples: manifest.tunables.light_samples.is_some(),
             resumes_samples: manifest.adds_up(),
+            is_profiled: self.is_profiled(),
             exact_by_pixel: manifest.determinism == Determinism::Frame,
         }
     }
@@ -204,7 +213,7 @@ impl RenderEngine for ExternalEngine {
                 outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
             }
         };
-        let windows = if self.shared.located.manifest().adds_up() { WINDOWS_OF_ZONE } else { 1.0 };
+        let windows = if self.is_profiled() { WINDOWS_OF_ZONE } else { 1.0 };
         survey.zones_max = pace.map(|pace| pace.zones_max(options.samples, windows));
         let _ = self.shared.surveyed.set(survey.clone());
         Ok(survey)

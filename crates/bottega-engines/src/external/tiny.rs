@@ -25,10 +25,12 @@ const PART: u32 = 12;
 const PACE_TIME: f64 = 0.5;
 /// Samples are told from the window that they are in when they take so many times as long.
 const TELLING_RATIO: f64 = 2.0;
-/// No more samples are taken for it.
+/// Else so many times as many samples are tried,
+const MORE_SAMPLES: u32 = 16;
+/// but no more than these.
 const SAMPLES_PACED: u32 = 1024;
 /// Windows may cost this share of the time beside their samples.
-const WINDOWS_SHARE: f64 = 0.02;
+const WINDOWS_SHARE: f64 = 0.01;
 /// Times tell places apart when at least this share of them is not what every window costs.
 const TELLING_SHARE: f64 = 0.3;
 
@@ -120,17 +122,12 @@ impl Pace {
         let part = dot.grown(frame.width().min(frame.height()) / PART, &frame);
         let mut samples = whole.samples;
         loop {
-            let mut took = timed(part, samples)?;
-            let is_telling = |took: f64| took - window > TELLING_RATIO * window || took > PACE_TIME;
-            if is_telling(took) && window < PACE_TIME {
-                // It may have been something else that took so long.
-                took = timed(part, samples)?.min(took);
-            }
-            if is_telling(took) || samples >= SAMPLES_PACED {
+            let took = timed(part, samples)?;
+            if took - window > TELLING_RATIO * window || took > window + PACE_TIME || samples >= SAMPLES_PACED {
                 let sample = (took - window).max(1e-4) / (part.area() as f64 * f64::from(samples));
                 return Ok(Self { window, sample });
             }
-            samples = samples.saturating_mul(4);
+            samples = samples.saturating_mul(MORE_SAMPLES).min(SAMPLES_PACED);
         }
     }
 
@@ -177,9 +174,9 @@ mod tests {
     #[test]
     fn dear_windows_make_few_zones() {
         let pace = Pace { window: 0.1, sample: 1e-6 };
-        // 62.5 s of samples bear 1.25 s of windows.
-        assert_eq!(pace.zones_max(62_500_000, 2.0), 6);
-        assert_eq!(pace.zones_max(62_500_000, 1.0), 12);
+        // 62.5 s of samples bear 0.625 s of windows.
+        assert_eq!(pace.zones_max(62_500_000, 2.0), 3);
+        assert_eq!(pace.zones_max(62_500_000, 1.0), 6);
         assert_eq!(pace.zones_max(1, 1.0), 1);
         assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX, 2.0), 1 << 20);
     }

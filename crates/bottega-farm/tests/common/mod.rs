@@ -171,6 +171,7 @@ impl RenderEngine for FakeEngine {
             has_max_depth: true,
             has_light_samples: true,
             resumes_samples: true,
+            is_profiled: true,
             exact_by_pixel: true,
         }
     }

@@ -98,6 +98,7 @@ impl RenderEngine for IdleEngine {
             has_max_depth: false,
             has_light_samples: false,
             resumes_samples: true,
+            is_profiled: true,
             exact_by_pixel: true,
         }
     }
