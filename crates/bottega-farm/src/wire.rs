@@ -489,9 +489,7 @@ pub(crate) mod tests {
             combine,
         };
         let layers = vec![layer("Farbe", "RGBA", Combine::Mean), layer("Kiste №7", "Y", Combine::Pick)];
-        let layout =
-            Layout::with_layers([bottega_image::Aov::Albedo, bottega_image::Aov::Cost].into_iter().collect(), layers)
-                .expect("sound");
+        let layout = Layout::with_layers([Aov::Albedo, Aov::Cost].into_iter().collect(), layers).expect("sound");
         let mut tile = Tile::new(Rect::new(3, 4, 9, 7), layout);
         tile.sums_mut().iter_mut().enumerate().for_each(|(i, sum)| *sum = i as f32 * 0.3 - 2.0);
         let mut bytes = Vec::new();
