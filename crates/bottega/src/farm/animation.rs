@@ -116,7 +116,10 @@ fn submit(
         wanted.insert(number, Wanted { frame, output: of_frame.output });
     }
     if let (Some((first, _)), Some((last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
-        reporter.say(&format!("{} frames are jobs {first} to {last} of the farm", wanted.len()));
+        reporter.say(&match wanted.len() {
+            1 => format!("1 frame is job {first} of the farm"),
+            count => format!("{count} frames are jobs {first} to {last} of the farm"),
+        });
     }
     Ok(wanted)
 }
