@@ -71,7 +71,11 @@ def cycles(task):
         bpy.ops.wm.open_mainfile(filepath=task.scene, load_ui=False, use_scripts=False)
     else:
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        bpy.ops.import_scene.gltf(filepath=task.scene)
+        # As the worker has it read, for the light's units and Cycles' own losses are a matter of reading: see docs/engines.md.
+        bpy.ops.import_scene.gltf(filepath=task.scene, export_import_convert_lighting_mode="COMPAT")
+        own = bpy.context.scene.cycles
+        own.sample_clamp_direct = own.sample_clamp_indirect = own.blur_glossy = own.light_sampling_threshold = 0.0
+        own.caustics_reflective = own.caustics_refractive = True
     scene = bpy.context.scene
     scene.camera = scene.camera or next(thing for thing in scene.objects if thing.type == "CAMERA")
     render, own = scene.render, scene.cycles
