@@ -150,7 +150,6 @@ fn layers_of_a_picture_in_zones_are_those_of_the_whole_frame() {
         ("normal.X", "up.X"),
         ("normal.Z", "up.Z"),
         ("albedo.G", "paint.G"),
-        ("which.I", "which.I"),
         ("uv.U", "here.U"),
         ("uv.V", "here.V"),
     ];
