@@ -28,8 +28,8 @@ pub fn install_hint() -> String {
     } else if cfg!(windows) {
         "take the archive for Windows from https://www.openimagedenoise.org"
     } else {
-        "Debian 13, Ubuntu 24.04: apt install libopenimagedenoise2; Fedora: dnf install oidn; Arch: pacman -S \
-         openimagedenoise; anywhere: the archive from https://www.openimagedenoise.org"
+        "install your system's package of Open Image Denoise, if it has one (Debian 12 has none), or unpack the archive for \
+         Linux from https://www.openimagedenoise.org"
     };
     format!("{way}; where it is not found by itself, {VARIABLE} names its file or folder")
 }

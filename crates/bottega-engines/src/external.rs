@@ -24,7 +24,7 @@ pub use self::{
     error::EngineFault,
     locate::{Located, install_hint},
     quarantine::{Quarantine, keep_quarantines_in, quarantine, release},
-    session::{CameraView, CombineWord, Files, Opened, OpenedLayer, PixelFilter, Probe, SceneRequest, Session},
+    session::{CameraView, CombineWord, Files, Opened, OpenedLayer, Probe, SceneRequest, Session},
     shelf::{Entry, Shelf},
     shipped::rules as shipped_rules,
 };

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{Mat3, Quat};
+use serde::Deserialize;
 
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
@@ -113,8 +114,9 @@ pub struct RenderHints {
     pub is_sky_added: bool,
 }
 
-/// A separable pixel filter. Radii are in pixels, from the centre to the edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers of other engines tell theirs in these words.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FilmFilter {
     /// Constant.
     Box {

@@ -165,9 +165,7 @@ impl ExternalEngine {
     pub fn lanes(&self) -> usize {
         self.shared.lanes
     }
-}
 
-impl ExternalEngine {
     /// Samples that do not add up would be taken again, and windows that are dear be started twice.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();

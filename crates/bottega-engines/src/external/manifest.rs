@@ -172,9 +172,6 @@ pub struct Pixels {
     /// Where their first row is.
     #[serde(default)]
     pub first_row: FirstRow,
-    /// Whether layers beside the colour are kept.
-    #[serde(default)]
-    pub layers: bool,
     /// Which pixel filter it uses, in words.
     pub filter: Option<String>,
 }

@@ -73,7 +73,7 @@ pub struct Opened {
     pub camera: bool,
     /// How samples are spread over a pixel; `None`: nobody knows, or in a way that there is no name for.
     #[serde(default)]
-    pub filter: Option<PixelFilter>,
+    pub filter: Option<FilmFilter>,
     /// What it paints beside the colour.
     #[serde(default)]
     pub layers: Vec<OpenedLayer>,
@@ -90,55 +90,6 @@ pub struct CameraView {
     pub world_from_camera: [f32; 16],
     /// From the lower to the upper edge, in radians.
     pub vertical_fov: f32,
-}
-
-/// How samples are spread over a pixel. Lengths are in pixels; the radius is where it ends.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum PixelFilter {
-    /// Constant.
-    Box {
-        /// Half its width.
-        radius: f32,
-    },
-    /// Falls off linearly.
-    Tent {
-        /// Where it ends.
-        radius: f32,
-    },
-    /// The bell.
-    Gaussian {
-        /// Where it ends.
-        radius: f32,
-        /// Standard deviation.
-        sigma: f32,
-    },
-    /// Mitchell and Netravali 1988.
-    Mitchell {
-        /// Where it ends.
-        radius: f32,
-        /// Their B.
-        b: f32,
-        /// Their C.
-        c: f32,
-    },
-    /// The four-term window of Blackman and Harris.
-    BlackmanHarris {
-        /// Where it ends.
-        radius: f32,
-    },
-}
-
-impl From<PixelFilter> for FilmFilter {
-    fn from(filter: PixelFilter) -> Self {
-        match filter {
-            PixelFilter::Box { radius } => Self::Box { radius },
-            PixelFilter::Tent { radius } => Self::Tent { radius },
-            PixelFilter::Gaussian { radius, sigma } => Self::Gaussian { radius, sigma },
-            PixelFilter::Mitchell { radius, b, c } => Self::Mitchell { radius, b, c },
-            PixelFilter::BlackmanHarris { radius } => Self::BlackmanHarris { radius },
-        }
-    }
 }
 
 impl Opened {
@@ -249,6 +200,6 @@ mod tests {
         let layer = Layer { name: "id".to_owned(), channels: vec!["Y".to_owned()], combine: Combine::Pick };
         assert_eq!(opened.layers().collect::<Vec<_>>(), [layer]);
         let filter = FilmFilter::Gaussian { radius: 2.0, sigma: 0.5 };
-        assert_eq!((opened.filter.map(FilmFilter::from), opened.camera), (Some(filter), true));
+        assert_eq!((opened.filter, opened.camera), (Some(filter), true));
     }
 }

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use bottega_image::Rect;
 
-pub use super::protocol::{CameraView, CombineWord, Files, Opened, OpenedLayer, PixelFilter};
+pub use super::protocol::{CameraView, CombineWord, Files, Opened, OpenedLayer};
 use super::{error::EngineFault, locate::Located, manifest::Kind, quarantine};
 use crate::CancelSwitch;
 use command::CommandLine;

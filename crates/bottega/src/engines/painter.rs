@@ -341,7 +341,7 @@ fn own(args: &RenderArgs, opened: &Opened, title: &str, experts: Vec<Expert>, la
             "give the scene's film another one, such as a Gaussian, or let one engine paint it",
         ));
     };
-    subject.hints.filter = Some(filter.into());
+    subject.hints.filter = Some(filter);
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
     let (engine, _) = render::engine(&args, &subject, &half)?;
     Ok(Own { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })

@@ -43,7 +43,7 @@ pub(super) struct Written {
 /// interruption all are told again.
 ///
 /// Neither the number of entries that wait, which the server tells with each, nor that a consumer goes on delivering is relied
-/// on: where entries are written while a consumer begins, old servers count wrongly and never come to 0. What is known is
+/// on: where entries are written while a consumer begins, servers (2.9.10) may count wrongly and never come to 0. What is known is
 /// compared with the last entry that there is instead.
 pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(News) -> bool) {
     let filter = format!("{}{below}", store.prefix);
