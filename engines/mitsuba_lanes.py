@@ -91,8 +91,10 @@ class _Painter:
         values = [color[0], color[1], color[2]]
         if self.scene.with_alpha:
             values.append(dr.select(valid, mi.Float(1.0), mi.Float(0.0)))
-        kept = [name is not None for name in self.scene.layer_channels.values()]
-        return values + [layer for layer, keep in zip(layers, kept) if keep]
+        for layer, name, is_number in zip(layers, self.scene.layer_channels.values(), self.scene.numbers_shapes):
+            if name is not None:
+                values.append(self.scene.numbered(layer) if is_number else layer)
+        return values
 
     def _collect(self, values, inside, y0, height, samples):
         """Adds each sample to all pixels that the filter lets it reach; the last plane is the filter's weights."""

@@ -2,6 +2,7 @@
 
 import os
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -12,6 +13,8 @@ LAYER_OF_TYPE = {"depth": ("depth", ["Z"]), "albedo": ("albedo", ["R", "G", "B"]
                  "geo_normal": ("geometric_normal", ["X", "Y", "Z"]), "uv": ("uv", ["U", "V"])}
 # Layers that are what bottega's own engine means by these names. Its albedo looks through mirrors and glass.
 SHARED = ("depth", "normal")
+# Layers that tell shapes and their triangles by numbers.
+NUMBERS = ("shape_index", "prim_index")
 
 
 def parse(path, variant, defines):
@@ -63,6 +66,10 @@ class MitsubaScene:
         self._read_integrator(state)
         self.with_alpha = self._has_alpha(state, sensor_index)
         self.pixel_filter = self._pixel_filter(state, sensor_index)
+        kinds = self._kinds_of_layers()
+        if any(kind in NUMBERS for kind in kinds.values()):
+            # Mitsuba joins meshes of one material in an order that is another one in each process.
+            config.merge_meshes = False
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
         self.scene = scene[0] if isinstance(scene, list) else scene
@@ -80,7 +87,9 @@ class MitsubaScene:
         # Mitsuba itself refuses a scene that names none; what people mean is the path tracer.
         self.integrator = self.scene.integrator() or mi.load_dict({"type": "path"})
         self.integrators = {}
-        self.layer_channels = self._layer_channels()
+        self.layer_channels = self._layer_channels(kinds)
+        self.numbers_shapes = [kinds.get(name.rpartition(".")[0]) == "shape_index" for name in self.layer_channels]
+        self.number_of_shape = self._number_of_shape() if any(self.numbers_shapes) else None
 
     def _film_node(self, state, sensor_index):
         sensors = [node for node in state.nodes if node.type == mi.ObjectType.Sensor]
@@ -187,15 +196,37 @@ class MitsubaScene:
             changed["max_depth"] = max_depth + 2
         return changed
 
-    def _layer_channels(self):
-        """Our name of each channel that the integrator gives beside the color, by Mitsuba's name, in Mitsuba's order.
-        None: the `aov` integrator gives the color of the first integrator in it once more."""
-        kinds, nested = {}, False
+    def _number_of_shape(self):
+        """Each shape's place in the file, from 1, by the number that Mitsuba gives it, which is another one in each
+        process. Shapes in groups count as one that comes after all others. Only compiled variants have such numbers."""
+        if not mi.variant().startswith(("llvm", "cuda")):
+            return None
+        given = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in self.scene.shapes()]
+        table = np.full(max(given, default=0) + 1, len(given) + 1, np.float32)
+        table[0] = 0.0
+        table[given] = np.arange(1, len(given) + 1)
+        return mi.Float(table)
+
+    def numbered(self, number):
+        """The places of shapes in the file, by Mitsuba's numbers of them."""
+        last = dr.width(self.number_of_shape) - 1
+        inside = dr.gather(mi.Float, self.number_of_shape, mi.UInt32(dr.minimum(number, last)))
+        return dr.select(number <= last, inside, len(self.scene.shapes()) + 1)
+
+    def _kinds_of_layers(self):
+        """What the `aov` integrators of the scene call their layers: kind by name."""
+        kinds = {}
         for tree in self._trees(self.integrator_tree or {}):
-            nested = nested or (tree.get("type") == "aov" and any(isinstance(part, dict) for part in tree.values()))
             for item in str(tree.get("aovs") or "").split(","):
                 name, _, kind = item.strip().partition(":")
                 kinds[name] = kind
+        return kinds
+
+    def _layer_channels(self, kinds):
+        """Our name of each channel that the integrator gives beside the color, by Mitsuba's name, in Mitsuba's order.
+        None: the `aov` integrator gives the color of the first integrator in it once more."""
+        nested = any(tree.get("type") == "aov" and any(isinstance(part, dict) for part in tree.values())
+                     for tree in self._trees(self.integrator_tree or {}))
         given = list(self.integrator.aov_names())
         again = [name.rpartition(".")[0] for name in given[:4]]
         names = {}
@@ -219,7 +250,7 @@ class MitsubaScene:
                 yield from self._trees(value)
 
     def layers(self):
-        """Mitsuba's film averages all of them, numbers of shapes too."""
+        """Mitsuba's film averages all of them, numbers too."""
         return layers_of([name for name in self.layer_channels.values() if name], shared=SHARED)
 
     def in_lanes(self, integrator):

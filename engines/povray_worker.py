@@ -7,7 +7,8 @@ home folder and /tmp: it is started with the folder of the scene's files as its 
 `parameters` of `open`: `declare` ("Name=value Name={light_samples}": set before the scene is read; `{samples}`,
 `{light_samples}` and `{max_depth}` are what is asked for), `library` (further folders, by `:`), `final_frame` and
 `initial_frame` (an animation whose .ini does not say so), `jitter` ("off" or "on"), `radiosity` ("shared": gathered once
-for the whole frame, at half its size, and used by all windows; "window": gathered for each, which shows at the seams).
+for the whole frame and used by all windows, see povray_gathered.py; "window": gathered for each, which shows at the
+seams).
 """
 
 import os
@@ -23,9 +24,12 @@ import math
 import re
 import shutil
 import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import plain_exr
 from povray_files import common_folder, referred_files
+from povray_gathered import Photons, Radiosity, names_radiosity
 
 DEFAULT_FRAME = (640, 480)
 LARGEST_GRID = 9  # POV-Ray's own bound of +R for method 1.
@@ -71,26 +75,20 @@ def size_in_comment(path):
     return (int(found[1]), int(found[2])) if found else DEFAULT_FRAME
 
 
-def names_radiosity(path):
-    """Whether a scene or include has a block of radiosity."""
-    if not path.lower().endswith((".pov", ".inc", ".mac")):
-        return False
-    with open(path, errors="replace") as file:
-        return re.search(r"\bradiosity\s*\{", file.read()) is not None
-
-
 class PovRay:
     name = "povray"
 
     def __init__(self):
         self.program = program()
         self.version = version_of(self.program)
-        self.child = None
-        LINE.on_leave = self._end_child
+        self.children = []
+        self.seen = None
+        LINE.on_leave = self._end_children
 
-    def _end_child(self):
-        if self.child and self.child.poll() is None:
-            self.child.kill()
+    def _end_children(self):
+        for child in self.children:
+            if child.poll() is None:
+                child.kill()
 
     def open(self, request):
         parameters = request.get("parameters") or {}
@@ -113,20 +111,38 @@ class PovRay:
         self.jitter = str(parameters.get("jitter") or "off").lower() == "on"
         files, self.missing = referred_files(scene, self.library)
         self.home = common_folder([scene] + files)
-        self.shares_radiosity = (str(parameters.get("radiosity") or "shared") == "shared"
-                                 and any(names_radiosity(path) for path in [scene] + files))
-        self.gathered = {}
+        shares = (str(parameters.get("radiosity") or "shared") == "shared"
+                  and any(names_radiosity(path) for path in [scene] + files))
         width, height = size_in_comment(scene)
         self.width = int(request.get("width") or settings.get("width", width))
         self.height = int(request.get("height") or settings.get("height", height))
         self.first_frame = int(parameters.get("initial_frame") or settings.get("initial_frame", 1))
         self.last_frame = int(parameters.get("final_frame") or settings.get("final_frame", self.first_frame))
         self.frame = int(request.get("frame") or self.first_frame)
-        # Reads the scene once, in the least quality and for a single pixel: what is wrong with it is told now.
-        self._start(self._settings((0, 0, 1, 1), 1, self.frame, None, None, "opened.exr") + ["Quality=0"],
-                    lambda share: None)
+        seen = self._state([scene, self.ini, *files], parameters)
+        if seen != self.seen:
+            self.seen = None
+            self.photons, self.radiosity = Photons(scene, self.scratch), Radiosity(self.scratch) if shares else None
+            self.window_seconds = self._try_scene()
+            self.seen = seen
         return {"width": self.width, "height": self.height, "first_frame": self.first_frame,
-                "last_frame": self.last_frame, "frame": self.frame, "layers": []}
+                "last_frame": self.last_frame, "frame": self.frame, "window_seconds": self.window_seconds, "layers": []}
+
+    def _state(self, files, parameters):
+        """What is the same when the scene is opened again, at another size, say: then what was gathered is kept."""
+        stats = [(path, os.stat(path).st_mtime_ns, os.stat(path).st_size) for path in files if path]
+        return stats, self.scratch, self.frame, self.first_frame, self.last_frame, sorted(map(str, parameters.items()))
+
+    def _try_scene(self):
+        """Reads the scene for a single pixel: what is wrong with it is told now. Returns what a window costs beside its
+        samples, in seconds; None: that is not known, for photons were shot."""
+        begun = time.monotonic()
+        settings = self._settings((0, 0, 1, 1), 1, self.frame, None, None, "opened.exr")
+        if self.photons.place is None or self._asks_for_samples():
+            self._start(settings + ["Quality=0"], lambda share: None)
+            return time.monotonic() - begun
+        self._with_photons(self._key(self.frame, None, None, 1), settings, lambda share: None)
+        return None
 
     def paint(self, order, path, progress):
         window = order.window
@@ -139,9 +155,10 @@ class PovRay:
         place = self._place(written, frame)
         if os.path.exists(place):
             os.remove(place)
-        settings = self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth, order,
-                                  written)
-        self._start(settings + self._radiosity(order, grid, frame), progress)
+        settings = self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth,
+                                  order.light_samples, written)
+        key = self._key(frame, order.max_depth, order.light_samples, grid)
+        self._with_photons(key, settings + self._radiosity(key), progress)
         if not os.path.isfile(place):
             raise Refusal("POV-Ray finished and wrote no picture")
         picture = plain_exr.read(place, rows=(window.y0, window.y1))
@@ -159,11 +176,13 @@ class PovRay:
             stem += str(frame).zfill(len(str(self.last_frame)))
         return os.path.join(self.scratch, stem + kind)
 
-    def _settings(self, window, grid, frame, max_depth, order, written):
-        """Lines of an .ini file. POV-Ray counts columns and rows from 1, and the last ones belong to the window."""
+    def _settings(self, window, grid, frame, max_depth, light_samples, written):
+        """Lines of an .ini file. POV-Ray counts columns and rows from 1, and the last ones belong to the window. A last
+        one of 1 would be the share of a frame, all of it: then one more is painted."""
         x0, y0, x1, y1 = window
-        lines = [f'Input_File_Name="{self._scene_of_depth(max_depth)}"', f"Width={self.width}", f"Height={self.height}",
-                 f"Start_Column={x0 + 1}", f"End_Column={x1}", f"Start_Row={y0 + 1}", f"End_Row={y1}",
+        lines = [f'Input_File_Name="{self.scene}"', f"Width={self.width}", f"Height={self.height}",
+                 f"Start_Column={x0 + 1}", f"End_Column={min(max(x1, 2), self.width)}",
+                 f"Start_Row={y0 + 1}", f"End_Row={min(max(y1, 2), self.height)}",
                  f'Output_File_Name="{written}"', "Output_to_File=on", "Output_File_Type=E", "File_Gamma=1.0",
                  "Display=off", "Pause_when_Done=off", "Verbose=on", "Continue_Trace=off", "Create_Histogram=off",
                  f"Work_Threads={self.threads}", "Output_Alpha=off", "Bits_Per_Color=16"]
@@ -172,7 +191,7 @@ class PovRay:
             "Antialias=on", "Sampling_Method=1", "Antialias_Threshold=0.0", f"Antialias_Depth={grid}",
             f"Jitter={'on' if self.jitter else 'off'}"]
         lines += [f'Library_Path="{folder}"' for folder in [os.path.dirname(self.scene)] + self.library]
-        asked = {"samples": grid * grid, "light_samples": order and order.light_samples, "max_depth": max_depth}
+        asked = {"samples": grid * grid, "light_samples": light_samples, "max_depth": max_depth}
         for item in self.declare:
             name, _, value = item.partition("=")
             value = re.sub(r"\{(\w+)\}", lambda found: str(asked.get(found[1])), value)
@@ -183,65 +202,88 @@ class PovRay:
                       f"Subset_Start_Frame={frame}", f"Subset_End_Frame={frame}"]
         return lines
 
-    def _radiosity(self, order, grid, frame):
-        """Settings that have a window use what was gathered for the whole frame. It is gathered by one thread, so that
-        every machine gathers the same."""
-        if not self.shares_radiosity:
-            return []
-        asks_for_samples = any("{samples}" in item for item in self.declare)
-        key = (frame, order.max_depth, order.light_samples, grid if asks_for_samples else 1)
-        if key not in self.gathered:
-            name = f"radiosity{len(self.gathered)}"
-            kept = os.path.join(self.scratch, name + ".rca")
-            if os.path.exists(kept):
-                os.remove(kept)  # Of a scene that was open before.
-            width, height = (self.width + 1) // 2, (self.height + 1) // 2
-            settings = self._settings((0, 0, width, height), key[-1], frame, order.max_depth, order, name + ".exr")
-            self._start(settings + [f"Width={width}", f"Height={height}", "Work_Threads=1", "Antialias=off",
-                                    "Radiosity_To_File=on", f'Radiosity_File_Name="{name}.rca"'], lambda share: None)
-            os.remove(self._place(name + ".exr", frame))
-            # A scene may name radiosity and not use it: then there is no such file.
-            there = os.path.isfile(kept)
-            self.gathered[key] = [f'Radiosity_File_Name="{name}.rca"', "Radiosity_From_File=on",
-                                  "Radiosity_Vain_Pretrace=off"] if there else []
-        return self.gathered[key]
+    def _asks_for_samples(self):
+        return any("{samples}" in item for item in self.declare)
 
-    def _scene_of_depth(self, max_depth):
-        """The scene itself, or one that reads it and then sets how often light is followed: 1 is no reflection."""
+    def _key(self, frame, max_depth, light_samples, grid):
+        """What gathered light depends on beside the scene. `grid`: samples along each side of a pixel."""
+        return frame, max_depth, light_samples, grid if self._asks_for_samples() else 1
+
+    def _with_photons(self, key, settings, progress):
+        """Runs POV-Ray with these settings and the photons of the frame: shoots and saves them, if they are not there."""
+        scene = self._scene_of_depth(self.photons.scene_for(key), key[1])
+        try:
+            self._start(settings + [f'Input_File_Name="{scene}"'], progress)
+        except Refusal:
+            self.photons.forget(key)
+            raise
+
+    def _radiosity(self, key):
+        """Settings that have a window use what was gathered for the whole frame."""
+        if not self.radiosity:
+            return []
+        frame, max_depth, light_samples, grid = key
+
+        def run(jobs):
+            pictures = [f"gathered{index}.exr" for index in range(len(jobs))]
+            scene = self._scene_of_depth(self.scene, max_depth)
+            settings = [self._settings((0, 0, 1, 1), grid, frame, max_depth, light_samples, picture)
+                        + [f'Input_File_Name="{scene}"'] + job for picture, job in zip(pictures, jobs)]
+            together = min(self.threads, len(jobs))
+            for first in range(0, len(jobs), together):
+                self._start_all(settings[first:first + together], lambda share: None)
+            for picture in pictures:
+                os.remove(self._place(picture, frame))
+
+        return self.radiosity.settings(key, self.width, self.height, run)
+
+    def _scene_of_depth(self, scene, max_depth):
+        """A scene itself, or one that reads it and then sets how often light is followed: 1 is no reflection."""
         if max_depth is None:
-            return self.scene
+            return scene
         with open(self.scene, errors="replace") as file:
             version = re.search(r"^\s*#version\s+[\w.]+\s*;", file.read(), re.M)
         path = os.path.join(self.scratch, "with_depth.pov")
         with open(path, "w") as file:
-            file.write(f'{version[0].strip() if version else ""}\n#include "{self.scene}"\n'
+            file.write(f'{version[0].strip() if version else ""}\n#include "{scene}"\n'
                        f"global_settings {{ max_trace_level {max_depth + 1} }}\n")
         return path
 
     def _start(self, settings, progress):
-        """Runs POV-Ray with these settings to its end. Raises its own words when it fails."""
-        names = ["bottega.ini"]
+        self._start_all([settings], progress)
+
+    def _start_all(self, jobs, progress):
+        """Runs POV-Ray with each of these settings at the same time, to the end. Raises its own words when it fails."""
         if self.ini:
             shutil.copyfile(self.ini, os.path.join(self.scratch, "scene.ini"))
-            names.insert(0, "scene.ini")
-        with open(os.path.join(self.scratch, "bottega.ini"), "w") as file:
-            file.write("\n".join(settings) + "\n")
         environment = dict(os.environ, HOME=self.home)
-        self.child = subprocess.Popen([self.program] + names, cwd=self.scratch, env=environment,
-                                      stdin=subprocess.DEVNULL, stdout=2, stderr=subprocess.PIPE)
-        log = self._follow(progress)
-        code = self.child.wait()
-        self.child = None
-        if code != 0:
-            reason = reason_in(log) or f"POV-Ray ended with status {code}"
-            if self.missing and "pars" in reason.lower():
-                reason += "; these files are missing: " + ", ".join(self.missing[:5])
-            raise Refusal(reason)
+        self.children = []
+        for index, settings in enumerate(jobs):
+            names = (["scene.ini"] if self.ini else []) + [f"bottega{index}.ini"]
+            with open(os.path.join(self.scratch, names[-1]), "w") as file:
+                file.write("\n".join(settings) + "\n")
+            self.children.append(subprocess.Popen([self.program] + names, cwd=self.scratch, env=environment,
+                                                  stdin=subprocess.DEVNULL, stdout=2, stderr=subprocess.PIPE))
+        with ThreadPoolExecutor(len(jobs)) as threads:
+            logs = list(threads.map(lambda child: self._follow(child, progress), self.children))
+        codes = [child.wait() for child in self.children]
+        self.children = []
+        for code, log in zip(codes, logs):
+            if code != 0:
+                raise Refusal(self._reason(code, log))
 
-    def _follow(self, progress):
+    def _reason(self, code, log):
+        reason = reason_in(log) or f"POV-Ray ended with status {code}"
+        # The copy that names a file of photons has the lines of the scene itself.
+        reason = reason.replace(os.path.join(self.scratch, "with_photons.pov"), self.scene)
+        if self.missing and "pars" in reason.lower():
+            reason += "; these files are missing: " + ", ".join(self.missing[:5])
+        return reason
+
+    def _follow(self, child, progress):
         """Passes the log on, and the progress that POV-Ray tells between carriage returns; returns the log's end."""
         log, pending = [], b""
-        while piece := self.child.stderr.read1(1 << 14):
+        while piece := child.stderr.read1(1 << 14):
             *lines, pending = re.split(rb"[\r\n]", pending + piece)
             # POV-Ray ends a line of progress by no line feed; it is whole when it shows its percents.
             if pending.endswith(b"%)"):

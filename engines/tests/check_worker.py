@@ -232,7 +232,7 @@ def check_window_is_frame(room):
         for window in windows(4 if room.name == "povray" else 12):
             expect(bits_equal(room.paint(window, 9), whole.cut(*window)), f"window {window} has other bits than the frame")
         if room.name == "povray":
-            return "the same bits; " + check_radiosity(room)
+            return f"the same bits; {check_photons(room)}; {check_radiosity(room)}"
         return "the same bits"
     runs = 5
     frames = [room.paint(WHOLE, 32, seed=100 + run) for run in range(runs)]
@@ -245,6 +245,33 @@ def check_window_is_frame(room):
     return f"{100 * max(shares):.2f} % of the blocks beyond 3.8 standard errors at most"
 
 
+def check_photons(room):
+    """Photons that are shot once, saved and loaded by all later windows, light the picture as those that it shoots itself."""
+    with open(room.scene) as file:
+        text = file.read()
+    ball = ("sphere { <0.4, 0.9, -0.3>, 0.25 pigment { rgbt 1 } interior { ior 1.5 } finish { ambient 0 diffuse 0 }"
+            " photons { target refraction on reflection on } }\n")
+    settings = 'assumed_gamma 1.0 /* photons { */ photons { spacing 0.02 jitter 0 %s }'
+    own = os.path.join(room.scratch, "own.map")
+    pictures = []
+    # The second scene names a file itself, so that nothing is done to it; the third has no ball to refract light.
+    for name, named, more in (("shared", "", ball), ("own", f'save_file "{own}"', ball), ("none", "", "")):
+        path = os.path.join(room.scratch, f"{name}.pov")
+        with open(path, "w") as file:
+            file.write(text.replace("assumed_gamma 1.0", settings % named) + more)
+        room.open(path)
+        pictures.append(room.paint(WHOLE, 4))
+        if name == "shared":
+            for window in ([0, 0, 64, 48], [64, 48, 128, 96], [30, 20, 94, 68]):
+                expect(bits_equal(room.paint(window, 4), pictures[0].cut(*window)), f"photons light {window} otherwise")
+    expect(bits_equal(pictures[0], pictures[1]), "photons that are loaded make another picture than those that are shot")
+    expect(not bits_equal(pictures[0], pictures[2]), "the ball is not in the picture")
+    saved = [name for name in os.listdir(room.scratch) if re.fullmatch(r"photons\d+\.map", name)]
+    expect(saved and os.path.isfile(own), f"no photons were saved: {sorted(os.listdir(room.scratch))}")
+    room.open(room.scene)
+    return "photons are shot once"
+
+
 def check_radiosity(room):
     """Light that POV-Ray gathers at places of its own choice: windows are alike, and not the same."""
     room.open(room.scene, parameters={"declare": "Radiosity=1"})
@@ -255,8 +282,21 @@ def check_radiosity(room):
         expect(off < 0.01, f"with radiosity, window {window} is {off:.4f} off on average")
         worst = max(worst, off)
     expect(mean(whole.channels["R"]) > 0.5, "light that is gathered adds nothing")
+    before = gathered_light(room)
+    room.open(room.scene, parameters={"declare": "Radiosity=1", "jitter": "on"}, threads=1)
+    room.paint([0, 0, 4, 4], 1)
+    expect(len(before) == 1 and gathered_light(room) == before, "one thread gathers other light than two")
+    room.open(room.scene, parameters={"declare": "Radiosity=1", "jitter": "on"}, width=32, height=24)
+    room.paint([0, 0, 32, 24], 1)
+    expect(gathered_light(room) == before, "a smaller frame gathers light of its own")
     room.open(room.scene)
     return f"with radiosity {worst:.4f} off on average at most"
+
+
+def gathered_light(room):
+    """Contents of the files in which POV-Ray's worker keeps radiosity."""
+    files = [os.path.join(room.scratch, name) for name in sorted(os.listdir(room.scratch)) if name.endswith(".rca")]
+    return [open(path, "rb").read() for path in files]
 
 
 def compare(some, others, window):
@@ -375,7 +415,27 @@ def check_layers(room):
     expect(abs(normal + 1) < 0.02, f"its normal's y is {normal:.3f} instead of -1")
     albedo = mean(middle.channels["albedo.R"])
     expect(abs(albedo - 0.73) < 0.03, f"its albedo is {albedo:.3f} instead of 0.73")
-    return ", ".join(layers)
+    return ", ".join(layers) + (check_numbers(room) if room.name == "mitsuba" else "")
+
+
+def check_numbers(room):
+    """Mitsuba numbers shapes otherwise in each process: the worker tells their places in the file."""
+    with open(room.scene) as file:
+        text = file.read()
+    path = os.path.join(room.scratch, "numbers.xml")
+    with open(path, "w") as file:
+        file.write(text.replace("a:albedo", "a:albedo,s:shape_index,p:prim_index"))
+    order = re.findall(r'<shape type="rectangle" id="(\w+)"', text)
+    expect([layer["name"] for layer in room.open(path)["layers"]][-2:] == ["p", "s"], "the numbers are no layers")
+    middle = (WIDTH // 2, HEIGHT // 2)
+    for shape, (x, y) in (("back", (middle[0] + 24, 30)), ("left", (middle[0] - 40, middle[1])),
+                          ("right", (middle[0] + 40, middle[1]))):
+        window = [x, y, x + 2, y + 2]
+        picture = room.paint(window, 16)
+        number = mean(next(picture.channels[name] for name in picture.channels if name.startswith("s.")))
+        expect(abs(number - order.index(shape) - 1) < 1e-3, f"`{shape}` has the number {number}, not its place in {order}")
+    room.open(room.scene)
+    return "; shapes are numbered by their places in the file"
 
 
 def check_frames(room):

@@ -19,7 +19,7 @@ use super::{
     manifest::Determinism,
     picture, quarantine,
     session::{SceneRequest, Session, WindowRequest},
-    tiny::{self, PROBE_TIME},
+    tiny,
 };
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 
@@ -57,14 +57,16 @@ pub struct ExternalOptions {
     pub surveyor: Option<Surveyor>,
 }
 
+/// A survey, and what windows cost if that is known.
+type Looked = (Survey, Option<tiny::Pace>);
 type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 type TileWatcher = Box<dyn Fn(&Tile) + Send + Sync>;
 type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
 
 enum Work {
     Zone(ZoneTask, Done),
-    Survey(u32, u32, Duration, mpsc::Sender<Result<Survey, EngineFault>>),
-    Pace(mpsc::Sender<Result<tiny::Pace, EngineFault>>),
+    Survey(u32, u32, Option<tiny::Pace>, mpsc::Sender<Result<Looked, EngineFault>>),
+    Pace(bool, mpsc::Sender<Result<Option<tiny::Pace>, EngineFault>>),
 }
 
 #[derive(Default)]
@@ -173,12 +175,14 @@ impl ExternalEngine {
     }
 
     /// What windows cost, and samples.
-    fn pace(&self) -> Option<tiny::Pace> {
+    ///
+    /// - `will_look`: a look at the scene will tell it, if the engine has told what windows cost.
+    fn pace(&self, will_look: bool) -> Option<tiny::Pace> {
         let (sender, answer) = mpsc::channel();
-        self.shared.submit(Work::Pace(sender));
+        self.shared.submit(Work::Pace(will_look, sender));
         let pace = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
         // The zones will say it again, if it is of any weight.
-        pace.inspect_err(|fault| tracing::debug!(%fault, "the pace of the engine is not known")).ok()
+        pace.inspect_err(|fault| tracing::debug!(%fault, "the pace of the engine is not known")).ok().flatten()
     }
 }
 
@@ -200,19 +204,20 @@ impl RenderEngine for ExternalEngine {
         let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
         let options = &self.shared.options;
         // Asked while the session has the picture open, and not the survey.
-        let pace = options.bounds_zones.then(|| self.pace()).flatten();
-        let mut survey = match seen {
-            Some(survey) => survey,
+        let pace = options.bounds_zones.then(|| self.pace(seen.is_none())).flatten();
+        let (mut survey, pace) = match seen {
+            Some(survey) => (survey, pace),
             None => {
                 let (sender, answer) = mpsc::channel();
-                let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(options.samples));
-                self.shared.submit(Work::Survey(width, height, time, sender));
+                self.shared.submit(Work::Survey(width, height, pace, sender));
                 let outcome = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
                 outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
             }
         };
         let windows = if self.is_profiled() { WINDOWS_OF_ZONE } else { 1.0 };
-        survey.zones_max = pace.map(|pace| pace.zones_max(options.samples, windows));
+        tracing::debug!(?pace, "what windows cost");
+        let bounding = pace.filter(|_| options.bounds_zones);
+        survey.zones_max = bounding.map(|pace| pace.zones_max(options.samples, windows));
         let _ = self.shared.surveyed.set(survey.clone());
         Ok(survey)
     }
@@ -333,12 +338,12 @@ impl Lane {
     fn run(&mut self) {
         while let Some(work) = self.shared.next() {
             match work {
-                Work::Survey(width, height, time, answer) => {
-                    let mut survey = self.survey(width, height, time);
+                Work::Survey(width, height, pace, answer) => {
+                    let mut survey = self.survey(width, height, pace);
                     self.settle(survey.as_ref().map(drop));
                     if survey.as_ref().is_err_and(EngineFault::ends_process) && !self.shared.closing.is_cancelled() {
                         // As a zone is given to somebody else after a crash.
-                        survey = self.survey(width, height, time);
+                        survey = self.survey(width, height, pace);
                         self.settle(survey.as_ref().map(drop));
                     }
                     if survey.is_err() {
@@ -348,10 +353,9 @@ impl Lane {
                     // Nobody may want it any more.
                     let _ = answer.send(survey);
                 }
-                Work::Pace(answer) => {
-                    let pace = self.pace();
+                Work::Pace(will_look, answer) => {
+                    let pace = self.pace(will_look);
                     self.settle(pace.as_ref().map(drop));
-                    tracing::debug!(?pace, "what windows cost");
                     let _ = answer.send(pace);
                 }
                 Work::Zone(task, done) => {
@@ -403,21 +407,26 @@ impl Lane {
         }
     }
 
-    fn pace(&mut self) -> Result<tiny::Pace, EngineFault> {
+    fn pace(&mut self, will_look: bool) -> Result<Option<tiny::Pace>, EngineFault> {
         let (width, height) = self.shared.options.request.size.unwrap_or((1, 1));
         let window = self.look(width, height, 1);
-        tiny::Pace::measure(self.session()?, &window)
+        let session = self.session()?;
+        if will_look && session.opened().window_seconds().is_some() {
+            return Ok(None);
+        }
+        tiny::Pace::measure(session, &window).map(Some)
     }
 
-    fn survey(&mut self, width: u32, height: u32, time: Duration) -> Result<Survey, EngineFault> {
+    fn survey(&mut self, width: u32, height: u32, pace: Option<tiny::Pace>) -> Result<Looked, EngineFault> {
         let (request, located) = (self.request(), Arc::clone(&self.shared.located));
         let window = self.look(width, height, tiny::SAMPLES);
+        let samples = self.shared.options.samples;
         let session = self.session()?;
         session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
-        let survey = tiny::survey(session, &window, time)?;
+        let looked = tiny::survey(session, &window, pace, samples)?;
         // Zones are of the whole picture.
         session.reopen(&located, &request)?;
-        Ok(survey)
+        Ok(looked)
     }
 
     fn zone(&mut self, task: ZoneTask) -> Result<Painted, EngineFault> {

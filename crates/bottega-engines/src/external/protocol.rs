@@ -71,6 +71,9 @@ pub struct Opened {
     /// Whether the scene has a camera, or has been given one. Without one nothing can be painted.
     #[serde(default = "yes")]
     pub camera: bool,
+    /// What a window costs beside its samples, in seconds, where it costs so much that it should not be tried out.
+    #[serde(default)]
+    pub window_seconds: Option<f64>,
     /// How samples are spread over a pixel; `None`: nobody knows, or in a way that there is no name for.
     #[serde(default)]
     pub filter: Option<FilmFilter>,
@@ -93,6 +96,11 @@ pub struct CameraView {
 }
 
 impl Opened {
+    /// What a window costs beside its samples, if that is a time at all.
+    pub(super) fn window_seconds(&self) -> Option<f64> {
+        self.window_seconds.filter(|seconds| (0.0..f64::from(u16::MAX)).contains(seconds))
+    }
+
     /// The layers, as a film keeps them.
     pub fn layers(&self) -> impl Iterator<Item = Layer> {
         self.layers.iter().map(|OpenedLayer { name, channels, combine, .. }| Layer {

@@ -22,6 +22,7 @@ const FILES: &[(&str, &str)] = shipped![
     "mitsuba_worker.py",
     "plain_exr.py",
     "povray_files.py",
+    "povray_gathered.py",
     "povray_worker.py",
 ];
 

@@ -16,13 +16,15 @@ pub(super) const SAMPLES: u32 = 4;
 /// Rows and columns of windows whose time is taken.
 const PROBES: u32 = 4;
 /// No more time than this goes into them,
-pub(super) const PROBE_TIME: Duration = Duration::from_millis(1500);
+const PROBE_TIME: Duration = Duration::from_millis(1500);
 /// nor more than this share of what the whole picture will take.
 const PROBE_SHARE: f64 = 0.01;
 /// Side of the window whose time is taken, as a part of the frame's shorter side on each side of its middle.
 const PART: u32 = 12;
 /// A window that takes so many seconds tells enough.
 const PACE_TIME: f64 = 0.5;
+/// Samples of a window take at least so many seconds: clocks tell no less.
+const LEAST_TIME: f64 = 1e-4;
 /// Samples are told from the window that they are in when they take so many times as long.
 const TELLING_RATIO: f64 = 2.0;
 /// Else so many times as many samples are tried,
@@ -34,13 +36,27 @@ const WINDOWS_SHARE: f64 = 0.01;
 /// Times tell places apart when at least this share of them is not what every window costs.
 const TELLING_SHARE: f64 = 0.3;
 
-/// A survey of the frame that the session has open: `whole` is all of it.
+/// A survey of the frame that the session has open: `whole` is all of it. And the pace, if it is known now.
 ///
-/// - `time`: for windows whose time is taken.
-pub(super) fn survey(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Survey, EngineFault> {
+/// - `pace`: what windows cost, if that was measured.
+/// - `samples`: of the picture that is to be painted, all pixels together.
+pub(super) fn survey(
+    session: &mut Session,
+    whole: &WindowRequest,
+    pace: Option<Pace>,
+    samples: u64,
+) -> Result<(Survey, Option<Pace>), EngineFault> {
     let frame = whole.window;
+    let told = session.opened().window_seconds();
+    let begun = Instant::now();
     let picture = paint(session, whole, frame)?;
-    let costs = probe(session, whole, time)?;
+    let took = begun.elapsed().as_secs_f64();
+    let seen = frame.area() * u64::from(whole.samples);
+    let pace = pace.or(told.map(|window| Pace { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
+    let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
+    // Where windows are that dear their times would come too late, and tell nothing.
+    let probes_fit = told.is_none_or(|window| window * f64::from(PROBES * PROBES) < time.as_secs_f64());
+    let costs = if probes_fit { probe(session, whole, time)? } else { all_the_same() };
     let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame
         .pixels()
@@ -56,7 +72,11 @@ pub(super) fn survey(session: &mut Session, whole: &WindowRequest, time: Duratio
             }
         })
         .collect();
-    Ok(survey)
+    Ok((survey, pace))
+}
+
+fn all_the_same() -> Vec<f64> {
+    vec![1.0; (PROBES * PROBES) as usize]
 }
 
 fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<Picture, EngineFault> {
@@ -67,10 +87,9 @@ fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<P
 
 /// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
 fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Vec<f64>, EngineFault> {
-    let same = vec![1.0; (PROBES * PROBES) as usize];
     let frame = whole.window;
     if frame.width() < 2 * PROBES || frame.height() < 2 * PROBES {
-        return Ok(same);
+        return Ok(all_the_same());
     }
     let until = Instant::now() + time;
     let mut timed = |window: Rect| {
@@ -84,7 +103,7 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
     for row in 0..PROBES {
         for column in 0..PROBES {
             if Instant::now() > until {
-                return Ok(same);
+                return Ok(all_the_same());
             }
             let window = cell(frame, column, row);
             let beyond = (timed(window)? - idle).max(0.0);
@@ -93,7 +112,7 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
     }
     let beyond: f64 = times.iter().map(|(beyond, _)| beyond).sum();
     let all = beyond + idle * times.len() as f64;
-    Ok(if beyond < TELLING_SHARE * all { same } else { times.into_iter().map(|(_, each)| each).collect() })
+    Ok(if beyond < TELLING_SHARE * all { all_the_same() } else { times.into_iter().map(|(_, each)| each).collect() })
 }
 
 /// What windows cost, and their samples.
@@ -108,7 +127,7 @@ pub(super) struct Pace {
 impl Pace {
     /// Takes the time of windows of the frame that the session has open.
     pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
-        let frame = whole.window;
+        let (frame, told) = (whole.window, session.opened().window_seconds());
         let dot = Rect::new(frame.x1 / 2, frame.y1 / 2, frame.x1 / 2 + 1, frame.y1 / 2 + 1);
         let mut timed = |window: Rect, samples: u32| {
             let begun = Instant::now();
@@ -116,15 +135,20 @@ impl Pace {
             let written = session.paint(&request, &mut |_| {})?;
             picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
         };
-        // The first one may be the one for which something is compiled. What else the machine does only adds.
-        let first = timed(dot, whole.samples)?;
-        let window = timed(dot, whole.samples)?.min(first);
+        let window = match told {
+            Some(window) => window,
+            None => {
+                // The first one may be the one for which something is compiled. What else the machine does only adds.
+                let first = timed(dot, whole.samples)?;
+                timed(dot, whole.samples)?.min(first)
+            }
+        };
         let part = dot.grown(frame.width().min(frame.height()) / PART, &frame);
         let mut samples = whole.samples;
         loop {
             let took = timed(part, samples)?;
             if took - window > TELLING_RATIO * window || took > window + PACE_TIME || samples >= SAMPLES_PACED {
-                let sample = (took - window).max(1e-4) / (part.area() as f64 * f64::from(samples));
+                let sample = (took - window).max(LEAST_TIME) / (part.area() as f64 * f64::from(samples));
                 return Ok(Self { window, sample });
             }
             samples = samples.saturating_mul(MORE_SAMPLES).min(SAMPLES_PACED);
@@ -132,7 +156,7 @@ impl Pace {
     }
 
     /// How long places of a picture of so many samples may be looked at.
-    pub(super) fn probe_time(self, samples: u64) -> Duration {
+    fn probe_time(self, samples: u64) -> Duration {
         let all = self.sample * samples as f64;
         Duration::try_from_secs_f64(all * PROBE_SHARE).unwrap_or(PROBE_TIME).min(PROBE_TIME)
     }
