@@ -23,9 +23,9 @@ pub(crate) fn test() -> Result<()> {
     needs::software_vulkan();
     needs::xml_validator();
     needs::engines(false);
-    let servers = needs::nats_servers();
-    let servers = servers.as_ref().map(|(variable, paths)| (*variable, paths.as_os_str()));
-    cargo(&["test", "--workspace", "--quiet"], servers.as_slice())
+    let found: Vec<_> = [needs::nats_servers(), needs::denoiser()].into_iter().flatten().collect();
+    let found: Vec<_> = found.iter().map(|(variable, places)| (*variable, places.as_os_str())).collect();
+    cargo(&["test", "--workspace", "--quiet"], &found)
 }
 
 pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {

@@ -3,6 +3,7 @@
 use std::{
     env,
     ffi::OsString,
+    fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
 };
@@ -66,6 +67,35 @@ fn wheel_server() -> Option<PathBuf> {
         }
     }
     server.is_file().then_some(server)
+}
+
+/// Open Image Denoise, by which finished pictures are denoised: an old one (1.4) from a Python wheel, below `target`. The
+/// variable by which the program finds it.
+pub(crate) fn denoiser() -> Option<(&'static str, OsString)> {
+    const VARIABLE: &str = "BOTTEGA_OIDN";
+    if env::var_os(VARIABLE).is_some() || !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        return None;
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/oidn");
+    let lib = folder.join("lib");
+    if !lib.is_dir() {
+        println!("the tests of --denoise need Open Image Denoise: installing oidn below target (pip)");
+        let into = folder.display().to_string();
+        let arguments = ["-m", "pip", "install", "--quiet", "--no-deps", "--upgrade", "--target", &into, "oidn"];
+        // The wheel's libraries do not have the names by which they look for each other.
+        let names = [("libOpenImageDenoise.so.1.4.3", "libOpenImageDenoise.so.1"), ("libtbb.so.12.5", "libtbb.so.12")];
+        let wheel = folder.join("oidn/lib.linux.x64");
+        let named = run("python3", &arguments)
+            && fs::create_dir(&lib).is_ok()
+            && names.iter().all(|(from, to)| fs::copy(wheel.join(from), lib.join(to)).is_ok());
+        if !named {
+            // None is better than half of one, and another time it may be had. There may be nothing to remove.
+            _ = fs::remove_dir_all(&lib);
+            println!("could not install it (no python3 with pip, or another wheel): those tests will be skipped");
+            return None;
+        }
+    }
+    Some((VARIABLE, folder.into_os_string()))
 }
 
 /// A judge of XML documents, by which the forms of messages are tested.

@@ -152,6 +152,16 @@ pub enum FilmFilter {
 }
 
 impl FilmFilter {
+    /// Whether it is a filter at all, and reaches no further than any real one does.
+    pub fn is_sound(&self) -> bool {
+        let is_length = |value: f32| value > 0.0 && value <= 64.0;
+        match *self {
+            Self::Box { radius } | Self::Tent { radius } | Self::BlackmanHarris { radius } => is_length(radius),
+            Self::Gaussian { radius, sigma } => is_length(radius) && is_length(sigma),
+            Self::Mitchell { radius, b, c } => is_length(radius) && [b, c].iter().all(|value| value.abs() <= 64.0),
+        }
+    }
+
     /// The pixel itself.
     pub const PIXEL: Self = Self::Box { radius: 0.5 };
 }

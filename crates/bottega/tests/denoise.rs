@@ -99,3 +99,29 @@ fn a_library_that_is_not_there_is_told_before_anything_is_painted() {
         fs::read_dir(folder.path()).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
     assert_eq!(left, ["broken.so"], "no journal is left behind");
 }
+
+#[cfg(unix)]
+#[test]
+fn what_is_stopped_keeps_its_noise_and_is_denoised_when_it_is_finished() {
+    if !is_here() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let (parts, plain) = (folder.path().join("parts.exr"), folder.path().join("plain.exr"));
+    let usual = ["render", "goblets.glb", "--size", "64x48", "--spp", "1000"];
+    let asked = [&usual[..], &["--denoise", "-o", text(&parts)]].concat();
+    assert_eq!(support::interrupt(&asked).code(), Some(130), "it was stopped before its end");
+    let stopped = read_image(&parts, ReadLimits::default()).expect("what is painted is written");
+    assert_eq!(stopped.metadata.get("denoised"), None);
+    support::succeed(&[&asked[..], &["--resume", "--quiet"]].concat());
+    support::succeed(&[&usual[..], &["--quiet", "-o", text(&plain)]].concat());
+    let names = ["noisy.R", "noisy.G", "noisy.B"].map(str::to_owned);
+    let (done, noisy) = read_channels(&parts, ReadLimits::default(), &names).expect("a picture");
+    assert!(done.metadata.get("denoised").is_some());
+    let plain = read_image(&plain, ReadLimits::default()).expect("a picture").picture;
+    assert_ne!(done.picture, plain);
+    for (channel, layer) in noisy.iter().enumerate() {
+        let expected: Vec<f32> = plain.data.iter().map(|pixel| pixel[channel]).collect();
+        assert_eq!(layer.as_ref(), Some(&expected), "the noise is that of a picture that nobody stopped");
+    }
+}

@@ -2,15 +2,10 @@
 
 mod support;
 
-use std::{
-    fs,
-    io::{BufRead, BufReader},
-    path::Path,
-    process::Stdio,
-};
+use std::{fs, path::Path};
 
 use proptest::prelude::*;
-use support::{bottega, scenes, succeed, text};
+use support::{interrupt, scenes, succeed, text};
 
 const SIZE: &str = "48x36";
 
@@ -69,22 +64,6 @@ fn a_crop_equals_that_part_of_the_whole() {
             assert_eq!(crop.pixel(x, y).map(f32::to_bits), whole.pixel(x + 11, y + 5).map(f32::to_bits), "{x},{y}");
         }
     }
-}
-
-/// Starts a long picture, stops it when some of it is painted, and returns how it ended.
-#[cfg(unix)]
-fn interrupt(arguments: &[&str]) -> std::process::ExitStatus {
-    let mut child = bottega(arguments).arg("--json").stdout(Stdio::piped()).spawn().expect("the program starts");
-    let lines = BufReader::new(child.stdout.take().expect("piped")).lines();
-    let mut stopped = false;
-    for line in lines.map_while(Result::ok) {
-        if !stopped && line.contains(r#""state":"done""#) {
-            let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-            assert!(status.expect("kill runs").success());
-            stopped = true;
-        }
-    }
-    child.wait().expect("the program ends")
 }
 
 #[cfg(unix)]

@@ -35,7 +35,18 @@ def layered(x, y):
 def sound(x, y):
     return (x / 8, y / 8, 1.0)
 
+def told(mode):
+    """More that is told of a scene."""
+    if mode == "wide filter":
+        return {"filter": {"kind": "tent", "radius": 1e30}}
+    if mode.startswith("dear windows"):
+        return {"window_seconds": float(mode.removeprefix("dear windows"))}
+    return {}
+
 def paint(request, mode, size, scratch):
+    if mode.startswith("dear windows"):
+        with open(os.environ["TRACE"], "a") as trace:
+            trace.write("window ")
     x0, y0, x1, y1 = request["window"]
     path = os.path.join(scratch, f"{request['id']}.exr")
     color, width, height = sound, x1 - x0, y1 - y0
@@ -104,7 +115,7 @@ def main():
                 say(failed={"id": None, "reason": "line 1: I do not know the word `unreadable`", "fatal": False})
                 continue
             size, scratch = (request["width"] or 96, request["height"] or 64), request["scratch"]
-            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": layers(mode)})
+            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": layers(mode), **told(mode)})
         elif request["do"] == "paint":
             paint(request, mode, size, scratch)
         elif request["do"] == "files":

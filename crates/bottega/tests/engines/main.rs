@@ -116,6 +116,20 @@ fn a_crash_costs_a_zone_and_no_picture() {
 }
 
 #[test]
+fn windows_that_are_dear_are_not_tried_out() {
+    // One to look at the scene, one for the only zone: each more would cost five seconds, if that were true.
+    for (seconds, windows) in [("5", 2..3), ("-1", 4..1000)] {
+        let stage = Stage::new(&format!("dear windows {seconds}"));
+        let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
+        let words = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--quiet"];
+        let done = stage.command(&words).output().expect("the program starts");
+        assert!(done.status.success(), "{}", told(&done));
+        let painted = fs::read_to_string(stage.path("trace")).expect("a trace").split_whitespace().count();
+        assert!(windows.contains(&painted), "{seconds} s: {painted} windows");
+    }
+}
+
+#[test]
 fn what_engines_do_wrong_is_told() {
     for (scene, says) in [
         ("crash", "signal 6 (aborted)"),
@@ -133,6 +147,7 @@ fn what_engines_do_wrong_is_told() {
         ("elsewhere", "not in its folder"),
         ("refuses", "texture `wood.png` is not to my taste"),
         ("unreadable", "I do not know the word `unreadable`"),
+        ("wide filter", "the scene's pixel filter is Tent"),
     ] {
         let stage = Stage::new(scene);
         let begun = Instant::now();

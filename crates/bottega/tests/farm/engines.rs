@@ -75,6 +75,29 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     assert!(farmed.pixel(48, 36) != farmed.pixel(2, 2));
 }
 
+#[test]
+fn a_picture_of_a_farm_is_denoised_as_a_whole() {
+    let Some(server) = servers().pop() else { return };
+    if let Err(error) = bottega_denoise::Denoiser::load() {
+        eprintln!("SKIPPED: {error}");
+        return;
+    }
+    let farm = Farm::start(&server);
+    let (farmed, alone) = (farm.path("farmed.exr"), farm.path("alone.exr"));
+    let usual =
+        ["render", "cornell-box.glb", "--size", "64x48", "--spp", "64", "--zones=9", "--denoise", "--quiet", "-o"];
+    farm.succeed(&[&usual[..], &[text(&alone)]].concat());
+    let _one = farm.join("one");
+    farm.succeed(&[&usual[..], &[text(&farmed), "--farm"]].concat());
+    let names = ["noisy.R", "albedo.G", "normal.Z"].map(str::to_owned);
+    let read = |path: &Path| read_channels(path, ReadLimits::default(), &names).expect("a picture");
+    let ((farmed, its_layers), (alone, layers)) = (read(&farmed), read(&alone));
+    assert!(farmed.metadata.get("denoised").is_some(), "{:?}", farmed.metadata);
+    // Zone by zone it would be another picture: the denoiser would not see over their edges.
+    assert_eq!(farmed.picture, alone.picture);
+    assert_eq!(its_layers, layers);
+}
+
 const MOVING: &str = "#version 3.7; global_settings { assumed_gamma 1.0 } #include \"lamp.inc\"
 camera { location <0, 1, -4> look_at <0, 0.5, 0> right x*image_width/image_height angle 45 }
 background { rgb <0.3, 0.4, 0.6> }

@@ -3,8 +3,9 @@
 
 use std::{
     env,
+    io::{BufRead, BufReader},
     path::{Path, PathBuf},
-    process::{Command, Output},
+    process::{Command, ExitStatus, Output, Stdio},
 };
 
 /// The program, in the folder of the scenes.
@@ -25,6 +26,22 @@ pub(crate) fn succeed(arguments: &[&str]) -> String {
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?} failed: {told}");
     String::from_utf8(output.stdout).expect("text")
+}
+
+/// Starts a long picture, stops it when some of it is painted, and returns how it ended.
+#[cfg(unix)]
+pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
+    let mut child = bottega(arguments).arg("--json").stdout(Stdio::piped()).spawn().expect("the program starts");
+    let lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    let mut stopped = false;
+    for line in lines.map_while(Result::ok) {
+        if !stopped && line.contains(r#""state":"done""#) {
+            let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+            assert!(status.expect("kill runs").success());
+            stopped = true;
+        }
+    }
+    child.wait().expect("the program ends")
 }
 
 /// The scenes of the repository.

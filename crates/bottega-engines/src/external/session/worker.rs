@@ -104,6 +104,9 @@ impl Worker {
             Answer::Opened(opened) if opened.width == 0 || opened.height == 0 => {
                 Err(protocol_error(format!("the scene has {}x{} pixels", opened.width, opened.height)))
             }
+            Answer::Opened(Opened { filter: Some(filter), .. }) if !filter.is_sound() => {
+                Err(protocol_error(format!("the scene's pixel filter is {filter:?}")))
+            }
             Answer::Opened(opened) => {
                 Layout::with_layers(AovSet::NONE, opened.layers().collect()).map_err(EngineFault::Layers)?;
                 Ok(opened)
