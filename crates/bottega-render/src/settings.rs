@@ -110,6 +110,8 @@ pub struct AgentSettings {
     pub decides_shadows: bool,
     /// Whether it is asked where indirect light may be interpolated; else it is gathered everywhere.
     pub decides_irradiance: bool,
+    /// With [`Oracle::Error`]: whether glossy surfaces ask it what light comes to them from where; else they send rays to all sides.
+    pub decides_radiance: bool,
     /// With [`Oracle::Error`]: greatest relative error of indirect light that is interpolated.
     pub error: f32,
     /// With [`Oracle::Error`]: bytes that all the agents may take. Where they are too few, more is computed while the picture is
@@ -152,6 +154,7 @@ impl Default for AgentSettings {
             oracle: Oracle::default(),
             decides_shadows: true,
             decides_irradiance: true,
+            decides_radiance: true,
             error: 0.1,
             memory_bytes: 4 << 20,
         }

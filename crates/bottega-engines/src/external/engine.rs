@@ -53,6 +53,8 @@ pub struct ExternalOptions {
     pub scene_light_samples: Option<u32>,
     /// Whether so few zones are made that windows cost little beside their samples: not where the user says how many.
     pub bounds_zones: bool,
+    /// Whether the picture has a time: what zones take must be known before they are painted, whatever that costs.
+    pub is_timed: bool,
     /// Makes the survey in the engine's place, if it can: of a scene that is read here.
     pub surveyor: Option<Surveyor>,
 }
@@ -171,7 +173,7 @@ impl ExternalEngine {
     /// Samples that do not add up would be taken again, and windows that are dear be started twice.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();
-        manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
+        self.shared.options.is_timed || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
     }
 
     /// What windows cost, and samples.

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::{
     camera::RayCone,
-    integrator::{BLEND, bsdf_at, is_matte},
+    integrator::{BLEND, bsdf_at, is_broad, is_matte},
     interaction::{Interaction, is_there},
     lights::Emitted,
     prepare::PreparedScene,
@@ -44,6 +44,8 @@ pub struct Agent {
     pub clone: u32,
     /// Whether its surface sends light back to all sides alike, so that irradiance is all there is to know.
     pub is_matte: bool,
+    /// Whether it is not, but sends back so much of it broadly that it is worth knowing what comes from where.
+    pub is_glossy: bool,
 }
 
 /// Agents to cast.
@@ -85,9 +87,9 @@ impl Casting<'_> {
             let normal = if point.front { point.ng } else { -point.ng };
             let is_own = self.prepared.lights().light_of(self.prepared, &hit) == Some(light);
             if !is_own && point.p.is_finite() && distance.is_finite() {
-                if let Some(is_matte) = self.spreads(&point, &sampler) {
-                    let (p, to_light) = (point.p, point.wo);
-                    agents.push(Agent { p, normal, to_light, light, distance, gap, cast: index, clone, is_matte });
+                if let Some([is_matte, is_glossy]) = self.spreads(&point, &sampler) {
+                    let (p, to_light, cast) = (point.p, point.wo, index);
+                    agents.push(Agent { p, normal, to_light, light, distance, gap, cast, clone, is_matte, is_glossy });
                 }
                 clone += 1;
                 gap = 0.0;
@@ -100,12 +102,13 @@ impl Casting<'_> {
         }
     }
 
-    /// Whether a surface spreads light, and if so whether it is matte. At mirrors and clear glass nobody asks for anything.
-    fn spreads(&self, point: &Interaction, sampler: &PixelSampler) -> Option<bool> {
+    /// Whether a surface spreads light, and if so whether it is matte or glossy. At mirrors and clear glass nobody asks for
+    /// anything.
+    fn spreads(&self, point: &Interaction, sampler: &PixelSampler) -> Option<[bool; 2]> {
         let mut place = None;
         let chance = || sampler.hashed(BLEND ^ u64::from(point.material));
         let bsdf = bsdf_at(self.prepared, point, chance, &mut place);
-        bsdf.has_non_delta().then(|| is_matte(bsdf))
+        bsdf.has_non_delta().then(|| [is_matte(bsdf), is_broad(bsdf, point.to_local(point.wo))])
     }
 }
 

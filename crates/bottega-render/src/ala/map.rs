@@ -25,7 +25,7 @@ use crate::{
     integrator::PhotonIntegrator,
     photon::{
         Nearest, Photon, PhotonMap, PhotonMaps,
-        cache::{Estimate, IrradianceCache, Record},
+        cache::{Estimate, IrradianceCache, Record, Surroundings},
         parts,
     },
     prepare::PreparedScene,
@@ -261,16 +261,42 @@ impl Agents {
     fn known_irradiance(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         let estimate = cache.estimate(p, normal)?;
+        self.is_taken(&estimate).then_some(estimate.irradiance)
+    }
+
+    /// Whether a picture takes what records say.
+    #[inline(always)]
+    fn is_taken(&self, estimate: &Estimate) -> bool {
         // What one has found dark may be dim.
         let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
-        (is_sure && estimate.error <= GATHERED * self.settings.error).then_some(estimate.irradiance)
+        is_sure && estimate.error <= GATHERED * self.settings.error
+    }
+
+    /// "What comes from where?" `None`: nobody knows.
+    ///
+    /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    #[inline(always)]
+    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3) -> Option<Surroundings<'_>> {
+        let Indirect::Records(cache, _) = &self.indirect else { return None };
+        if !self.settings.decides_radiance || !self.settings.decides_irradiance {
+            return None;
+        }
+        let (estimate, surroundings) = cache.surroundings(p, normal)?;
+        self.is_taken(&estimate).then_some(surroundings)
     }
 
     /// Whether our own records know a place so well that none needs to be measured there.
-    pub(super) fn knows(&self, p: Vec3, normal: Vec3) -> bool {
+    ///
+    /// - `is_directed`: whether it is to be known from where light comes.
+    pub(super) fn knows(&self, p: Vec3, normal: Vec3, is_directed: bool) -> bool {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
         let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
-        cache.estimate(p, normal).is_some_and(is_enough)
+        let estimate = if is_directed {
+            cache.surroundings(p, normal).map(|(estimate, _)| estimate)
+        } else {
+            cache.estimate(p, normal)
+        };
+        estimate.is_some_and(is_enough)
     }
 
     /// How much of its light arrives at an agent of the first map, as it answers: 1 where it is lit, 0 where it is shaded, and a

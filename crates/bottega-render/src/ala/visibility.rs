@@ -1,5 +1,7 @@
 //! Whether lights are seen, as agents answer it: the shadow half of the oracle (§4.4).
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 
 use super::{network::Network, swarm::Swarm};
@@ -28,9 +30,11 @@ const ANSWER: u32 = 3;
 pub(super) struct Visibility {
     /// Where they are; in place of a power light and answer.
     places: PhotonMap,
-    /// How far each one's word goes, by number in the map; and the farthest of all.
+    /// How far each one's word goes, by number in the map.
     reach: Vec<f32>,
-    reach_max: f32,
+    /// The lights of which somebody answers something else than "trace", in the order of their numbers, and how far such words go
+    /// at most. Where a light is not among them nobody needs to be looked for.
+    answered: Vec<(u32, f32)>,
 }
 
 impl Visibility {
@@ -38,9 +42,20 @@ impl Visibility {
     pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[Answer]) -> Self {
         let numbers = 0..swarm.len() as u32;
         let reach: Vec<f32> = numbers.map(|number| network.reach(swarm.by_number(number).0)).collect();
-        let reach_max = reach.iter().fold(0.0, |most: f32, &reach| most.max(reach));
         let tag = |index: u32| swarm.agents[index as usize].light << 2 | answers[index as usize] as u32;
-        Self { places: swarm.tree.clone().retagged(tag), reach, reach_max }
+        Self::of(swarm.tree.clone().retagged(tag), reach)
+    }
+
+    fn of(places: PhotonMap, reach: Vec<f32>) -> Self {
+        let mut farthest: BTreeMap<u32, f32> = BTreeMap::new();
+        for (photon, &reach) in places.iter().zip(&reach) {
+            let tag = photon.mark().tag();
+            if tag & ANSWER != Answer::Trace as u32 {
+                let most = farthest.entry(tag >> 2).or_default();
+                *most = most.max(reach);
+            }
+        }
+        Self { places, reach, answered: farthest.into_iter().collect() }
     }
 
     /// Whether a light is seen; `None`: nobody knows.
@@ -48,11 +63,13 @@ impl Visibility {
     /// - `normal`: of the surface, on the side that is asked for.
     #[inline(always)]
     pub(super) fn at(&self, p: Vec3, normal: Vec3, light: u32) -> Option<bool> {
+        let place = self.answered.binary_search_by_key(&light, |&(light, _)| light).ok()?;
+        let farthest = self.answered[place].1;
         let accept = |number: u32| {
             let mark = self.places.mark(number);
             mark.tag() >> 2 == light && is_alike(mark.normal(), normal)
         };
-        let number = self.places.nearest_where(p, self.reach_max * self.reach_max, accept)?;
+        let number = self.places.nearest_where(p, farthest * farthest, accept)?;
         let reach = self.reach[number as usize];
         if self.places.photon(number).p.distance_squared(p) > reach * reach {
             return None;
@@ -72,8 +89,7 @@ impl Visibility {
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let places = from.map()?;
         let reach = (0..places.len()).map(|_| from.value()).collect::<Option<Vec<_>>>()?;
-        let reach_max = reach.iter().fold(0.0, |most: f32, &reach| most.max(reach));
-        Some(Self { places, reach, reach_max })
+        Some(Self::of(places, reach))
     }
 
     /// Where the agents are.
@@ -82,7 +98,7 @@ impl Visibility {
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        self.places.memory_bytes() + size_of_val(&*self.reach)
+        self.places.memory_bytes() + size_of_val(&*self.reach) + size_of_val(&*self.answered)
     }
 
     /// How much of its light arrives at one of [`places`](Self::places), as it answers: 1 where it is lit, 0 where it is shaded,

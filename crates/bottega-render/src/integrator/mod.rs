@@ -10,7 +10,7 @@ pub use path::PathIntegrator;
 pub(crate) use path::light::shadow_ray;
 pub(crate) use path::{BLEND, PathRecord, Wanted, bsdf_at, exp};
 pub use photon::PhotonIntegrator;
-pub(crate) use photon::{Hands, is_matte, sensing_settings};
+pub(crate) use photon::{Hands, SensorPlace, is_broad, is_matte, sensing_settings};
 pub(crate) use turns::Painting;
 
 use bottega_kernels::compiled;

@@ -30,8 +30,8 @@ use crate::{
     sampler::PixelSampler,
 };
 use eye::Eye;
-pub(crate) use eye::{Hands, Known, is_matte};
-pub(crate) use sense::sensing_settings;
+pub(crate) use eye::{Hands, Known, is_broad, is_matte};
+pub(crate) use sense::{SensorPlace, sensing_settings};
 
 /// What the maps of all passes of a progressive picture may take. Samples beyond those that have passes of their own take
 /// the passes again from the first.

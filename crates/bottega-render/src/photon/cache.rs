@@ -3,21 +3,26 @@
 //! Ward, Rubinstein and Clear 1988, *A Ray Tracing Solution for Diffuse Interreflection*; Ward and Heckbert 1992, *Irradiance
 //! Gradients*; Křivánek et al. 2006, *Making Radiance and Irradiance Caching Practical* (neighbour clamping).
 
-use std::f32::consts::PI;
+mod surroundings;
+
+use std::{f32::consts::PI, sync::Arc};
 
 use bottega_kernels::math;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
+    around::{Around, CELLS},
     bytes::{Reader, Writer},
     record::Photon,
 };
 use crate::{luminance, sampling::orthonormal_basis};
+use surroundings::Speakers;
+pub(crate) use surroundings::Surroundings;
 
 /// Rings of directions, from the normal to the horizon, and directions in each.
-const RINGS: usize = 10;
-const SECTORS: usize = 32;
+pub(super) const RINGS: usize = 10;
+pub(super) const SECTORS: usize = 32;
 /// Rays by which the irradiance at one place is found.
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
 /// Standard errors by which records may differ beyond the error that is borne.
@@ -26,7 +31,7 @@ const NOISE: f32 = 2.0;
 const LEVELS_MAX: u32 = 20;
 
 /// What is known at one place.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Record {
     p: Vec3,
     n: Vec3,
@@ -38,6 +43,8 @@ pub(crate) struct Record {
     radius: f32,
     /// Variance of the luminance of the irradiance, by how much rays next to each other differ.
     variance: f32,
+    /// Where the light comes from; on surfaces that do not send it to all sides alike.
+    around: Option<Arc<Around>>,
 }
 
 /// What records say of a place.
@@ -70,6 +77,9 @@ pub(crate) struct IrradianceCache {
     tolerance: f32,
     /// Sum of the luminances of all records.
     brightness: f32,
+    /// Places in all nodes that records are put to, and records that know directions.
+    listed: usize,
+    directed: usize,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -137,7 +147,21 @@ impl Record {
         }
         let difference = |i: usize| luminance(looks[i].radiance) - luminance(look(i / SECTORS, i + 1).radiance);
         let variance = (0..looks.len()).map(|i| 0.5 * difference(i) * difference(i)).sum::<f32>() * cell * cell;
-        Self { p, n, irradiance, turning, moving, radius: radius.clamp(reach[0], reach[1].max(reach[0])), variance }
+        Self {
+            p,
+            n,
+            irradiance,
+            turning,
+            moving,
+            radius: radius.clamp(reach[0], reach[1].max(reach[0])),
+            variance,
+            around: None,
+        }
+    }
+
+    /// The same with where the light comes from.
+    pub(crate) fn with_directions(self, looks: &[Look]) -> Self {
+        Self { around: Some(Arc::new(Around::new(looks))), ..self }
     }
 
     /// How much it counts at another place; nothing where it is too far off, or before that place.
@@ -169,7 +193,16 @@ impl IrradianceCache {
     ///
     /// - `low`, `side`: a cube around the scene.
     pub(crate) fn new(low: Vec3, side: f32, tolerance: f32) -> Self {
-        Self { records: Vec::new(), nodes: vec![Node::default()], low, side, tolerance, brightness: 0.0 }
+        Self {
+            records: Vec::new(),
+            nodes: vec![Node::default()],
+            low,
+            side,
+            tolerance,
+            brightness: 0.0,
+            listed: 0,
+            directed: 0,
+        }
     }
 
     #[cfg(test)]
@@ -178,7 +211,7 @@ impl IrradianceCache {
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        let lists = self.nodes.iter().map(|node| size_of_val(&*node.records)).sum::<usize>();
+        let lists = self.listed * size_of::<u32>() + self.directed * size_of::<Around>();
         size_of_val(&*self.records) + size_of_val(&*self.nodes) + lists
     }
 
@@ -198,13 +231,37 @@ impl IrradianceCache {
     /// The irradiance at a place, and how far those who say so differ; `None`: no record is near enough.
     #[inline(always)]
     pub(crate) fn estimate(&self, p: Vec3, n: Vec3) -> Option<Estimate> {
+        self.estimate_by(p, n, |_, _| true)
+    }
+
+    /// The same by those alone who know where light comes from, and what they know of it.
+    #[inline(always)]
+    pub(crate) fn surroundings(&self, p: Vec3, n: Vec3) -> Option<(Estimate, Surroundings<'_>)> {
+        let mut speakers = Speakers::default();
+        let estimate = self.estimate_by(p, n, |record, weight| {
+            if record.around.is_some() {
+                speakers.hear(record, weight);
+            }
+            record.around.is_some()
+        })?;
+        Some((estimate, speakers.told(estimate.irradiance)))
+    }
+
+    /// By those whom `is_asked`, given each record and how much it counts.
+    #[inline(always)]
+    fn estimate_by<'a>(
+        &'a self,
+        p: Vec3,
+        n: Vec3,
+        mut is_asked: impl FnMut(&'a Record, f32) -> bool,
+    ) -> Option<Estimate> {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
         let (mut weights_squared, mut noise) = (0.0, 0.0);
         self.visit(p, |record| {
             // Smoother than Ward's, whose weight has a peak at every record.
             let weight = record.nearness(p, n, self.tolerance);
             let weight = weight * weight;
-            if weight > 0.0 {
+            if weight > 0.0 && is_asked(record, weight) {
                 let value = record.at(p, n);
                 sum += value * weight;
                 squares += luminance(value) * luminance(value) * weight;
@@ -239,7 +296,7 @@ impl IrradianceCache {
         self.visit_numbers(record.p, |number| near.push(number));
         let faint = self.faint();
         for &number in &near {
-            let other = self.records[number as usize];
+            let other = &self.records[number as usize];
             if other.weight(record.p, record.n, self.tolerance) <= 0.0 {
                 continue;
             }
@@ -249,7 +306,8 @@ impl IrradianceCache {
             if (here - said).abs() > noise + 2.0 * error * here.max(said).max(faint) {
                 let distance = (other.p - record.p).length() / self.tolerance;
                 record.radius = record.radius.min(distance);
-                self.records[number as usize].radius = other.radius.min(distance);
+                let other = &mut self.records[number as usize];
+                other.radius = other.radius.min(distance);
             }
         }
         self.add(record);
@@ -278,7 +336,7 @@ impl IrradianceCache {
     /// The same, each record only where it reaches by the radius that is left of it.
     pub(crate) fn settled(&self) -> Self {
         let mut settled = Self::new(self.low, self.side, self.tolerance);
-        self.records.iter().for_each(|&record| settled.put(record));
+        self.records.iter().for_each(|record| settled.put(record.clone()));
         settled
     }
 
@@ -287,10 +345,12 @@ impl IrradianceCache {
         to.vector(self.low);
         to.value(self.side);
         to.number(self.records.len() as u32);
-        for Record { p, n, irradiance, turning, moving, radius, variance } in &self.records {
+        for Record { p, n, irradiance, turning, moving, radius, variance, around } in &self.records {
             [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
             to.value(*radius);
             to.value(*variance);
+            to.number(u32::from(around.is_some()));
+            around.iter().flat_map(|around| around.to_numbers()).for_each(|number| to.number(number));
         }
     }
 
@@ -309,7 +369,18 @@ impl IrradianceCache {
             if radius < 0.0 || variance < 0.0 {
                 return None;
             }
-            cache.put(Record { p, n, irradiance, turning, moving, radius, variance });
+            let around = match from.number()? {
+                0 => None,
+                1 => {
+                    let mut numbers = [0; CELLS];
+                    for number in &mut numbers {
+                        *number = from.number()?;
+                    }
+                    Some(Arc::new(Around::from_numbers(numbers)))
+                }
+                _ => return None,
+            };
+            cache.put(Record { p, n, irradiance, turning, moving, radius, variance, around });
         }
         Some(cache)
     }
@@ -318,9 +389,10 @@ impl IrradianceCache {
     fn put(&mut self, record: Record) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
+        self.directed += usize::from(record.around.is_some());
+        let (p, reach) = (record.p, self.tolerance * record.radius);
         self.records.push(record);
-        let reach = self.tolerance * record.radius;
-        self.insert(0, self.low, self.side, 0, number, record.p, reach);
+        self.insert(0, self.low, self.side, 0, number, p, reach);
     }
 
     /// Puts a record into all nodes that it reaches, of about its own size.
@@ -331,6 +403,7 @@ impl IrradianceCache {
         }
         if level == LEVELS_MAX || side < 4.0 * reach {
             self.nodes[node].records.push(number);
+            self.listed += 1;
             return;
         }
         if self.nodes[node].first_child == 0 {
@@ -345,7 +418,7 @@ impl IrradianceCache {
         }
     }
 
-    fn visit(&self, p: Vec3, mut look: impl FnMut(&Record)) {
+    fn visit<'a>(&'a self, p: Vec3, mut look: impl FnMut(&'a Record)) {
         self.visit_numbers(p, |number| look(&self.records[number as usize]));
     }
 

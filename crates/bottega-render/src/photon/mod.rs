@@ -3,6 +3,7 @@
 //! Sources: Jensen 2001, *Realistic Image Synthesis Using Photon Mapping*; Christensen 1999, *Faster Photon Map Global
 //! Illumination*.
 
+mod around;
 pub(crate) mod bytes;
 pub(crate) mod cache;
 mod cast;

@@ -95,11 +95,17 @@ impl Mark {
     /// Within half a percent of its largest part.
     #[inline(always)]
     pub fn power(self) -> Spectrum {
-        let [r, g, b, exponent] = self.power.to_le_bytes();
-        // 2^(e − bias − 8): made from its bits, for it is a normal number wherever the mantissas are not 0.
-        let scale = f64::from_bits(((i64::from(exponent) - i64::from(EXPONENT_BIAS) - 8 + 1023) as u64) << 52) as f32;
-        Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * scale
+        of_shared_exponent(self.power)
     }
+}
+
+/// Red, green and blue of a number that [`shared_exponent`] made.
+#[inline(always)]
+pub(super) fn of_shared_exponent(number: u32) -> Spectrum {
+    let [r, g, b, exponent] = number.to_le_bytes();
+    // 2^(e − bias − 8): made from its bits, for it is a normal number wherever the mantissas are not 0.
+    let scale = f64::from_bits(((i64::from(exponent) - i64::from(EXPONENT_BIAS) - 8 + 1023) as u64) << 52) as f32;
+    Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * scale
 }
 
 /// A direction as two whole numbers of so many bits.
@@ -117,7 +123,8 @@ fn unpacked(code: u32, steps: u32, bits: u32) -> Vec3 {
     direction_from_square(place * (2.0 / (steps - 2) as f32) - 1.0).0
 }
 
-fn shared_exponent(power: Spectrum) -> u32 {
+/// Red, green and blue as shares of a power of two, and its exponent, in four bytes.
+pub(super) fn shared_exponent(power: Spectrum) -> u32 {
     let largest = power.max_element();
     // Not a number is no light, either.
     if largest.is_nan() || largest < f32::MIN_POSITIVE {

@@ -42,6 +42,18 @@ fn room_with_sphere() -> Scene {
     scene
 }
 
+/// The same with a floor and a back wall of rough plastic, and a ball of rough metal.
+fn glossy_room() -> Scene {
+    let plastic = Layered { base_color: Vec3::splat(0.6).into(), roughness: 0.4.into(), ..Layered::default() };
+    let metal = Layered { metallic: 1.0.into(), roughness: 0.7.into(), ..plastic.clone() };
+    let mut scene = room_with_sphere();
+    let mut replace = |mesh: usize| scene.materials[scene.meshes[mesh].material as usize] = plastic.clone().into();
+    [0, 2].into_iter().for_each(&mut replace);
+    let ball = scene.spheres[0].material as usize;
+    scene.materials[ball] = metal.into();
+    scene
+}
+
 #[test]
 fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
     let scene = prepare(room_with_sphere());
@@ -60,6 +72,26 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
         let deployed = if oracle == Oracle::Paper { &report.sensors[..] } else { &report.sensors[2..] };
         assert!(deployed.iter().all(|&count| count > 0), "{report:?}");
     }
+}
+
+#[test]
+fn glossy_surfaces_are_told_where_light_comes_from() {
+    let scene = prepare(glossy_room());
+    let expected = paint(&scene, SIZE, 2048, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
+    let by_asking = |decides_radiance: bool| {
+        let settings = by(AgentSettings { cast: 20_000, decides_radiance, ..few(Oracle::Error) }, 1);
+        let mean = mean_color(&paint(&scene, SIZE, 64, settings));
+        assert!(((mean / mean_color(&expected)) - 1.0).abs().max_element() < 0.03, "{decides_radiance} {mean}");
+        let tile = paint(&scene, SIZE, 8, settings);
+        let error = |(x, y): (u32, u32)| {
+            let (found, expected) = (color(&tile, x, y), color(&expected, x, y));
+            ((found - expected) / expected.max_element()).length_squared().min(1.0)
+        };
+        let error: f32 = tile.rect().pixels().map(error).sum();
+        (error, report(&scene, &settings).tally.irradiance_computed)
+    };
+    let (told, alone) = (by_asking(true), by_asking(false));
+    assert!(told.0 < 0.8 * alone.0 && 2 * told.1 < alone.1, "{told:?} {alone:?}");
 }
 
 #[test]
@@ -121,7 +153,7 @@ fn neither_threads_nor_cuts_nor_the_allocator_change_a_bit() {
 }
 
 fn does_not_depend_on_who_works(oracle: Oracle) {
-    let mut room = room_with_sphere();
+    let mut room = glossy_room();
     let kind = LightKind::Point { position: Vec3::new(-0.5, 0.5, 0.5), intensity: Vec3::splat(0.3) };
     room.lights.push(Light { name: String::new(), kind });
     let room = Arc::new(room);
@@ -251,7 +283,7 @@ fn whoever_is_told_of_the_maps_paints_the_same_bits() {
     let photons = PhotonSettings { count: 20_000, shadow_photons: true, ..PhotonSettings::default() };
     let by_photons = PathSettings { photons: Some(photons), seed: 6, guiding: false, ..PathSettings::default() };
     for settings in [by_photons, by(few(Oracle::Paper), 6), by(few(Oracle::Error), 6)] {
-        let (one, other) = (prepare(room_with_sphere()), prepare(room_with_sphere()));
+        let (one, other) = (prepare(glossy_room()), prepare(glossy_room()));
         assert!(one.learnt(view, &settings).is_none());
         let expected = paint(&one, SIZE, 2, settings);
         let bytes = one.learnt(view, &settings).expect("maps that were made");
@@ -260,7 +292,7 @@ fn whoever_is_told_of_the_maps_paints_the_same_bits() {
         assert_eq!(paint(&other, SIZE, 2, settings).sums(), expected.sums());
         // What is cut off, or damaged in its counts, is refused; what is damaged elsewhere harms nobody.
         for i in 0..40 {
-            let third = prepare(room_with_sphere());
+            let third = prepare(glossy_room());
             let cut = &bytes[..i * bytes.len() / 40];
             assert!(third.learn_from(view, &settings, cut).is_err(), "{i}");
             let mut damaged = bytes.clone();

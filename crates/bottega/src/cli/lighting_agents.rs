@@ -18,7 +18,7 @@ pub(crate) struct LightingAgentArgs {
         value_enum,
         value_name = "LIST",
         value_delimiter = ',',
-        default_value = "shadows,irradiance",
+        default_value = "shadows,irradiance,radiance",
         help_heading = "Lighting agents"
     )]
     pub(crate) oracle_decides: Vec<QuestionArg>,
@@ -45,6 +45,8 @@ pub(crate) enum QuestionArg {
     Shadows,
     /// Where indirect light may be interpolated.
     Irradiance,
+    /// What light comes from where to surfaces that are not matte, with --oracle error.
+    Radiance,
 }
 
 fn parse_error(text: &str) -> Result<f64, String> {
@@ -65,6 +67,7 @@ impl LightingAgentArgs {
             memory_bytes: self.oracle_memory << 20,
             decides_shadows: self.oracle_decides.contains(&QuestionArg::Shadows),
             decides_irradiance: self.oracle_decides.contains(&QuestionArg::Irradiance),
+            decides_radiance: self.oracle_decides.contains(&QuestionArg::Radiance),
         };
         PhotonSettings {
             agents: Some(agents),

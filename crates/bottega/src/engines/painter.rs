@@ -94,6 +94,7 @@ impl Painter {
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
             scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
             bounds_zones: args.zones.is_none() && args.scene.level > 0,
+            is_timed: args.time.is_some(),
             surveyor: surveyor(args, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);

@@ -5,7 +5,7 @@ use super::super::{
     probe::Kind,
     sensing::{Sensed, Sensing},
 };
-use crate::integrator::Hands;
+use crate::integrator::{Hands, SensorPlace as Place};
 
 /// An agent, and the side of its surface that it would measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,17 +18,19 @@ pub(crate) struct Candidate {
 /// Some of the candidates measure what the others do not know.
 pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> Sensed {
     let mut sensed = Sensed::default();
-    let mut hands = Hands::new(sensing.integrator);
+    let mut hands = Hands::of_sensor(sensing.integrator);
     for &Candidate { index, is_back } in who {
         let probe = sensing.probe(index);
         let normal = if is_back { -probe.agent.normal } else { probe.agent.normal };
-        if others.knows(probe.agent.p, normal) {
+        let is_directed = !probe.agent.is_matte;
+        if others.knows(probe.agent.p, normal, is_directed) {
             continue;
         }
         let Some(point) = probe.place(Kind::Irradiance, 0, 0.0, normal) else { continue };
         let sampler = probe.sampler(u32::from(is_back), 1);
         let reach = others.reach_of_records(probe.reach);
-        let record = sensing.integrator.record(sensing.maps, point, probe.reach, reach, sampler, others, &mut hands);
+        let place = Place { point, width: probe.reach, reach, is_directed };
+        let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut hands);
         sensed.records.push(record);
         sensed.sensors[Kind::Irradiance as usize] += 1;
     }

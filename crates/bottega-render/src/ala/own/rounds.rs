@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::{
     super::{
+        agent::Agent,
         cast::{MEASURING, SENSING},
         map::Agents,
         network::Network,
@@ -39,7 +40,7 @@ pub(in crate::ala) fn sense(
     let visibility = Visibility::new(swarm, network, &answers);
     let mut agents = Arc::new(Agents::without_light(prepared, settings, Arc::new(visibility), &answers));
     if settings.decides_irradiance {
-        let all = candidates(swarm);
+        let all = candidates(swarm, settings);
         let (mut first, mut count) = (0, FIRST_ROUND);
         while first < all.len() && agents.has_room() {
             let who: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
@@ -77,7 +78,8 @@ fn look_for_lights(
 }
 
 /// Who may measure, in the order of their identities: each first agents of a stratified sequence lie all over the scene.
-fn candidates(swarm: &Swarm) -> Vec<Candidate> {
-    let matte = swarm.agents.iter().zip(0..).filter(|(agent, _)| agent.is_matte).map(|(_, index)| index);
-    matte.flat_map(|index| [false, true].map(|is_back| Candidate { index, is_back })).collect()
+fn candidates(swarm: &Swarm, settings: AgentSettings) -> Vec<Candidate> {
+    let is_asked = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
+    let asked = swarm.agents.iter().zip(0..).filter(|(agent, _)| is_asked(agent)).map(|(_, index)| index);
+    asked.flat_map(|index| [false, true].map(|is_back| Candidate { index, is_back })).collect()
 }

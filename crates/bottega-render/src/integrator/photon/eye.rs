@@ -1,6 +1,7 @@
 //! One path from the camera, and those that it sends out to gather light.
 
 mod light;
+mod surroundings;
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
@@ -20,10 +21,13 @@ use crate::{
     lights::Receiver,
     photon::{
         Nearest, PhotonMaps,
-        cache::{self, IrradianceCache},
+        cache::{self, IrradianceCache, Surroundings},
     },
     sampler::{DimensionSet, PixelSampler},
 };
+
+pub(crate) use surroundings::is_broad;
+use surroundings::is_broad_sample;
 
 /// Bounces of a path that have numbers of their own before those of a gathering ray begin.
 const VERTICES: u32 = 64;
@@ -136,7 +140,17 @@ pub(crate) struct Hands {
 
 impl Hands {
     pub(crate) fn new(integrator: &PhotonIntegrator<'_>) -> Self {
-        let found = Nearest::new(integrator.photons.gather as usize);
+        Self::gathering(integrator.photons.gather)
+    }
+
+    /// For a sensor: the mean of its many rays needs no smooth caustics where they end.
+    pub(crate) fn of_sensor(integrator: &PhotonIntegrator<'_>) -> Self {
+        const GATHERED: u32 = 12;
+        Self::gathering(integrator.photons.gather.min(GATHERED))
+    }
+
+    fn gathering(count: u32) -> Self {
+        let found = Nearest::new(count as usize);
         Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default() }
     }
 }
@@ -236,8 +250,8 @@ impl<'a> Eye<'a> {
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         let place = Place { point: &point, bsdf: &bsdf.at_carrying(wo, walk.throughput), receiver, wo };
-        let goes_on = if bsdf.has_non_delta() { self.meet(walk, &place, bsdf, hit.t) } else { true };
-        if !goes_on {
+        let mut surroundings = None;
+        if bsdf.has_non_delta() && !self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
             return false;
         }
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
@@ -245,6 +259,10 @@ impl<'a> Eye<'a> {
         let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, Comes::Camera);
         match place.bsdf.sample(u[0], [u[1], u[2]]) {
             Some(sample) if !only_mirrors || sample.is_delta() => {
+                if let Some(known) = surroundings.filter(|_| is_broad_sample(&sample)) {
+                    self.add_from(walk, &place, &known, &sample, 1.0);
+                    walk.is_short = true;
+                }
                 scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, u[3])
             }
             _ => false,
@@ -252,7 +270,16 @@ impl<'a> Eye<'a> {
     }
 
     /// Adds the light that a surface spreads. Whether there is more to be had by going on.
-    fn meet(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, distance: f32) -> bool {
+    ///
+    /// - `surroundings`: take what is known of light from all sides, for the path to go on with.
+    fn meet(
+        &mut self,
+        walk: &Walk,
+        place: &Place<'_>,
+        bsdf: &Bsdf,
+        distance: f32,
+        surroundings: &mut Option<Surroundings<'a>>,
+    ) -> bool {
         let photons = &self.integrator.photons;
         let is_first = matches!(walk.comes, Comes::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
@@ -268,12 +295,18 @@ impl<'a> Eye<'a> {
             self.add_photons(walk, place, is_gathered);
         }
         if is_first {
-            let is_cached = self.add_interpolated(walk, place, bsdf);
+            let known = self.surroundings(place, bsdf);
+            if let Some(known) = &known {
+                self.add_surroundings(walk, place, known);
+            }
+            let is_cached = known.is_none() && self.add_interpolated(walk, place, bsdf);
             let is_short = is_cached || !is_gathered;
-            self.gather(walk, place, if is_short { 1 } else { photons.final_rays.max(1) }, is_short);
+            let count = if is_short { 1 } else { photons.final_rays.max(1) };
+            self.gather(walk, place, count, is_short, known.is_some());
             return true;
         }
-        !(has_agents && self.add_interpolated(walk, place, bsdf))
+        *surroundings = self.surroundings(place, bsdf);
+        surroundings.is_some() || !(has_agents && self.add_interpolated(walk, place, bsdf))
     }
 
     /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
@@ -389,13 +422,16 @@ impl<'a> Eye<'a> {
     }
 
     /// Sends out rays that look for light, each of them to its end.
-    fn gather(&mut self, walk: &Walk, place: &Place<'_>, count: u32, is_short: bool) {
+    ///
+    /// - `is_known`: whether light from directions that the surface scatters to broadly has been added.
+    fn gather(&mut self, walk: &Walk, place: &Place<'_>, count: u32, is_short: bool, is_known: bool) {
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + walk.vertex), part, count);
             let Some(sample) = place.bsdf.sample(u[0], [u[1], u[2]]) else { continue };
             if sample.is_delta() {
                 continue;
             }
+            let is_short = is_short || (is_known && is_broad_sample(&sample));
             let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, ..*walk };
             if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
                 while self.step(&mut ray) {}

@@ -27,6 +27,17 @@ use crate::{
 const RAYS: u32 = 256;
 const RAYS_IN_THE_DARK: u32 = 48;
 
+/// Where a sensor that goes by our own rules measures.
+pub(crate) struct SensorPlace {
+    pub(crate) point: Interaction,
+    /// Of the surroundings that it stands for.
+    pub(crate) width: f32,
+    /// Least and greatest radius within which it may count.
+    pub(crate) reach: [f32; 2],
+    /// Whether it is to be known where the light comes from.
+    pub(crate) is_directed: bool,
+}
+
 /// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
 pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSettings {
     PathSettings {
@@ -92,19 +103,16 @@ impl<'a> PhotonIntegrator<'a> {
 
     /// What a sensor that goes by our own rules measures: the same, with how it changes around.
     ///
-    /// - `reach`: least and greatest radius within which it may count.
     /// - `others`: stand for the light of all surfaces that they know.
-    #[expect(clippy::too_many_arguments, reason = "a place, what is known and what is worked with")]
     pub(crate) fn record(
         &self,
         maps: &PhotonMaps,
-        point: Interaction,
-        width: f32,
-        reach: [f32; 2],
+        place: SensorPlace,
         sampler: PixelSampler,
         others: &Agents,
         hands: &mut Hands,
     ) -> Record {
+        let SensorPlace { point, width, reach, is_directed } = place;
         let spot = Spot::new(point, width);
         let known = Known { maps, cache: None, agents: Some(others) };
         let n = spot.n();
@@ -115,6 +123,7 @@ impl<'a> PhotonIntegrator<'a> {
         };
         // Who stopped where the first rays found nothing would take dim corners for dark ones.
         let looks: Vec<Look> = (0..cache::RAYS).map(look).collect();
-        Record::new(spot.p(), n, &looks, reach)
+        let record = Record::new(spot.p(), n, &looks, reach);
+        if is_directed { record.with_directions(&looks) } else { record }
     }
 }

@@ -30,7 +30,7 @@ use crate::{devices::processors, error::CliError};
 /// The paper's picture.
 const SIZE: [f64; 2] = [1600.0, 1200.0];
 /// Budgets that are tried beside the paper's, as shares of it.
-const FEWER: [f64; 3] = [0.04, 0.1, 0.3];
+const FEWER: [f64; 4] = [0.04, 0.1, 0.25, 0.3];
 const MORE: f64 = 3.0;
 /// FLIP above which a pixel looks wrong.
 const WRONG: f32 = 0.1;
@@ -146,7 +146,7 @@ fn report(args: &AlaArgs, scene: &Path, reference: Option<&Path>) -> Result<Repo
     let others = ways.into_iter().map(paint).collect::<Result<Vec<_>, _>>()?;
     let part = |whole: u32, share: f64| ((f64::from(whole) * share) as u32).max(1);
     let agents = FEWER.map(|share| Way::agents(Oracle::Error, part(args.lighting_agents, share), true));
-    let more = [FEWER[1], FEWER[2], MORE].map(|share| Way::photons(part(args.photons, share)));
+    let more = [FEWER[1], FEWER[3], MORE].map(|share| Way::photons(part(args.photons, share)));
     let budgets = agents.into_iter().chain(more).map(paint).collect::<Result<Vec<_>, _>>()?;
     let mut shadows = Vec::new();
     for outcome in &others[2..] {

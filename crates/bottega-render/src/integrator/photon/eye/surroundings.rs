@@ -1,0 +1,71 @@
+//! Light that agents know by direction, on surfaces that are not matte.
+
+use super::{Eye, Place, VERTICES, Walk, is_matte};
+use crate::{
+    bsdf::{Bsdf, BsdfSample},
+    photon::cache::Surroundings,
+    sampler::DimensionSet,
+};
+use glam::Vec3;
+
+/// Density in sr⁻¹ below which a direction counts as drawn broadly: a lobe as sharp covers some six of the cells in which
+/// records know directions.
+const SHARPEST: f32 = 1.0;
+/// Directions in which a surface that the camera sees is told what comes from there: no ray is traced for them.
+const LOOKS: u32 = 16;
+
+impl<'a> Eye<'a> {
+    /// What agents know of the light that comes from all sides to a surface that is not matte.
+    pub(super) fn surroundings(&mut self, place: &Place<'_>, bsdf: &Bsdf) -> Option<Surroundings<'a>> {
+        if is_matte(bsdf) || bsdf.is_transmissive() {
+            return None;
+        }
+        let known = self.agents?.surroundings_at(place.point.p, place.point.frame[2]);
+        self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
+        known
+    }
+
+    /// Adds what a surface sends back of the light around it, in all directions that it scatters to broadly.
+    pub(super) fn add_surroundings(&mut self, walk: &Walk, place: &Place<'_>, known: &Surroundings<'_>) {
+        for part in 0..LOOKS {
+            let u = self.sampler.split_quad(DimensionSet::scattering(2 * VERTICES + walk.vertex), part, LOOKS);
+            if let Some(sample) = place.bsdf.sample(u[0], [u[1], u[2]]).filter(is_broad_sample) {
+                self.add_from(walk, place, known, &sample, 1.0 / LOOKS as f32);
+            }
+        }
+    }
+
+    /// Adds what a surface sends back of the light from one direction.
+    pub(super) fn add_from(
+        &mut self,
+        walk: &Walk,
+        place: &Place<'_>,
+        known: &Surroundings<'_>,
+        sample: &BsdfSample,
+        part: f32,
+    ) {
+        let wi = place.point.to_world(sample.wi);
+        let is_reflection = sample.wi.z > 0.0 && place.point.is_reflection(wi);
+        if is_reflection && walk.depth + 2 <= self.integrator.base.settings().max_depth {
+            self.radiance += walk.throughput * sample.weight() * known.radiance(wi) * part;
+        }
+    }
+}
+
+/// Whether a direction was drawn so broadly that light from around it can stand for light from there.
+#[inline(always)]
+pub(super) fn is_broad_sample(sample: &BsdfSample) -> bool {
+    !sample.is_delta() && sample.pdf < SHARPEST
+}
+
+/// Whether a surface that is not matte sends back an eighth or more of the light, or of the samples at least, broadly.
+pub(crate) fn is_broad(bsdf: &Bsdf, wo: Vec3) -> bool {
+    const TRIED: u32 = 16;
+    if is_matte(bsdf) || bsdf.is_transmissive() {
+        return false;
+    }
+    let bsdf = bsdf.at(wo);
+    let number = |i: u32, prime: u32| ((i * prime % TRIED) as f32 + 0.5) / TRIED as f32;
+    let sample = |i: u32| bsdf.sample(number(i, 1), [number(i, 5), number(i, 11)]);
+    (0..TRIED).filter_map(sample).filter(is_broad_sample).count() as u32 >= TRIED / 8
+}
