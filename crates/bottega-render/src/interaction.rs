@@ -350,8 +350,32 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     scene.materials[mesh.material as usize].opacity_at(scene, uvs_at(mesh, vertices, b.0, b.1), 0.0, alpha)
 }
 
-/// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent.
-pub(crate) fn is_there(prepared: &PreparedScene, ray: &Ray, hit: &Hit, chance: impl FnOnce() -> f32) -> bool {
+/// What a ray that asks whether surfaces are there looks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Asks {
+    /// The surface that a path meets next.
+    Path,
+    /// Whether a light is seen. It must not hear what the segment heard that led to the place: both may cross one surface.
+    Shadow,
+}
+
+impl Asks {
+    /// A surface's number, another one where a sphere is left than where it is entered.
+    fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
+        let asked = u64::from(self == Self::Shadow) << 31;
+        u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ asked ^ u64::from(is_left)
+    }
+}
+
+/// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent, and told
+/// the number of the surface: equal ones must get equal answers.
+pub(crate) fn is_there(
+    prepared: &PreparedScene,
+    ray: &Ray,
+    hit: &Hit,
+    asks: Asks,
+    chance: impl FnOnce(u64) -> f32,
+) -> bool {
     let scene = &**prepared.scene();
     let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);
     let material = match sphere {
@@ -362,15 +386,15 @@ pub(crate) fn is_there(prepared: &PreparedScene, ray: &Ray, hit: &Hit, chance: i
     if !known.has_opacity || known.is_null {
         return !known.is_null;
     }
-    let opacity = match sphere {
+    let (opacity, is_left) = match sphere {
         Some(sphere) => {
             let ng = ray.origin + hit.t * ray.direction - sphere.center;
             let uv = if known.is_textured { sphere_uv(sphere, ng.normalize_or(Vec3::Y)) } else { Vec2::ZERO };
-            material.opacity_at(scene, [uv; 2], 0.0, 1.0)
+            (material.opacity_at(scene, [uv; 2], 0.0, 1.0), ng.dot(ray.direction) > 0.0)
         }
-        None => opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)),
+        None => (opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)), false),
     };
-    opacity >= 1.0 || (opacity > 0.0 && chance() < opacity)
+    opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
 }
 
 #[cfg(test)]
@@ -494,7 +518,8 @@ mod tests {
         for (x, is_met) in [(-0.5, false), (0.5, true)] {
             // Longer than a unit, as shadow rays are.
             let ray = Ray::new(Vec3::new(x, 0.0, 3.0), 2.0 * Vec3::NEG_Z);
-            let hit = prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, || 0.5));
+            let hit =
+                prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, Asks::Path, |_| 0.5));
             assert_eq!(hit.is_some(), is_met, "{x}");
         }
     }

@@ -15,7 +15,7 @@ use crate::{
     bsdf::LobeFlags,
     camera::RayCone,
     integrator::{Painting, PathIntegrator, PathRecord, Wanted, bsdf_at},
-    interaction::{Interaction, is_there},
+    interaction::{Asks, Interaction, is_there},
     luminance,
     sampler::{DimensionSet, PixelSampler},
 };
@@ -295,9 +295,8 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
     }
     let cone = chain.cone.at(hit.t);
     let point = Interaction::new(scene, hit, chain.origin, chain.direction, cone);
-    let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
     let ray = Ray::new(chain.origin, chain.direction);
-    if !is_there(scene, &ray, hit, || chain.sampler.hashed(surface)) {
+    if !is_there(scene, &ray, hit, Asks::Path, |surface| chain.sampler.hashed(surface)) {
         let origin = point.ray_origin(chain.direction);
         return Some((Chain { origin, cone, step, ..chain }, 0.0));
     }

@@ -4,4 +4,4 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
     return true;
 }
 
-fn ask_as(path: u32, depth: u32) {}
+fn ask_as(path: u32, depth: u32, is_shadow: bool) {}

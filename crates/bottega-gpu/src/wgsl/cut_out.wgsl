@@ -3,18 +3,25 @@
 
 var<private> asking: Sampler;
 var<private> asking_depth: u32;
+// All bits that tell the number of a surface to a shadow ray from that to a path: it must not hear what the path heard.
+var<private> asking_shadow: u32;
 
-fn ask_as(path: u32, depth: u32) {
+fn ask_as(path: u32, depth: u32, is_shadow: bool) {
     asking = sampler_from(path);
     asking_depth = depth;
+    asking_shadow = select(0u, 0x80000000u, is_shadow);
 }
 
 fn is_there(hit: Hit, ray: Ray) -> bool {
     var place: SurfacePlace;
+    var is_left = 0u;
     if (hit.instance & SPHERE) != 0u {
         let sphere = sphere_at(hit.instance & ~SPHERE);
         place.material = scene_words[sphere + 8u];
         place.vertex_alpha = 1.0;
+        // A sphere is entered and left: these are two surfaces.
+        let from_center = ray.origin + hit.t * ray.direction - vec3_at(sphere);
+        is_left = select(0u, 1u, dot(from_center, ray.direction) > 0.0);
     } else {
         place.material = scene_words[scene_words[instance_at(hit.instance) + INSTANCE_MESH]];
     }
@@ -37,5 +44,5 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
     if there >= 1.0 {
         return true;
     }
-    return there > 0.0 && hashed(asking, vec2(hit.primitive, hit.instance ^ (asking_depth << 24u))) < there;
+    return there > 0.0 && hashed(asking, vec2(hit.primitive ^ asking_shadow ^ is_left, hit.instance ^ (asking_depth << 24u))) < there;
 }

@@ -7,7 +7,7 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let depth = atomicLoad(&control[DEPTH]);
     let path = queued(ACTIVE_QUEUE + (depth & 1u), id.x);
-    ask_as(path, depth);
+    ask_as(path, depth, false);
     let hit = traverse(Ray(field(ORIGIN, path).xyz, 0.0, field(DIRECTION, path).xyz, FAR), false);
     if hit.shape == NOTHING {
         push(MISSED_QUEUE, MISSED, path);
@@ -25,7 +25,7 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let path = queued(LIT_QUEUE, id.x);
     // The depth counts on before this kernel.
-    ask_as(path, atomicLoad(&control[DEPTH]) - 1u);
+    ask_as(path, atomicLoad(&control[DEPTH]) - 1u, true);
     var found = field(RADIANCE, path);
     for (var part = 0u; part < batch.light_samples; part += 1u) {
         let slot = SHADOW + SHADOW_FIELDS * part;

@@ -8,7 +8,7 @@ use glam::Vec3;
 use crate::{
     camera::RayCone,
     integrator::{BLEND, bsdf_at, is_broad, is_matte},
-    interaction::{Interaction, is_there},
+    interaction::{Asks, Interaction, is_there},
     lights::Emitted,
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
@@ -115,7 +115,7 @@ impl Casting<'_> {
 /// What an agent or a sensor meets: surfaces that are more than half there.
 pub(super) fn meets(prepared: &PreparedScene, ray: &Ray) -> Hit {
     if prepared.has_opacity() {
-        prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, || OPAQUE))
+        prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, Asks::Path, |_| OPAQUE))
     } else {
         prepared.accel().intersect(ray)
     }

@@ -26,7 +26,7 @@ use crate::{
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
     guide::{Guide, Trail, Training, train},
-    interaction::{Interaction, is_there},
+    interaction::{Asks, Interaction, is_there},
     lights::{Choice, Receiver},
     luminance,
     prepare::PreparedMaterial,
@@ -504,7 +504,7 @@ impl Path<'_> {
             }
         }
         if prepared.has_opacity() {
-            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit))
+            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path))
         } else {
             prepared.accel().intersect(&ray)
         }
@@ -513,9 +513,8 @@ impl Path<'_> {
     /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
     /// candidates of one ray may be asked in any order and more than once.
     #[inline(always)]
-    fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
-        is_there(self.integrator.prepared, ray, hit, || {
-            let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+    fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
+        is_there(self.integrator.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
         })
     }
@@ -532,7 +531,7 @@ impl Path<'_> {
         }
         self.record.values.cost += SHADOW_STEPS;
         if prepared.has_opacity() {
-            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit))
+            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, Asks::Shadow))
         } else {
             prepared.accel().occluded(ray)
         }

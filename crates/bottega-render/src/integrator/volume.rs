@@ -18,7 +18,7 @@ use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
     camera::{CameraRay, RayCone},
-    interaction::{Interaction, emitted, is_there, sphere_uv},
+    interaction::{Asks, Interaction, emitted, is_there, sphere_uv},
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
     media::{
         Filling, Homogeneous, Phase, channel_probabilities,
@@ -118,7 +118,7 @@ impl Path<'_> {
     fn advance(&mut self) -> bool {
         let prepared = self.prepared;
         let ray = Ray::new(self.origin, self.direction);
-        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit));
+        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path));
         self.record.values.cost += STEPS;
         self.segment += 1;
         let cone = self.cone.at(hit.t);
@@ -209,7 +209,7 @@ impl Path<'_> {
     }
 
     /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
-    fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
+    fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
         let scene = self.prepared.scene();
         let material = match hit.sphere() {
             Some(sphere) => scene.spheres[sphere as usize].material,
@@ -217,8 +217,7 @@ impl Path<'_> {
         };
         let known = self.prepared.material(material).1;
         known.is_null && known.media[0] != known.media[1]
-            || is_there(self.prepared, ray, hit, || {
-                let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+            || is_there(self.prepared, ray, hit, asks, |surface| {
                 self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
             })
     }
@@ -477,8 +476,8 @@ impl Path<'_> {
             };
             let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
             let hit = if prepared.has_boundaries() {
-                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit))
-            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit)) {
+                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow))
+            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow)) {
                 return;
             } else {
                 Hit::NONE

@@ -11,7 +11,7 @@ use crate::{
     bsdf::TransportMode,
     camera::RayCone,
     integrator::{BLEND, bsdf_at, exp},
-    interaction::{Interaction, is_there},
+    interaction::{Asks, Interaction, is_there},
     lights::{Emission, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
@@ -189,10 +189,7 @@ impl Tracer<'_> {
             return self.prepared.accel().intersect(ray);
         }
         self.prepared.accel().intersect_filtered(ray, |hit| {
-            is_there(self.prepared, ray, hit, || {
-                let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
-                sampler.hashed(surface ^ u64::from(depth) << 56)
-            })
+            is_there(self.prepared, ray, hit, Asks::Path, |surface| sampler.hashed(surface ^ u64::from(depth) << 56))
         })
     }
 

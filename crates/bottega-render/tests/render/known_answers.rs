@@ -42,6 +42,20 @@ fn a_point_light_gives_intensity_over_squared_distance() {
 }
 
 #[test]
+fn each_ray_asks_each_side_of_a_half_transparent_ball_anew() {
+    let mut scene = floor();
+    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::ZERO) };
+    add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, veil);
+    let kind = LightKind::Point { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
+    scene.lights.push(Light { name: String::new(), kind });
+    // The ray of the camera passes two walls, and so does that to the light.
+    let passing = 0.6_f32.powi(4);
+    // Four standard errors of 4096 samples of which so many pass.
+    let tolerance = 4.0 * ((1.0 - passing) / passing / 4096.0).sqrt();
+    assert_near(irradiance(scene, DirectLight::Combined), passing * 10.0 / 16.0, tolerance);
+}
+
+#[test]
 fn several_lights_add_up() {
     let mut scene = floor();
     for (x, watts) in [(3.0, 10.0), (-3.0, 2.0), (0.0, 0.5)] {

@@ -52,8 +52,10 @@ impl Importer<'_> {
         // The old line has its zenith along +y; both are turned to +z here.
         let zenith_up =
             if self.document.is_old { DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y) } else { DMat3::IDENTITY };
+        let world_from_sky = self.rotation(object, to_world) * zenith_up;
         let sun = match self.bad(object.vector("sun_direction"))? {
-            Some(direction) => zenith_up.transpose() * direction,
+            // A direction of the world, however the sky is turned.
+            Some(direction) => world_from_sky.transpose() * direction,
             None => self.sun_by_time(object)?,
         };
         let sun = sun.try_normalize().unwrap_or(DVec3::Z);
@@ -61,7 +63,6 @@ impl Importer<'_> {
             self.report.warn(object.at, "the sun is below the horizon: it is night");
         }
         // What is painted has +y as its zenith: x of the sky is −z of the picture, y is −x.
-        let world_from_sky = self.rotation(object, to_world) * zenith_up;
         let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
         let bytes = (WIDTH * HEIGHT * 16) as usize;
         self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;

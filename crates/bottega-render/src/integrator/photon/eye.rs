@@ -17,7 +17,7 @@ use crate::{
     ala::{Agents, Tally},
     bsdf::{Bsdf, BsdfAt, BsdfSample},
     camera::{CameraRay, RayCone},
-    interaction::{Interaction, is_there},
+    interaction::{Asks, Interaction, is_there},
     lights::Receiver,
     photon::{
         Nearest, PhotonMaps,
@@ -441,15 +441,14 @@ impl<'a> Eye<'a> {
 
     fn intersect(&self, ray: &Ray, vertex: u32) -> Hit {
         if self.prepared.has_opacity() {
-            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex))
+            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex, Asks::Path))
         } else {
             self.prepared.accel().intersect(ray)
         }
     }
 
-    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32) -> bool {
-        is_there(self.prepared, ray, hit, || {
-            let surface = u64::from(hit.instance) << 32 | u64::from(hit.primitive);
+    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: Asks) -> bool {
+        is_there(self.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(vertex) << 56 ^ u64::from(vertex) >> 8)
         })
     }
@@ -457,7 +456,7 @@ impl<'a> Eye<'a> {
     fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
         self.record.counts.shadow_rays += 1;
         if self.prepared.has_opacity() {
-            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex))
+            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex, Asks::Shadow))
         } else {
             self.prepared.accel().occluded(ray)
         }
