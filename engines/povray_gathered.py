@@ -61,6 +61,13 @@ def text_of(path):
         return file.read()
 
 
+def remove_leftovers(scratch, kind):
+    """Removes what was gathered for a scene that was open before: its light is not that of this one."""
+    for name in os.listdir(scratch):
+        if name.startswith(("photons", "radiosity")) and name.endswith(kind):
+            os.remove(os.path.join(scratch, name))
+
+
 class Photons:
     """Photons of a scene, by the settings that they depend on."""
 
@@ -69,6 +76,7 @@ class Photons:
         self.text = text_of(scene)
         self.place = place_of_photons(self.text)
         self.kept = {}
+        remove_leftovers(scratch, ".map")
 
     def scene_for(self, key):
         """The scene to be read in place of the scene itself: it saves the photons, or loads them if they were saved."""
@@ -79,8 +87,9 @@ class Photons:
         kept = self.kept[key]
         verb = "load_file" if os.path.isfile(kept) else "save_file"
         path = os.path.join(self.scratch, "with_photons.pov")
-        with open(path, "w", encoding="latin-1", newline="") as file:
-            file.write(f'{self.text[:self.place]} {verb} "{kept}" {self.text[self.place:]}')
+        before, after = (part.encode("latin-1") for part in (self.text[:self.place], self.text[self.place:]))
+        with open(path, "wb") as file:
+            file.write(before + f' {verb} "'.encode() + os.fsencode(kept) + b'" ' + after)
         return path
 
     def forget(self, key):
@@ -96,9 +105,7 @@ class Radiosity:
         self.scratch = scratch
         self.kept = {}
         self.runs = 0
-        for name in os.listdir(scratch):
-            if name.endswith(".rca"):  # Of a scene that was open before.
-                os.remove(os.path.join(scratch, name))
+        remove_leftovers(scratch, ".rca")
 
     def settings(self, key, width, height, run):
         """Lines of an .ini file with which a window of a frame of this size uses what was gathered.

@@ -254,8 +254,10 @@ def check_photons(room):
     settings = 'assumed_gamma 1.0 /* photons { */ photons { spacing 0.02 jitter 0 %s }'
     own = os.path.join(room.scratch, "own.map")
     pictures = []
-    # The second scene names a file itself, so that nothing is done to it; the third has no ball to refract light.
-    for name, named, more in (("shared", "", ball), ("own", f'save_file "{own}"', ball), ("none", "", "")):
+    # Scenes that name a file themselves are left as they are. The ball that moves must not be lit by the photons of before.
+    keeps, moved = f'save_file "{own}"', ball.replace("0.4, 0.9", "-0.3, 1.1")
+    for name, named, more in (("shared", "", ball), ("own", keeps, ball), ("none", "", ""), ("again", "", ball),
+                              ("moved", "", moved), ("moved_own", keeps, moved)):
         path = os.path.join(room.scratch, f"{name}.pov")
         with open(path, "w") as file:
             file.write(text.replace("assumed_gamma 1.0", settings % named) + more)
@@ -266,6 +268,8 @@ def check_photons(room):
                 expect(bits_equal(room.paint(window, 4), pictures[0].cut(*window)), f"photons light {window} otherwise")
     expect(bits_equal(pictures[0], pictures[1]), "photons that are loaded make another picture than those that are shot")
     expect(not bits_equal(pictures[0], pictures[2]), "the ball is not in the picture")
+    expect(bits_equal(pictures[4], pictures[5]), "a scene is lit by the photons of the one that was open before")
+    room.open(os.path.join(room.scratch, "shared.pov"))
     saved = [name for name in os.listdir(room.scratch) if re.fullmatch(r"photons\d+\.map", name)]
     expect(saved and os.path.isfile(own), f"no photons were saved: {sorted(os.listdir(room.scratch))}")
     room.open(room.scene)

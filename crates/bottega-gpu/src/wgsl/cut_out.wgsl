@@ -3,7 +3,7 @@
 
 var<private> asking: Sampler;
 var<private> asking_depth: u32;
-// All bits that tell the number of a surface to a shadow ray from that to a path: it must not hear what the path heard.
+// The bit by which a surface has another number for a shadow ray than for a path: it must not hear what the path heard.
 var<private> asking_shadow: u32;
 
 fn ask_as(path: u32, depth: u32, is_shadow: bool) {
@@ -44,5 +44,6 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
     if there >= 1.0 {
         return true;
     }
-    return there > 0.0 && hashed(asking, vec2(hit.primitive ^ asking_shadow ^ is_left, hit.instance ^ (asking_depth << 24u))) < there;
+    let number = vec2(hit.primitive ^ asking_shadow ^ is_left, hit.instance ^ (asking_depth << 24u));
+    return there > 0.0 && hashed(asking, number) < there;
 }
