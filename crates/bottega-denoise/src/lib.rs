@@ -2,8 +2,9 @@
 //!
 //! For whole pictures alone: a zone that is denoised by itself knows nothing of its neighbours, and its edges would show.
 //! The decision that shaped it: the library is no part of the program but found where it is installed and loaded when it is
-//! wanted, so whoever wants none needs none. It runs on the processors, so that a picture does not depend on whose it is.
+//! wanted, so whoever wants none needs none. It runs on the processors, and is told how bright the picture is, so that a picture does not depend on whose they are.
 
+mod exposure;
 mod find;
 mod library;
 

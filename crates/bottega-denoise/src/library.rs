@@ -15,7 +15,7 @@ use std::{
 
 use bottega_image::Picture;
 
-use crate::DenoiseError;
+use crate::{DenoiseError, exposure::exposure};
 
 /// `OIDN_DEVICE_TYPE_CPU`.
 const DEVICE_CPU: c_int = 1;
@@ -25,7 +25,7 @@ const FORMAT_FLOAT3: c_int = 3;
 const ERROR_NONE: c_int = 0;
 /// `OIDN_ERROR_CANCELLED`.
 const ERROR_CANCELLED: c_int = 6;
-/// The oldest version that knows `cleanAux`.
+/// The oldest version that knows `cleanAux` and `inputScale`.
 const OLDEST: c_int = 10_400;
 
 type Handle = *mut c_void;
@@ -43,6 +43,7 @@ struct Functions {
     new_filter: unsafe extern "C" fn(Handle, *const c_char) -> Handle,
     set_image: unsafe extern "C" fn(Handle, *const c_char, *mut c_void, c_int, usize, usize, usize, usize, usize),
     set_bool: unsafe extern "C" fn(Handle, *const c_char, bool),
+    set_float: unsafe extern "C" fn(Handle, *const c_char, f32),
     set_monitor: unsafe extern "C" fn(Handle, Monitor, *mut c_void),
     commit_filter: unsafe extern "C" fn(Handle),
     execute_filter: unsafe extern "C" fn(Handle),
@@ -116,6 +117,7 @@ impl Functions {
                 new_filter: *library.get(b"oidnNewFilter\0")?,
                 set_image: *library.get(b"oidnSetSharedFilterImage\0")?,
                 set_bool: *library.get(b"oidnSetFilterBool\0").or_else(|_| library.get(b"oidnSetFilter1b\0"))?,
+                set_float: *library.get(b"oidnSetFilterFloat\0").or_else(|_| library.get(b"oidnSetFilter1f\0"))?,
                 set_monitor: *library.get(b"oidnSetFilterProgressMonitorFunction\0")?,
                 commit_filter: *library.get(b"oidnCommitFilter\0")?,
                 execute_filter: *library.get(b"oidnExecuteFilter\0")?,
@@ -184,6 +186,8 @@ impl Device {
                 (functions.set_image)(filter.handle, name.as_ptr(), data, FORMAT_FLOAT3, width, height, 0, 0, 0);
             }
         };
+        let is_color = name == c"color";
+        let scale = if is_color { exposure(main) } else { 1.0 };
         // One address for both: the library may work in place.
         let data = main.data.as_mut_ptr().cast::<c_void>();
         image(name, data);
@@ -192,13 +196,13 @@ impl Device {
             // The library only reads what is not its output.
             image(name, guide.data.as_ptr().cast_mut().cast());
         }
-        let (is_color, has_guides) = (name == c"color", !guides.is_empty());
         let mut monitor = Progress { tell: progress };
         // SAFETY: the filter is alive; `monitor` and the images outlive its execution, which this waits for.
         unsafe {
             if is_color {
                 (functions.set_bool)(filter.handle, c"hdr".as_ptr(), true);
-                (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), has_guides);
+                (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), !guides.is_empty());
+                (functions.set_float)(filter.handle, c"inputScale".as_ptr(), scale);
             }
             (functions.set_monitor)(filter.handle, told, ptr::from_mut(&mut monitor).cast());
             (functions.commit_filter)(filter.handle);

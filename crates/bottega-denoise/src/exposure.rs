@@ -1,0 +1,55 @@
+//! How bright a picture is as a whole, which the denoiser's networks want to know.
+
+use bottega_image::{Picture, luminance};
+
+/// Pixels on a side of the squares of which means are taken, so that noise has no say.
+const SIDE: u32 = 16;
+/// What middle grey becomes (Reinhard et al. 2002, equation 2).
+const KEY: f64 = 0.18;
+/// Squares that are darker have no say: they are black.
+const BLACK: f64 = 1e-8;
+
+/// The factor by which the picture gets the brightness of a usual one: the geometric mean of its luminance becomes middle
+/// grey. One for a picture without light.
+///
+/// The library would find one like it by itself, but adds up in whatever order its threads end, so that the same picture would
+/// come out with other bits now and then.
+pub(crate) fn exposure(picture: &Picture) -> f32 {
+    let (width, height) = picture.size();
+    let (mut sum, mut count) = (0.0, 0_u32);
+    for y in (0..height).step_by(SIDE as usize) {
+        for x in (0..width).step_by(SIDE as usize) {
+            let mean = mean_luminance(picture, x..width.min(x + SIDE), y..height.min(y + SIDE));
+            if mean > BLACK && mean.is_finite() {
+                sum += mean.log2();
+                count += 1;
+            }
+        }
+    }
+    if count == 0 { 1.0 } else { (KEY / (sum / f64::from(count)).exp2()) as f32 }
+}
+
+fn mean_luminance(picture: &Picture, columns: std::ops::Range<u32>, rows: std::ops::Range<u32>) -> f64 {
+    let pixels = rows.len() * columns.len();
+    let row_sum = |y: u32| columns.clone().map(|x| f64::from(luminance(picture.pixel(x, y)))).sum::<f64>();
+    rows.map(row_sum).sum::<f64>() / pixels as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grey_picture_becomes_middle_grey() {
+        let picture = Picture::from_fn(50, 33, |_, _| [3.0; 3]);
+        assert!((exposure(&picture) - 0.06).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_mean_is_geometric_and_the_black_and_the_broken_have_no_say() {
+        // Squares of 1 and 16, one without light, and one of which nothing can be said.
+        let picture = Picture::from_fn(64, 16, |x, _| [[1.0, 16.0, 0.0, f32::NAN][x as usize / 16]; 3]);
+        assert!((exposure(&picture) - 0.18 / 4.0).abs() < 1e-6);
+        assert!((exposure(&Picture::from_fn(20, 20, |_, _| [0.0; 3])) - 1.0).abs() < f32::EPSILON);
+    }
+}
