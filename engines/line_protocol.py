@@ -175,6 +175,7 @@ class Order:
         self.seed = int(request.get("seed") or 0)
         self.max_depth = optional_int(request.get("max_depth"))
         self.light_samples = optional_int(request.get("light_samples"))
+        self.time = optional_int(request.get("time"))  # Seconds, for those that can end a window early.
         self.frame = optional_int(request.get("frame"))
 
     def hashed_seed(self, bits, *more):

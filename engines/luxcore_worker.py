@@ -199,7 +199,9 @@ class LuxCore:
             session.UpdateStats()
             stats = session.GetStats()
             share = stats.Get("stats.renderengine.total.samplecount").GetFloat() / (pixels * order.samples)
-            if session.HasDone():
+            is_late = order.time is not None and time.monotonic() - started > order.time
+            # All pixels have a sample, at least.
+            if session.HasDone() or (is_late and share * order.samples >= 1):
                 return share
             progress(min(share, 1.0))
             time.sleep(min(max((time.monotonic() - started) * SHARE_OF_WAIT, LEAST_WAIT), MOST_WAIT))

@@ -393,6 +393,20 @@ def check_depth(room):
     return f"direct light is {100 * ratio:.0f} % of all light"
 
 
+def check_time(room):
+    """A window for which it has a second, and no end of samples."""
+    if "time" not in room.worker.manifest["tunables"]:
+        return "it paints until it has all samples"
+    started = time.monotonic()
+    picture = room.paint(WHOLE, 1 << 20, time=1)
+    took = time.monotonic() - started
+    expect(1 <= room.samples_taken < 1 << 20, f"it tells {room.samples_taken} samples")
+    expect(took < 20, f"it took {took:.1f} s")
+    found = mean(picture.channels["R"])
+    expect(0.9 < found / 0.3284 < 1.1, f"the mean is {found}")
+    return f"{room.samples_taken} samples in {took:.1f} s"
+
+
 def check_progress(room):
     room.paint(WHOLE, 81 if room.name == "povray" else 256)
     shares = room.worker.shares
@@ -552,7 +566,7 @@ def check_leaving(room):
     return f"after {seconds:.2f} s, while painting"
 
 
-CHECKS = (check_opening, check_place, check_window_is_frame, check_seeds, check_mean, check_depth, check_progress,
+CHECKS = (check_opening, check_place, check_window_is_frame, check_seeds, check_mean, check_depth, check_time, check_progress,
           check_layers, check_frames, check_files, check_errors, check_costs, check_leaving)
 
 

@@ -233,12 +233,7 @@ pub(crate) fn job_settings(
     let threads = threads(&args.scene);
     let tunables = Tunables { max_depth: max_depth(args, subject), light_samples: args.light_samples };
     let hinted = subject.hints.samples.filter(|_| args.error.is_none() && args.time.is_none());
-    let default = match (args.error, args.time) {
-        (Some(_), _) => MOST_SAMPLES,
-        (_, Some(_)) => MOST_SAMPLES_IN_TIME,
-        _ => DEFAULT_SAMPLES,
-    };
-    let samples = args.spp.or(hinted).map_or(default, |samples| samples.clamp(1, SAMPLES_MAX));
+    let samples = args.spp.or(hinted).unwrap_or_else(|| samples_unasked(args, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
     let layout = Layout::new(LayersArg::of_own_engine(args.aov.as_ref(), args.denoise)?);
     Ok(JobSettings {
         crop,
@@ -252,6 +247,15 @@ pub(crate) fn job_settings(
         verify: args.verify.unwrap_or(1),
         ..JobSettings::new(frame.width(), frame.height(), samples, tunables, layout)
     })
+}
+
+/// Samples of a pixel where nobody says: `usual`, or as many as may be of use where an error or a time ends the picture.
+pub(crate) fn samples_unasked(args: &RenderArgs, usual: u32) -> u32 {
+    match (args.error, args.time) {
+        (Some(_), _) => MOST_SAMPLES.max(usual),
+        (_, Some(_)) => MOST_SAMPLES_IN_TIME.max(usual),
+        _ => usual,
+    }
 }
 
 /// When a zone is finished, for one who paints with others: their Master keeps the time.

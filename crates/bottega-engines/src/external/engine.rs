@@ -53,8 +53,8 @@ pub struct ExternalOptions {
     pub scene_light_samples: Option<u32>,
     /// Whether so few zones are made that windows cost little beside their samples: not where the user says how many.
     pub bounds_zones: bool,
-    /// Whether the picture has a time: what zones take must be known before they are painted, whatever that costs.
-    pub is_timed: bool,
+    /// The picture's time, if it has one. What zones take must be known before they are painted then, whatever that costs.
+    pub time: Option<Duration>,
     /// Makes the survey in the engine's place, if it can: of a scene that is read here.
     pub surveyor: Option<Surveyor>,
 }
@@ -95,6 +95,8 @@ struct Shared {
     closing: CancelSwitch,
     health: Mutex<Health>,
     surveyed: OnceLock<Survey>,
+    /// When the first zone was to be painted.
+    begun: OnceLock<Instant>,
     samples_done: AtomicU64,
     dropped_count: AtomicU64,
     watcher: OnceLock<TileWatcher>,
@@ -124,6 +126,7 @@ impl ExternalEngine {
             closing: CancelSwitch::default(),
             health: Mutex::default(),
             surveyed: OnceLock::new(),
+            begun: OnceLock::new(),
             samples_done: AtomicU64::new(0),
             dropped_count: AtomicU64::new(0),
             watcher: OnceLock::new(),
@@ -173,7 +176,7 @@ impl ExternalEngine {
     /// Samples that do not add up would be taken again, and windows that are dear be started twice.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();
-        self.shared.options.is_timed || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
+        self.shared.options.time.is_some() || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
     }
 
     /// What windows cost, and samples.
@@ -225,6 +228,7 @@ impl RenderEngine for ExternalEngine {
     }
 
     fn start(&self, task: ZoneTask, done: Done) {
+        self.shared.begun.get_or_init(Instant::now);
         self.shared.submit(Work::Zone(task, done));
     }
 }
@@ -272,6 +276,12 @@ impl Shared {
         let queue = self.queue();
         let idle = |queue: &mut Queue| queue.work.is_empty() && !queue.closed;
         self.woken.wait_while(queue, idle).unwrap_or_else(PoisonError::into_inner).work.pop_front()
+    }
+
+    /// What is left of the picture's time, in seconds.
+    fn seconds_left(&self) -> Option<f64> {
+        let spent = self.begun.get().map_or(Duration::ZERO, Instant::elapsed);
+        self.options.time.map(|time| time.saturating_sub(spent).as_secs_f64())
     }
 
     fn quarantine(&self) -> Option<EngineFault> {
@@ -405,6 +415,7 @@ impl Lane {
             seed: (self.shared.options.seed & SEED_MASK) as u32,
             max_depth: None,
             light_samples: None,
+            seconds: None,
             cancel: self.shared.closing.clone(),
         }
     }
@@ -467,7 +478,9 @@ impl Lane {
         tell(1.0);
         shared.dropped_count.fetch_add(window.dropped as u64, Ordering::Relaxed);
         let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
-        window.add_to(&mut tile, count);
+        // Who is given a time may have ended before its last sample.
+        let taken = written.samples.filter(|taken| request.seconds.is_some() && *taken < request.samples);
+        window.add_to(&mut tile, taken.map_or(count, |taken| taken.clamp(1, count)));
         if let Some(watcher) = shared.watcher.get() {
             watcher(&tile);
         }
@@ -494,6 +507,8 @@ impl Lane {
         // We count what shines itself as 0, the protocol counts direct light as 0.
         let bounces = asked(tunables.max_depth, options.scene_depth).map(|depth| depth.saturating_sub(1));
         let fit = |range: Option<super::manifest::Range>, value: Option<u32>| Some(range?.fit(value?));
+        // Whole seconds: a window that has none left still paints something.
+        let seconds = self.shared.seconds_left().map(|left| left.ceil() as u32);
         // Two windows of the same size must not have the same noise, unless they are parts of one.
         let seed = match manifest.determinism {
             Determinism::Frame => options.seed,
@@ -506,6 +521,7 @@ impl Lane {
             seed: (seed & SEED_MASK) as u32,
             max_depth: fit(ranges.max_depth, bounces),
             light_samples: fit(ranges.light_samples, asked(tunables.light_samples, options.scene_light_samples)),
+            seconds: fit(ranges.time, seconds.or(ranges.time.and_then(|range| range.default))),
             cancel,
         }
     }

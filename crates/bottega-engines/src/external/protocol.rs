@@ -31,6 +31,7 @@ pub(super) enum Request<'a> {
         seed: u32,
         max_depth: Option<u32>,
         light_samples: Option<u32>,
+        time: Option<u32>,
         frame: Option<u32>,
     },
     Files {
@@ -161,6 +162,9 @@ pub(super) struct PaintedFile {
     pub(super) id: u64,
     pub(super) file: std::path::PathBuf,
     pub(super) window: [u32; 4],
+    /// Fewer than were asked for where time was up.
+    #[serde(default)]
+    pub(super) samples: Option<u32>,
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
@@ -184,9 +188,10 @@ mod tests {
             seed: 5,
             max_depth: None,
             light_samples: None,
+            time: Some(20),
             frame: Some(3),
         };
-        let expected = r#"{"do":"paint","id":7,"window":[1,2,3,4],"samples":64,"first_sample":0,"seed":5,"max_depth":null,"light_samples":null,"frame":3}"#;
+        let expected = r#"{"do":"paint","id":7,"window":[1,2,3,4],"samples":64,"first_sample":0,"seed":5,"max_depth":null,"light_samples":null,"time":20,"frame":3}"#;
         assert_eq!(serde_json::to_string(&paint).expect("JSON"), expected);
     }
 
@@ -196,7 +201,8 @@ mod tests {
             r#"{"painted":{"id":7,"file":"/s/7.exr","window":[0,0,8,8],"samples":64,"seconds":1.25}}"#,
         )
         .expect("an answer");
-        assert_eq!(answer, Answer::Painted(PaintedFile { id: 7, file: "/s/7.exr".into(), window: [0, 0, 8, 8] }));
+        let painted = PaintedFile { id: 7, file: "/s/7.exr".into(), window: [0, 0, 8, 8], samples: Some(64) };
+        assert_eq!(answer, Answer::Painted(painted));
         let answer: Answer =
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
         assert_eq!(answer, Answer::Failed(Failed { reason: "no".into(), fatal: true }));

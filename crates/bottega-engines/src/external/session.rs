@@ -41,6 +41,8 @@ pub(super) struct WindowRequest {
     pub(super) seed: u32,
     pub(super) max_depth: Option<u32>,
     pub(super) light_samples: Option<u32>,
+    /// For how long it may paint: what is done by then is the picture.
+    pub(super) seconds: Option<u32>,
     pub(super) cancel: CancelSwitch,
 }
 
@@ -52,6 +54,8 @@ pub(super) struct Written {
     pub(super) shows: Rect,
     /// Whether its rows come from below.
     pub(super) is_upside_down: bool,
+    /// Samples of a pixel, where the engine tells.
+    pub(super) samples: Option<u32>,
 }
 
 /// An engine with a scene.

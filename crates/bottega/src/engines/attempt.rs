@@ -122,7 +122,7 @@ impl Trial {
             scene_depth: Some(0),
             scene_light_samples: Some(0),
             bounds_zones: false,
-            is_timed: false,
+            time: None,
             surveyor: None,
         };
         let engine = ExternalEngine::new(Arc::clone(located), options, session)?;

@@ -8,7 +8,10 @@ use std::{
 
 use bottega_engines::{
     BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
-    external::{CameraView, ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor},
+    external::{
+        CameraView, ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor,
+        manifest::Manifest,
+    },
 };
 use bottega_farm::{Expert, JobReport, JobSettings};
 use bottega_image::{Layer, Layout, Metadata, Rect};
@@ -89,12 +92,13 @@ impl Painter {
         let options = ExternalOptions {
             request: request.clone(),
             seed: args.seed,
-            samples: settings.crop.area() * u64::from(settings.samples),
+            // What error or time will come to is not known yet.
+            samples: settings.crop.area() * u64::from(args.spp.unwrap_or_else(|| usual_samples(manifest))),
             layout: settings.layout.clone(),
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
             scene_light_samples: (args.light_samples == 1).then_some(settings.tunables.light_samples),
             bounds_zones: args.zones.is_none() && args.scene.level > 0,
-            is_timed: args.time.is_some(),
+            time: args.time,
             surveyor: surveyor(args, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
@@ -265,7 +269,7 @@ fn settings(
         ));
     }
     let tunables = &located.manifest().tunables;
-    let samples = args.spp.or(tunables.samples.and_then(|range| range.default)).unwrap_or(DEFAULT_SAMPLES);
+    let samples = args.spp.unwrap_or_else(|| default_samples(args, located.manifest()));
     let samples = tunables.samples.map_or(1, |range| range.fit(samples)).clamp(1, SAMPLES_MAX);
     let depth = args.max_depth.or(tunables.max_depth.and_then(|range| range.default)).unwrap_or(DEFAULT_DEPTH);
     let asked = Tunables { max_depth: depth.min(DEPTH_MAX), light_samples: args.light_samples };
@@ -280,6 +284,16 @@ fn settings(
         verify: args.verify.unwrap_or(1),
         ..JobSettings::new(frame.width(), frame.height(), samples, asked, layout)
     })
+}
+
+/// Samples where the user says no number: as many as it takes where error or time ends the picture and samples add up.
+fn default_samples(args: &RenderArgs, manifest: &Manifest) -> u32 {
+    let usual = usual_samples(manifest);
+    if manifest.adds_up() { render::samples_unasked(args, usual) } else { usual }
+}
+
+fn usual_samples(manifest: &Manifest) -> u32 {
+    manifest.tunables.samples.and_then(|range| range.default).unwrap_or(DEFAULT_SAMPLES)
 }
 
 /// Where our own engine would look from, for a scene without a camera.

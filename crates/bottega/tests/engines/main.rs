@@ -116,6 +116,41 @@ fn a_crash_costs_a_zone_and_no_picture() {
 }
 
 #[test]
+fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
+    let stage = Stage::new("early");
+    let timed = MANIFEST.replace("\"frame\"", "\"statistics\"").replace("most = 64", "most = 4096");
+    let timed = format!("{timed}[tunables.time]\nleast = 1\nmost = 100\n");
+    fs::write(stage.path("hostile.toml"), timed).expect("written");
+    let orders = || -> Vec<serde_json::Value> {
+        let trace = fs::read_to_string(stage.path("trace")).expect("a trace");
+        trace.lines().map(|line| serde_json::from_str(line).expect("an order")).collect()
+    };
+    let output = stage.render(&["--time", "3s", "--quiet"]);
+    assert!(output.status.success(), "{}", told(&output));
+    let zones: Vec<_> = orders().into_iter().filter(|order| !order["time"].is_null()).collect();
+    let times: Vec<u64> = zones.iter().filter_map(|order| order["time"].as_u64()).collect();
+    assert!(times.first() == Some(&3) && times.is_sorted_by(|a, b| a >= b) && times.len() >= 8, "{times:?}");
+    assert!(times.iter().all(|time| (1..=3).contains(time)) && times.last() < times.first(), "{times:?}");
+    // Many samples were ordered after the first ones, and one was taken each time: it weighs as much as one does.
+    let of = |is_first: bool| zones.iter().filter(move |order| (order["first_sample"] == 0) == is_first);
+    let ordered = |is_first: bool| of(is_first).filter_map(|order| order["samples"].as_u64()).sum::<u64>() as f64 / 4.0;
+    let (first, later) = (ordered(true), ordered(false));
+    let fair = |bright: f64| (first + 3.0 * bright) / (first + bright);
+    let picture = stage.picture();
+    let mean = picture.data.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / picture.data.len() as f64;
+    let expected = fair(of(false).count() as f64 / 4.0);
+    assert!(
+        (mean - expected).abs() < 0.05 * expected && mean < 0.9 * fair(later),
+        "{mean}, {expected}, {}",
+        fair(later)
+    );
+    // Who has no time has none to tell.
+    fs::remove_file(stage.path("trace")).expect("removed");
+    assert!(stage.render(&["--quiet"]).status.success());
+    assert!(orders().iter().all(|order| order["time"].is_null()));
+}
+
+#[test]
 fn windows_that_are_dear_are_not_tried_out() {
     // One to look at the scene, one for the only zone: each more would cost five seconds, if that were true.
     for (seconds, windows) in [("5", 2..3), ("-1", 4..1000)] {
@@ -346,7 +381,7 @@ fn a_command_line_is_an_engine_too() {
          w, h, path = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]\n\
          if sys.argv[4] == 'broken': sys.exit('Fatal: the lamp is missing')\n\
          c = {'R': [x for y in range(h) for x in range(w)], 'G': [y for y in range(h) for x in range(w)]}\n\
-         c['B'] = [1.0] * (w * h)\n\
+         c['B'] = [{'': 1.0, '-t 7': 2.0}[' '.join(sys.argv[5:])]] * (w * h)\n\
          plain_exr.write(path, w, h, {k: array.array('f', map(float, v)) for k, v in c.items()})\n",
     )
     .expect("written");
@@ -371,6 +406,9 @@ extensions = ["toy"]
 [tunables.samples]
 least = 1
 most = 64
+[tunables.time]
+least = 7
+most = 60
 [pixels]
 color_space = "linear-rec709"
 window = "frame"
@@ -379,7 +417,7 @@ pattern = '(\d+) %'
 [errors]
 patterns = ['Fatal: (.*)']
 [command]
-run = ["{program}", "{folder}/paint.py", "{width}", "{height}", "{output}", "sound", ["-d", "{max_depth}"]]
+run = ["{program}", "{folder}/paint.py", "{width}", "{height}", "{output}", "sound", ["-d", "{max_depth}"], ["-t", "{time}"]]
 output = "out.exr"
 "#,
     )
@@ -390,6 +428,9 @@ output = "out.exr"
     let done = stage.command(&arguments).output().expect("the program starts");
     assert!(done.status.success(), "{}", told(&done));
     assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 1.0]));
+    let timed = stage.command(&[&arguments[..], &["--time", "1s"]].concat()).output().expect("the program starts");
+    assert!(timed.status.success(), "{}", told(&timed));
+    assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 2.0]));
     let manifest = fs::read_to_string(stage.path("line.toml")).expect("text").replace("\"sound\"", "\"broken\"");
     fs::write(stage.path("line.toml"), manifest).expect("written");
     let failed = stage.command(&arguments).output().expect("the program starts");

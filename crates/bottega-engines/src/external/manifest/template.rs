@@ -27,6 +27,7 @@ const PLACEHOLDERS: &[&str] = &[
     "samples",
     "max_depth",
     "light_samples",
+    "time",
     "seed",
     "first_sample",
     "frame",

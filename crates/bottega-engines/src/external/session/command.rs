@@ -108,6 +108,7 @@ impl CommandLine {
         values.extend(numbers.map(|(name, number)| (name, number.to_string())));
         values.extend(request.max_depth.map(|depth| ("max_depth", depth.to_string())));
         values.extend(request.light_samples.map(|samples| ("light_samples", samples.to_string())));
+        values.extend(request.seconds.map(|seconds| ("time", seconds.to_string())));
         values
     }
 
@@ -169,6 +170,6 @@ impl CommandLine {
             Shows::Window => request.window,
         };
         let is_upside_down = manifest.pixels.first_row == FirstRow::Bottom;
-        Ok(Written { file: output, shows, is_upside_down })
+        Ok(Written { file: output, shows, is_upside_down, samples: None })
     }
 }

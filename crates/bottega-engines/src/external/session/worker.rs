@@ -138,6 +138,7 @@ impl Worker {
             seed: request.seed,
             max_depth: request.max_depth,
             light_samples: request.light_samples,
+            time: request.seconds,
             frame: self.frame,
         })?;
         let manifest = self.engine.manifest();
@@ -153,8 +154,8 @@ impl Worker {
                 told(share);
             }
         })?;
-        let (file, window) = match answer {
-            Answer::Painted(PaintedFile { id: of, file, window }) if of == id => (file, window),
+        let PaintedFile { file, window, samples, .. } = match answer {
+            Answer::Painted(painted) if painted.id == id => painted,
             Answer::Failed(failed) => return Err(failed.into()),
             other => return Err(out_of_turn(&other)),
         };
@@ -164,7 +165,7 @@ impl Worker {
             return Err(protocol_error(format!("it painted {shows} where {} was asked for", request.window)));
         }
         self.check_place(&file)?;
-        Ok(Written { file, shows, is_upside_down: false })
+        Ok(Written { file, shows, is_upside_down: false, samples })
     }
 
     /// What a worker names is read only where it was told to write.
