@@ -25,6 +25,10 @@ impl RayCone {
     }
 }
 
+/// Width of a camera ray's beam in pixels. The film's filter takes the mean over the pixel, from many samples; textures that were
+/// blurred by a pixel before it would be blurred twice, and lose their edges where they are seen at a slant.
+pub(crate) const BEAM: f32 = 0.125;
+
 /// A ray from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraRay {
@@ -32,7 +36,7 @@ pub struct CameraRay {
     pub origin: Vec3,
     /// Where it goes, unit length, world space.
     pub direction: Vec3,
-    /// The pixel's footprint.
+    /// The part of the pixel that it stands for.
     pub cone: RayCone,
 }
 
@@ -65,7 +69,8 @@ impl CameraRays {
             half_height *= camera.fov_axis.over_height(aspect) / camera.fov_axis.over_height(size.x / size.y);
         }
         let pixel = 2.0 * half_height / size.y;
-        let cone = if parallel { RayCone { width: pixel, spread: 0.0 } } else { RayCone { width: 0.0, spread: pixel } };
+        let beam = pixel * BEAM;
+        let cone = if parallel { RayCone { width: beam, spread: 0.0 } } else { RayCone { width: 0.0, spread: beam } };
         Self {
             world_from_camera: camera.world_from_camera,
             half_extent: Vec2::new(half_height * size.x / size.y, half_height),

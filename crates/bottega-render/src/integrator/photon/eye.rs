@@ -73,7 +73,7 @@ struct Walk {
 /// Where irradiance may be kept: a matte surface that is seen.
 pub(super) struct Spot {
     point: Interaction,
-    /// Width of a pixel there.
+    /// Width of the beam there.
     width: f32,
 }
 

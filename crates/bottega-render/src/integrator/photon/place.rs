@@ -12,6 +12,7 @@ use super::{
     eye::{Eye, Hands, Known, Spot},
 };
 use crate::{
+    camera::BEAM,
     photon::{
         PhotonMaps,
         cache::{IrradianceCache, RAYS, Record, direction},
@@ -95,6 +96,6 @@ impl Task for Search<'_> {
                 eye.look_from(&spot, direction(n, index, [u, v]), index)
             })
             .collect();
-        Some(Record::new(spot.p(), n, &looks, [PIXELS_MIN * spot.width(), radius_max]))
+        Some(Record::new(spot.p(), n, &looks, [PIXELS_MIN / BEAM * spot.width(), radius_max]))
     }
 }
