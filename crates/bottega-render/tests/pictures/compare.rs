@@ -31,20 +31,6 @@ impl Estimate {
         Self { moments: moments.collect(), picture, parts: pictures.iter().map(luminances).collect() }
     }
 
-    /// The same, brought down by the mean of blocks of pixels; for the variance see [`Self::of_blocks`].
-    pub(crate) fn of_fine_films(films: &[Film], side: u32) -> Self {
-        let fine: Vec<Picture> = films.iter().map(Film::to_picture).collect();
-        let pictures: Vec<Picture> = fine.iter().map(|picture| brought_down(picture, side)).collect();
-        let (width, height) = pictures[0].size();
-        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let of_all = |(x, y)| moments(fine.iter().flat_map(move |picture| block(picture, side, x, y).map(luminance)));
-        Self {
-            moments: pixels.map(of_all).collect(),
-            picture: mean_picture(&pictures),
-            parts: pictures.iter().map(luminances).collect(),
-        }
-    }
-
     /// The mean of independent pictures.
     pub(crate) fn of_pictures(pictures: &[Picture]) -> Self {
         let parts: Vec<Vec<f64>> = pictures.iter().map(luminances).collect();
