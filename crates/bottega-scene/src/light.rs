@@ -90,6 +90,8 @@ pub enum EnvironmentMapping {
     /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
     #[default]
     LatitudeLongitude,
+    /// The same, but the centres of the first and the last row are the poles themselves, as Mitsuba has it.
+    LatitudeLongitudeToPoles,
     /// Equal areas on an octahedron, as pbrt-v4 has it (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
     /// SIMD): +z is the centre, −z the corners, +x to the right and +y down. The nearest texel counts, as there.
     EqualArea,

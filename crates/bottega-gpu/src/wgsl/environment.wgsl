@@ -1,6 +1,6 @@
 // Light from infinitely far away, all around: `bottega_render::lights::{environment, distribution}`. Places in its record: kind
 // of the table, whether areas are equal, factor, world from environment, integral, picture, then columns, rows, values, sums,
-// marginal of the table.
+// marginal of the table, and scale and offset that lead from latitudes to places on the picture.
 
 const TABLE_NONE: u32 = 0u;
 const TABLE_UNIFORM: u32 = 1u;
@@ -43,7 +43,8 @@ fn environment_place(environment: u32, local: vec3<f32>) -> vec2<f32> {
     if scene_words[environment + 1u] != 0u {
         return square_of(local);
     }
-    return latitude_longitude(local);
+    let place = latitude_longitude(local);
+    return vec2(place.x, place.y * number_at(environment + 21u) + number_at(environment + 22u));
 }
 
 fn environment_color(environment: u32, uv: vec2<f32>) -> vec3<f32> {
@@ -225,13 +226,18 @@ fn sample_environment(u: vec2<f32>) -> LightSample {
         }
         case TABLE_BILINEAR: {
             uv = sample_bilinear(environment, u);
-            let theta = sin_cos(PI * uv.y);
+            let latitude = (uv.y - number_at(environment + 22u)) / number_at(environment + 21u);
+            // Beyond a pole there is no direction.
+            if !(latitude >= 0.0 && latitude <= 1.0) {
+                return no_light();
+            }
+            let theta = sin_cos(PI * latitude);
             let phi = sin_cos(2.0 * PI * (uv.x - 0.5));
             local = vec3(theta.x * phi.x, theta.y, -theta.x * phi.y);
             if !(theta.x > 1e-20) {
                 return no_light();
             }
-            pdf = bilinear_density(environment, uv) / (2.0 * PI * PI * theta.x);
+            pdf = number_at(environment + 21u) * bilinear_density(environment, uv) / (2.0 * PI * PI * theta.x);
         }
         default: {
             let columns = scene_words[environment + 16u];
@@ -264,7 +270,8 @@ fn environment_direction_pdf(direction: vec3<f32>) -> f32 {
             if !(sin_theta > 1e-20) {
                 return 0.0;
             }
-            return bilinear_density(environment, latitude_longitude(local)) / (2.0 * PI * PI * sin_theta);
+            let density = bilinear_density(environment, environment_place(environment, local));
+            return number_at(environment + 21u) * density / (2.0 * PI * PI * sin_theta);
         }
         default: {
             return cells_density(environment, square_of(local)) / (4.0 * PI);

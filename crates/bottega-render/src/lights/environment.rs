@@ -23,6 +23,7 @@ const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
 pub(crate) struct EnvironmentLight {
     picture: Option<TextureMap>,
     mapping: EnvironmentMapping,
+    rows: Rows,
     factor: Spectrum,
     world_from_environment: Mat3,
     table: Table,
@@ -30,6 +31,32 @@ pub(crate) struct EnvironmentLight {
     integral: f32,
     /// The windows through which it is seen, if not from everywhere. The table is then not asked.
     portals: Option<Portals>,
+}
+
+/// Where latitudes are on a picture: 0 to 1 from pole to pole, and from its upper edge to its lower one.
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    scale: f32,
+    offset: f32,
+}
+
+impl Rows {
+    /// - `height`: of the picture in texels.
+    fn new(mapping: EnvironmentMapping, height: u32) -> Self {
+        if mapping != EnvironmentMapping::LatitudeLongitudeToPoles || height < 2 {
+            return Self { scale: 1.0, offset: 0.0 };
+        }
+        Self { scale: (height - 1) as f32 / height as f32, offset: 0.5 / height as f32 }
+    }
+
+    fn picture_from_latitude(self, latitude: f32) -> f32 {
+        latitude * self.scale + self.offset
+    }
+
+    /// Beyond 0 to 1 where the picture goes on behind the poles.
+    fn latitude_from_picture(self, place: f32) -> f32 {
+        (place - self.offset) / self.scale
+    }
 }
 
 /// How directions are drawn.
@@ -57,9 +84,11 @@ impl EnvironmentLight {
             smooth: environment.mapping != EnvironmentMapping::EqualArea,
             ..TextureMap::new(image)
         });
+        let height = environment.image.map_or(1, |image| scene.images[image.0 as usize].size().1);
         let mut light = Self {
             picture,
             mapping: environment.mapping,
+            rows: Rows::new(environment.mapping, height),
             factor: environment.factor,
             world_from_environment: environment.world_from_environment,
             table: if compensate { Table::None } else { Table::Uniform },
@@ -89,10 +118,22 @@ impl EnvironmentLight {
 
     /// The table over a picture, and the integral of the luminance that it stands for.
     fn tabulate(&self, scene: &Scene, columns: usize, rows: usize, compensate: bool) -> (Table, f32) {
-        // The solid angle of a cell over that of all of them, times the number of rows.
-        let weight = |row: usize| match self.mapping {
-            EnvironmentMapping::LatitudeLongitude => 0.5 * PI * math::sin(PI * (row as f32 + 0.5) / rows as f32),
-            EnvironmentMapping::EqualArea => 1.0,
+        // The solid angle of a cell over the mean of them. Rows that end at the poles are few at times, so they have the exact
+        // integral of what is interpolated between them.
+        let height = PI / (rows as f32 * self.rows.scale);
+        let weight = |row: usize| {
+            let latitude = PI * self.rows.latitude_from_picture((row as f32 + 0.5) / rows as f32);
+            0.5 * PI
+                * match self.mapping {
+                    EnvironmentMapping::EqualArea => 2.0 / PI,
+                    EnvironmentMapping::LatitudeLongitude => math::sin(latitude),
+                    EnvironmentMapping::LatitudeLongitudeToPoles if latitude.min(PI - latitude) < 0.5 * height => {
+                        (1.0 - math::sin(height) / height) / height
+                    }
+                    EnvironmentMapping::LatitudeLongitudeToPoles => {
+                        math::sin(latitude) * (2.0 * math::sin(0.5 * height) / height).powi(2)
+                    }
+                }
         };
         let mut cells = self.luminances(scene, columns, rows);
         let integral_of = |cells: &[f32]| {
@@ -100,7 +141,7 @@ impl EnvironmentLight {
             let sum: f64 = by_row
                 .map(|(row, cells)| f64::from(weight(row)) * cells.iter().map(|&l| f64::from(l)).sum::<f64>())
                 .sum();
-            (4.0 * std::f64::consts::PI * sum / cells.len() as f64) as f32
+            (4.0 * std::f64::consts::PI * sum / (cells.len() as f64 * f64::from(self.rows.scale))) as f32
         };
         if compensate {
             let mean = integral_of(&cells) / (4.0 * PI);
@@ -111,8 +152,8 @@ impl EnvironmentLight {
             cells.iter_mut().for_each(|cell| *cell *= weight(row));
         }
         let table = match self.mapping {
-            EnvironmentMapping::LatitudeLongitude => Bilinear::new(cells, columns, rows).map(Table::Bilinear),
             EnvironmentMapping::EqualArea => Cells::new(&cells, columns, rows).map(Table::Cells),
+            _ => Bilinear::new(cells, columns, rows).map(Table::Bilinear),
         };
         (table.unwrap_or(Table::None), integral)
     }
@@ -140,7 +181,7 @@ impl EnvironmentLight {
     }
 
     /// Writes it down: kind of the table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping, factor, world from environment,
-    /// integral, picture, and what the table says of itself. Not its portals.
+    /// integral, picture, what the table says of itself, scale and offset of its rows. Not its portals.
     pub(crate) fn write(&self, words: &mut Words) -> u32 {
         let (kind, table) = match &self.table {
             Table::None => (0, [NONE; 5]),
@@ -156,6 +197,7 @@ impl EnvironmentLight {
         words.number(self.integral);
         words.picture(self.picture);
         words.words(&table);
+        words.numbers(&[self.rows.scale, self.rows.offset]);
         place
     }
 
@@ -222,10 +264,11 @@ impl EnvironmentLight {
 
     /// Where a direction of environment space is on the picture.
     fn uv_of(&self, local: Vec3) -> Vec2 {
-        match self.mapping {
-            EnvironmentMapping::LatitudeLongitude => uv_of(local),
-            EnvironmentMapping::EqualArea => square_of(local),
+        if self.mapping == EnvironmentMapping::EqualArea {
+            return square_of(local);
         }
+        let place = latitude_longitude(local);
+        Vec2::new(place.x, self.rows.picture_from_latitude(place.y))
     }
 
     fn lookup(&self, scene: &Scene, uv: Vec2, footprint: f32) -> Spectrum {
@@ -245,10 +288,14 @@ impl EnvironmentLight {
             }
             Table::Bilinear(table) => {
                 let (uv, density) = table.sample(u);
-                let (sin_theta, cos_theta) = math::sin_cos(PI * uv[1]);
+                let latitude = self.rows.latitude_from_picture(uv[1]);
+                if !(0.0..=1.0).contains(&latitude) {
+                    return None;
+                }
+                let (sin_theta, cos_theta) = math::sin_cos(PI * latitude);
                 let (sin_phi, cos_phi) = math::sin_cos(2.0 * PI * (uv[0] - 0.5));
                 let local = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
-                (local, Vec2::from(uv), density / (2.0 * PI * PI * sin_theta))
+                (local, Vec2::from(uv), self.rows.scale * density / (2.0 * PI * PI * sin_theta))
             }
             Table::Cells(table) => {
                 let (uv, density) = table.sample(u);
@@ -267,15 +314,19 @@ impl EnvironmentLight {
             Table::Uniform => 1.0 / (4.0 * PI),
             Table::Bilinear(table) => {
                 let sin_theta = (local.x * local.x + local.z * local.z).sqrt();
-                if sin_theta > 0.0 { table.density(uv_of(local).into()) / (2.0 * PI * PI * sin_theta) } else { 0.0 }
+                if sin_theta > 0.0 {
+                    self.rows.scale * table.density(self.uv_of(local).into()) / (2.0 * PI * PI * sin_theta)
+                } else {
+                    0.0
+                }
             }
             Table::Cells(table) => table.density(square_of(local).into()) / (4.0 * PI),
         }
     }
 }
 
-/// Texture coordinates of a direction in environment space: the upper edge is +y, the center column −z.
-fn uv_of(direction: Vec3) -> Vec2 {
+/// Longitude and latitude of a direction in environment space, 0 to 1: the upper edge is +y, the center column −z.
+fn latitude_longitude(direction: Vec3) -> Vec2 {
     let u = 0.5 + math::atan2(direction.x, -direction.z) / (2.0 * PI);
     Vec2::new(u, math::acos(direction.y) / PI)
 }
@@ -353,6 +404,33 @@ mod tests {
         let by_uniform =
             grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
         assert!((by_light / by_uniform - 1.0).abs().max_element() < 0.02, "{by_light} {by_uniform}");
+        assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn rows_that_end_at_the_poles_are_seen_and_drawn_there() {
+        let scene = scene_with((12, 6), |x, y| [0.1 + (x % 5) as f32, (y * y) as f32 * 0.1, 3.0 - 0.5 * y as f32]);
+        let upright = Environment {
+            mapping: EnvironmentMapping::LatitudeLongitudeToPoles,
+            world_from_environment: Mat3::IDENTITY,
+            ..environment()
+        };
+        let light = EnvironmentLight::new(&scene, &upright, false);
+        // Row 1 of 0 to 5 is a fifth of the way down: there its blue is told, and at the poles that of the outer rows.
+        for (angle, blue) in [(0.0, 3.0), (0.2, 2.5), (0.5, 1.75), (1.0, 0.5)] {
+            let (sine, cosine) = (angle * PI).sin_cos();
+            let seen = light.radiance(&scene, Vec3::new(sine, cosine, 0.0)).z;
+            assert!((seen / 0.5 - blue).abs() < 1e-4, "{angle} {seen}");
+        }
+        let mut by_light = Spectrum::ZERO;
+        for u in grid(256) {
+            let Some((direction, radiance, pdf)) = light.sample(&scene, u) else { continue };
+            assert!((light.pdf(direction) / pdf - 1.0).abs() < 0.02, "{direction}");
+            by_light += radiance / pdf / 65536.0;
+        }
+        let by_uniform =
+            grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
+        assert!((by_light / by_uniform - 1.0).abs().max_element() < 5e-3, "{by_light} {by_uniform}");
         assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.02);
     }
 
@@ -453,9 +531,9 @@ mod tests {
 
     #[test]
     fn directions_and_texture_coordinates_follow_the_model() {
-        assert!((uv_of(Vec3::NEG_Z) - Vec2::new(0.5, 0.5)).length() < 1e-6);
-        assert!((uv_of(Vec3::X) - Vec2::new(0.75, 0.5)).length() < 1e-6);
-        assert!(uv_of(Vec3::Y).y.abs() < 1e-6);
+        assert!((latitude_longitude(Vec3::NEG_Z) - Vec2::new(0.5, 0.5)).length() < 1e-6);
+        assert!((latitude_longitude(Vec3::X) - Vec2::new(0.75, 0.5)).length() < 1e-6);
+        assert!(latitude_longitude(Vec3::Y).y.abs() < 1e-6);
     }
 
     #[test]

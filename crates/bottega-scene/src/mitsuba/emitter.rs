@@ -9,7 +9,8 @@ use super::sensor::{fov_axis, standing, vertical_fov};
 use super::texture::Use;
 use crate::image::{Encoding, Header};
 use crate::{
-    ColorParam, Environment, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum, SpotFalloff, TextureMap,
+    ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum,
+    SpotFalloff, TextureMap,
 };
 
 impl Importer<'_> {
@@ -83,10 +84,9 @@ impl Importer<'_> {
         // Mitsuba's picture begins at −z, ours has −z in the middle.
         let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
         let world_from_environment = self.rotation(object, to_world) * half_turn;
-        self.set_environment(
-            object,
-            Environment::picture(image, Spectrum::splat(scale), world_from_environment.as_mat3()),
-        );
+        let environment = Environment::picture(image, Spectrum::splat(scale), world_from_environment.as_mat3());
+        let mapping = EnvironmentMapping::LatitudeLongitudeToPoles;
+        self.set_environment(object, Environment { mapping, ..environment });
         Ok(())
     }
 

@@ -199,7 +199,7 @@ fn illuminance(image: &Image, mapping: EnvironmentMapping) -> f64 {
                     let radius = 1.0 - from_edge.abs();
                     ((1.0 - radius * radius) * from_edge.signum(), 1.0)
                 }
-                EnvironmentMapping::LatitudeLongitude => ((v * PI).cos(), 0.5 * PI * (v * PI).sin()),
+                _ => ((v * PI).cos(), 0.5 * PI * (v * PI).sin()),
             };
             if cosine > 0.0 {
                 sum += image.texel(x, y).truncate().as_dvec3().dot(LUMINANCE) * cosine * part;

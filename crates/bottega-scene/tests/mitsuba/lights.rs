@@ -1,6 +1,6 @@
 //! What shines.
 
-use bottega_scene::{LightKind, Sides, SpotFalloff, TextureMap};
+use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, TextureMap};
 use glam::{Vec2, Vec3};
 
 use crate::support::{Folder, bare, read, read_old, silent, told};
@@ -64,6 +64,19 @@ fn a_spot_throws_its_texture() {
         let strength = texel / (-local.z).powi(3);
         assert!((strength - expected).abs() < 0.01 * expected.max(1.0), "{p}: {strength}");
     }
+}
+
+#[test]
+fn an_environment_ends_at_the_poles() {
+    let numbers = [1.0f32, 2.0].map(f32::to_le_bytes).concat();
+    let folder = Folder::new().with("a.pfm", [&b"Pf\n1 2\n-1\n"[..], &numbers].concat()).scene(
+        "<emitter type='envmap'><string name='filename' value='a.pfm'/><float name='scale' value='3'/></emitter>",
+    );
+    let loaded = folder.load(&bare()).unwrap();
+    assert_eq!(told(&loaded), Vec::<String>::new());
+    let environment = loaded.scene.environment.unwrap();
+    assert_eq!(environment.mapping, EnvironmentMapping::LatitudeLongitudeToPoles);
+    assert_eq!(environment.factor, Vec3::splat(3.0));
 }
 
 #[test]

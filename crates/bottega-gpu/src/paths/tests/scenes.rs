@@ -138,7 +138,8 @@ pub(super) fn placed() -> Scene {
         scene.push_instance(mesh, Affine3A::from_scale_rotation_translation(scale, turn, place));
     }
     let sky = waves(&mut scene, 32, 16);
-    scene.environment = Some(Environment::picture(sky, Vec3::new(1.0, 1.2, 1.5), Mat3::from_rotation_y(0.9)));
+    let sky = Environment::picture(sky, Vec3::new(1.0, 1.2, 1.5), Mat3::from_rotation_y(0.9));
+    scene.environment = Some(Environment { mapping: EnvironmentMapping::LatitudeLongitudeToPoles, ..sky });
     scene
 }
 
