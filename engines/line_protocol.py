@@ -250,10 +250,10 @@ def answer(line, worker, request, frame):
         order = Order(request, width, height)
         path = os.path.join(scratch, f"{order.id}.exr")
         started = time.monotonic()
-        window, samples = worker.paint(order, path, Progress(line, order.id))
+        window, samples, *once = worker.paint(order, path, Progress(line, order.id))
         seconds = time.monotonic() - started
         line.send("painted", id=order.id, file=path, window=window.as_list(), samples=samples,
-                  seconds=round(seconds, 4))
+                  seconds=round(seconds, 4), once=round(sum(once), 4))
     elif what == "files":
         line.send("files", **worker.files(existing_file(request["scene"])))
     else:

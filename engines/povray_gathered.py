@@ -85,16 +85,20 @@ class Photons:
         if key not in self.kept:
             self.kept[key] = os.path.join(self.scratch, f"photons{len(self.kept)}.map")
         kept = self.kept[key]
-        verb = "load_file" if os.path.isfile(kept) else "save_file"
+        verb = "load_file" if self.has(key) else "save_file"
         path = os.path.join(self.scratch, "with_photons.pov")
         before, after = (part.encode("latin-1") for part in (self.text[:self.place], self.text[self.place:]))
         with open(path, "wb") as file:
             file.write(before + f' {verb} "'.encode() + os.fsencode(kept) + b'" ' + after)
         return path
 
+    def has(self, key):
+        """Whether they were shot and saved."""
+        return key in self.kept and os.path.isfile(self.kept[key])
+
     def forget(self, key):
         """After a run that failed: who knows what it saved."""
-        if key in self.kept and os.path.isfile(self.kept[key]):
+        if self.has(key):
             os.remove(self.kept[key])
 
 

@@ -34,6 +34,7 @@ from povray_gathered import Photons, Radiosity, names_radiosity
 DEFAULT_FRAME = (640, 480)
 LARGEST_GRID = 9  # POV-Ray's own bound of +R for method 1.
 LINES_OF_LOG = 400
+PHOTON_TIME = re.compile(r"Photon Time:.*\(([\d.]+) seconds\)")
 RENDERED = re.compile(rb"Rendered (\d+) of (\d+) pixels")
 REASON = re.compile(r"error|cannot|could not|failed|not found|no such|out of memory|undeclared|expected", re.I)
 NOISE = re.compile(r"^povray: cannot open the user configuration file|I/O restrictions are disabled")
@@ -123,8 +124,11 @@ class PovRay:
         if seen != self.seen:
             self.seen = None
             self.photons, self.radiosity = Photons(scene, self.scratch), Radiosity(self.scratch) if shares else None
+            self.largest = (0, 0)
             self.window_seconds = self._try_scene()
             self.seen = seen
+        # A look at the scene opens it again, smaller: what is gathered for that is to do for all of it.
+        self.largest = max(self.largest, (self.width, self.height))
         return {"width": self.width, "height": self.height, "first_frame": self.first_frame,
                 "last_frame": self.last_frame, "frame": self.frame, "window_seconds": self.window_seconds, "layers": []}
 
@@ -135,14 +139,14 @@ class PovRay:
 
     def _try_scene(self):
         """Reads the scene for a single pixel: what is wrong with it is told now. Returns what a window costs beside its
-        samples, in seconds; None: that is not known, for photons were shot."""
-        begun = time.monotonic()
+        samples, in seconds."""
+        begun, shooting = time.monotonic(), 0
         settings = self._settings((0, 0, 1, 1), 1, self.frame, None, None, "opened.exr")
         if self.photons.place is None or self._asks_for_samples():
             self._start(settings + ["Quality=0"], lambda share: None)
-            return time.monotonic() - begun
-        self._with_photons(self._key(self.frame, None, None, 1), settings, lambda share: None)
-        return None
+        else:
+            shooting = self._with_photons(self._key(self.frame, None, None, 1), settings, lambda share: None)
+        return time.monotonic() - begun - shooting
 
     def paint(self, order, path, progress):
         window = order.window
@@ -158,7 +162,10 @@ class PovRay:
         settings = self._settings((window.x0, window.y0, window.x1, window.y1), grid, frame, order.max_depth,
                                   order.light_samples, written)
         key = self._key(frame, order.max_depth, order.light_samples, grid)
-        self._with_photons(key, settings + self._radiosity(key), progress)
+        begun = time.monotonic()
+        radiosity = self._radiosity(key)
+        once = time.monotonic() - begun
+        once += self._with_photons(key, settings + radiosity, progress)
         if not os.path.isfile(place):
             raise Refusal("POV-Ray finished and wrote no picture")
         picture = plain_exr.read(place, rows=(window.y0, window.y1))
@@ -167,7 +174,7 @@ class PovRay:
             raise Refusal(f"POV-Ray wrote {picture.width}x{picture.height} pixels instead of {self.width}x{self.height}")
         cut = picture.cut(window.x0, window.y0, window.x1, window.y1)
         plain_exr.write(path, cut.width, cut.height, cut.channels)
-        return window, grid * grid
+        return window, grid * grid, once
 
     def _place(self, name, frame):
         """Where POV-Ray writes a picture: in an animation it puts the frame into the name, with the digits of the last."""
@@ -210,13 +217,17 @@ class PovRay:
         return frame, max_depth, light_samples, grid if self._asks_for_samples() else 1
 
     def _with_photons(self, key, settings, progress):
-        """Runs POV-Ray with these settings and the photons of the frame: shoots and saves them, if they are not there."""
+        """Runs POV-Ray with these settings and the photons of the frame: shoots and saves them, if they are not there. Returns
+        the seconds which that took that will not be taken again."""
+        is_there = self.photons.has(key)
         scene = self._scene_of_depth(self.photons.scene_for(key), key[1])
         try:
-            self._start(settings + [f'Input_File_Name="{scene}"'], progress)
+            log = self._start(settings + [f'Input_File_Name="{scene}"'], progress)
         except Refusal:
             self.photons.forget(key)
             raise
+        told = [float(found[1]) for line in log if (found := PHOTON_TIME.search(line))]
+        return sum(told) if self.photons.has(key) and not is_there else 0
 
     def _radiosity(self, key):
         """Settings that have a window use what was gathered for the whole frame."""
@@ -235,7 +246,7 @@ class PovRay:
             for picture in pictures:
                 os.remove(self._place(picture, frame))
 
-        return self.radiosity.settings(key, self.width, self.height, run)
+        return self.radiosity.settings(key, *self.largest, run)
 
     def _scene_of_depth(self, scene, max_depth):
         """A scene itself, or one that reads it and then sets how often light is followed: 1 is no reflection."""
@@ -250,10 +261,11 @@ class PovRay:
         return path
 
     def _start(self, settings, progress):
-        self._start_all([settings], progress)
+        return self._start_all([settings], progress)[0]
 
     def _start_all(self, jobs, progress):
-        """Runs POV-Ray with each of these settings at the same time, to the end. Raises its own words when it fails."""
+        """Runs POV-Ray with each of these settings at the same time, to the end. Returns their logs' ends. Raises its own
+        words when one fails."""
         if self.ini:
             shutil.copyfile(self.ini, os.path.join(self.scratch, "scene.ini"))
         environment = dict(os.environ, HOME=self.home)
@@ -271,6 +283,7 @@ class PovRay:
         for code, log in zip(codes, logs):
             if code != 0:
                 raise Refusal(self._reason(code, log))
+        return logs
 
     def _reason(self, code, log):
         reason = reason_in(log) or f"POV-Ray ended with status {code}"

@@ -71,7 +71,9 @@ pub fn analyze(
     partition: &PartitionSettings,
 ) -> Result<Analysis, ImportanceError> {
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
-    let zone_count = survey.zones_max.map_or(partition.zone_count, |most| partition.zone_count.min(most.max(1)));
+    // Few dear zones, but none of the agents is without one.
+    let most = survey.zones_max.map_or(u32::MAX, |most| most.max(partition.zones_least));
+    let zone_count = partition.zone_count.min(most);
     let partition = Partition::new(&map, settings.frame, &PartitionSettings { zone_count, ..*partition });
     let differences = partition.neighbor_differences(&map);
     let rows: Vec<ZoneRow> = partition
@@ -185,7 +187,34 @@ impl StateMachine for Analyst {
 
 #[cfg(test)]
 mod tests {
+    use bottega_engines::{SurveyPixel, Tunables};
+
     use super::*;
+    use crate::{Goal, Level, Optimization};
+
+    #[test]
+    fn dear_zones_are_few_but_one_for_each_agent() {
+        let frame = Rect::of_size(512, 256);
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: 16,
+            goal: Goal::Samples,
+            tunables: Tunables { max_depth: 3, light_samples: 1 },
+            optimization: Optimization::Off,
+        };
+        let pixels = vec![SurveyPixel { recursion_levels: 1.0, ..SurveyPixel::default() }; 64 * 32];
+        let zones_of = |agents, zones_max| {
+            let survey = Survey { width: 64, height: 32, pixels: pixels.clone(), zones_max };
+            let partition = PartitionSettings::for_agents(Level::Balanced, agents, frame);
+            analyze(WorkId(1), &settings, &survey, ImportanceFunction::default(), &partition).unwrap().rows.len()
+        };
+        assert_eq!(zones_of(1, None), 16);
+        assert_eq!(zones_of(1, Some(0)), 1);
+        assert_eq!(zones_of(1, Some(3)), 3);
+        assert_eq!(zones_of(8, Some(3)), 8);
+        assert_eq!(zones_of(8, None), 64);
+    }
 
     #[test]
     fn the_survey_is_small_and_keeps_the_shape() {

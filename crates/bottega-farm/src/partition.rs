@@ -63,6 +63,8 @@ pub struct PartitionSettings {
     /// How many zones are wanted. The maximum complexity of a zone (first level) and the expected time that all
     /// should have (third level) are the frame's complexity divided by it.
     pub zone_count: u32,
+    /// So many zones are wanted at least, however dear they are: one for each agent.
+    pub zones_least: u32,
     /// Level 2 joins zones whose costs a pixel differ by at most this share of the greater one.
     pub similarity: f64,
     /// Level 2 joins nothing to more than this multiple of the maximum complexity. (The paper names no bound; without
@@ -80,7 +82,9 @@ impl PartitionSettings {
         const PIXELS_PER_ZONE_MIN: u64 = 1024;
         let wanted = (agents as u64).saturating_mul(ZONES_PER_AGENT).clamp(ZONES_MIN, ZONES_MAX);
         let affordable = (frame.area() / PIXELS_PER_ZONE_MIN).max(1);
-        Self { level, side_min: 8, zone_count: wanted.min(affordable) as u32, similarity: 0.15, joined_max: 2.0 }
+        let zone_count = wanted.min(affordable) as u32;
+        let zones_least = (agents.max(1) as u64).min(zone_count.into()) as u32;
+        Self { level, side_min: 8, zone_count, zones_least, similarity: 0.15, joined_max: 2.0 }
     }
 }
 
@@ -311,7 +315,7 @@ mod tests {
     }
 
     fn settings(level: Level, side_min: u32, zone_count: u32) -> PartitionSettings {
-        PartitionSettings { level, side_min, zone_count, similarity: 0.15, joined_max: 2.0 }
+        PartitionSettings { level, side_min, zone_count, zones_least: 1, similarity: 0.15, joined_max: 2.0 }
     }
 
     #[test]

@@ -165,6 +165,9 @@ pub(super) struct PaintedFile {
     /// Fewer than were asked for where time was up.
     #[serde(default)]
     pub(super) samples: Option<u32>,
+    /// Seconds that went into what later windows find done.
+    #[serde(default)]
+    pub(super) once: f64,
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
@@ -198,10 +201,11 @@ mod tests {
     #[test]
     fn answers_are_read() {
         let answer: Answer = serde_json::from_str(
-            r#"{"painted":{"id":7,"file":"/s/7.exr","window":[0,0,8,8],"samples":64,"seconds":1.25}}"#,
+            r#"{"painted":{"id":7,"file":"/s/7.exr","window":[0,0,8,8],"samples":64,"seconds":1.25,"once":0.5}}"#,
         )
         .expect("an answer");
-        let painted = PaintedFile { id: 7, file: "/s/7.exr".into(), window: [0, 0, 8, 8], samples: Some(64) };
+        let (file, window) = ("/s/7.exr".into(), [0, 0, 8, 8]);
+        let painted = PaintedFile { id: 7, file, window, samples: Some(64), once: 0.5 };
         assert_eq!(answer, Answer::Painted(painted));
         let answer: Answer =
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");

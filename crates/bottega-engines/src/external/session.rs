@@ -56,6 +56,8 @@ pub(super) struct Written {
     pub(super) is_upside_down: bool,
     /// Samples of a pixel, where the engine tells.
     pub(super) samples: Option<u32>,
+    /// Seconds that went into what later windows find done.
+    pub(super) once: f64,
 }
 
 /// An engine with a scene.

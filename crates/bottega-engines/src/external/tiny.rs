@@ -49,8 +49,9 @@ pub(super) fn survey(
     let frame = whole.window;
     let told = session.opened().window_seconds();
     let begun = Instant::now();
-    let picture = paint(session, whole, frame)?;
-    let took = begun.elapsed().as_secs_f64();
+    let written = session.paint(whole, &mut |_| {})?;
+    let took = begun.elapsed().as_secs_f64() - written.once.max(0.0);
+    let picture = picture::read(&written, frame)?.picture;
     let seen = frame.area() * u64::from(whole.samples);
     let pace = pace.or(told.map(|window| Pace { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
@@ -79,12 +80,6 @@ fn all_the_same() -> Vec<f64> {
     vec![1.0; (PROBES * PROBES) as usize]
 }
 
-fn paint(session: &mut Session, whole: &WindowRequest, window: Rect) -> Result<Picture, EngineFault> {
-    let request = WindowRequest { window, ..whole.clone() };
-    let written = session.paint(&request, &mut |_| {})?;
-    Ok(picture::read(&written, window)?.picture)
-}
-
 /// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
 fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Vec<f64>, EngineFault> {
     let frame = whole.window;
@@ -94,7 +89,8 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
     let until = Instant::now() + time;
     let mut timed = |window: Rect| {
         let begun = Instant::now();
-        paint(session, whole, window).map(|_| begun.elapsed().as_secs_f64())
+        let written = session.paint(&WindowRequest { window, ..whole.clone() }, &mut |_| {})?;
+        picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
     };
     // The first small window may be the one for which something is compiled.
     timed(Rect::of_size(1, 1))?;

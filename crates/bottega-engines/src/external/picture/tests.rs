@@ -7,7 +7,7 @@ use super::*;
 fn written(folder: &Path, picture: &Picture, shows: Rect) -> Written {
     let file = folder.join("p.exr");
     write_picture_exr(&file, picture, &Metadata::new(), ExrOptions::default()).expect("written");
-    Written { file, shows, is_upside_down: false, samples: None }
+    Written { file, shows, is_upside_down: false, samples: None, once: 0.0 }
 }
 
 fn numbered(width: u32, height: u32) -> Picture {
@@ -108,7 +108,7 @@ fn written_layers(folder: &Path, more: f32) -> Written {
     film.add_tile(&tile, |_, _| 1.0);
     let file = folder.join("layers.exr");
     write_exr(&file, &film, &Metadata::new(), ExrOptions::default()).expect("written");
-    Written { file, shows: rect, is_upside_down: false, samples: None }
+    Written { file, shows: rect, is_upside_down: false, samples: None, once: 0.0 }
 }
 
 #[test]

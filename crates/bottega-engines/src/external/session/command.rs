@@ -170,6 +170,6 @@ impl CommandLine {
             Shows::Window => request.window,
         };
         let is_upside_down = manifest.pixels.first_row == FirstRow::Bottom;
-        Ok(Written { file: output, shows, is_upside_down, samples: None })
+        Ok(Written { file: output, shows, is_upside_down, samples: None, once: 0.0 })
     }
 }

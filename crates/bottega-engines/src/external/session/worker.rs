@@ -154,7 +154,7 @@ impl Worker {
                 told(share);
             }
         })?;
-        let PaintedFile { file, window, samples, .. } = match answer {
+        let PaintedFile { file, window, samples, once, .. } = match answer {
             Answer::Painted(painted) if painted.id == id => painted,
             Answer::Failed(failed) => return Err(failed.into()),
             other => return Err(out_of_turn(&other)),
@@ -165,7 +165,7 @@ impl Worker {
             return Err(protocol_error(format!("it painted {shows} where {} was asked for", request.window)));
         }
         self.check_place(&file)?;
-        Ok(Written { file, shows, is_upside_down: false, samples })
+        Ok(Written { file, shows, is_upside_down: false, samples, once })
     }
 
     /// What a worker names is read only where it was told to write.
