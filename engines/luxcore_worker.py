@@ -23,8 +23,9 @@ import plain_exr
 
 FAR = 1e10
 DEFAULT_FRAME = (640, 480)
-# Looking takes time from the painting, and LuxCore stops only when it is looked at: every so much of the time so far.
-LEAST_WAIT, MOST_WAIT, SHARE_OF_WAIT = 0.002, 0.1, 0.03
+# Looking takes time from the painting, and LuxCore stops only when it is looked at: after so much of the time that is left,
+# but no more than has gone by.
+LEAST_WAIT, MOST_WAIT, SHARE_OF_WAIT = 0.002, 0.1, 0.7
 
 # Outputs of a configuration that can be cut: layer, channels.
 LAYER_OF_OUTPUT = {
@@ -204,7 +205,9 @@ class LuxCore:
             if session.HasDone() or (is_late and share * order.samples >= 1):
                 return share
             progress(min(share, 1.0))
-            time.sleep(min(max((time.monotonic() - started) * SHARE_OF_WAIT, LEAST_WAIT), MOST_WAIT))
+            gone = time.monotonic() - started
+            left = gone * (1 - share) / max(share, 1e-6)
+            time.sleep(min(max(min(left * SHARE_OF_WAIT, gone), LEAST_WAIT), MOST_WAIT))
 
     def _channels(self, film, window):
         channels = self._cut(film, "RGB", "RGB", window)

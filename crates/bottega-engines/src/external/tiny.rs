@@ -56,7 +56,7 @@ pub(super) fn survey(
     let pace = pace.or(told.map(|window| Pace { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
     // Where windows are that dear their times would come too late, and tell nothing.
-    let probes_fit = told.is_none_or(|window| window * f64::from(PROBES * PROBES) < time.as_secs_f64());
+    let probes_fit = pace.is_none_or(|pace| pace.window * f64::from(PROBES * PROBES) < time.as_secs_f64());
     let costs = if probes_fit { probe(session, whole, time)? } else { all_the_same() };
     let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame

@@ -171,7 +171,8 @@ fn in_zones(args: &EnginesBenchArgs, request: &SceneRequest, folder: &Path) -> R
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    let middle = values.len() / 2;
+    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }
 
 fn tell(pair: &Pair) {
