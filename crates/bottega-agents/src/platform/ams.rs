@@ -190,7 +190,7 @@ impl Ams {
     }
 
     fn search(&self, template: &AmsAgentDescription, most: usize) -> Vec<AmsAgentDescription> {
-        let addresses: Vec<String> = self.nodes.iter().cloned().collect();
+        let addresses = self.addresses();
         let services = self.config.services.iter().map(|service| AmsAgentDescription {
             name: Some(AgentId { name: service.name.clone(), addresses: addresses.clone().into() }),
             ownership: None,
@@ -200,14 +200,20 @@ impl Ams {
         services.chain(agents).filter(|agent| template.matches(agent)).take(most).collect()
     }
 
+    /// Of all processes that serve the platform. Its own may have been asked for before it is entered.
+    fn addresses(&self) -> Vec<String> {
+        let all: BTreeSet<&String> = self.nodes.iter().chain(&self.config.addresses).collect();
+        all.into_iter().cloned().collect()
+    }
+
     /// The platform, with all processes that serve it.
     pub fn platform(&self) -> PlatformDescription {
         let transport = ServiceEntry {
             id: HTTP_TRANSPORT.to_owned(),
             service_type: HTTP_TRANSPORT.to_owned(),
-            addresses: self.nodes.iter().cloned().collect(),
+            addresses: self.addresses(),
         };
-        let services = if self.nodes.is_empty() { Vec::new() } else { vec![transport] };
+        let services = if transport.addresses.is_empty() { Vec::new() } else { vec![transport] };
         PlatformDescription { name: self.config.platform.clone(), services }
     }
 

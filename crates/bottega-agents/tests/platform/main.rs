@@ -22,14 +22,25 @@ fn agent(name: &str, state: Option<LifeCycleState>) -> AmsAgentDescription {
 }
 
 fn pages() -> Ams {
+    pages_at(Vec::new())
+}
+
+fn pages_at(addresses: Vec<String>) -> Ams {
     Ams::new(AmsConfig {
         id: id("ams@here"),
         platform: "here".into(),
         services: vec![id("ams@here")],
         administrators: vec![id("root@here")],
-        addresses: Vec::new(),
+        addresses,
         enters_residents: false,
     })
+}
+
+#[test]
+fn it_knows_its_own_address_before_that_is_entered() {
+    assert!(pages().platform().services.is_empty());
+    let address = "http://127.0.0.1:7778/acc".to_owned();
+    assert_eq!(pages_at(vec![address.clone()]).platform().services[0].addresses, [address]);
 }
 
 fn ams() -> Desk<Ams> {
