@@ -174,7 +174,7 @@ impl Agents {
     }
 
     /// The same with what was measured since, in its order, as far as there is room.
-    pub(super) fn with_records(&self, records: Vec<Record>) -> Self {
+    pub(super) fn with_records(&self, mut records: Vec<Record>) -> Self {
         let mut more = Self {
             settings: self.settings,
             visibility: Arc::clone(&self.visibility),
@@ -182,6 +182,9 @@ impl Agents {
             report: self.report,
             tallies: Tallies::default(),
         };
+        if let Indirect::Records(cache, _) = &mut more.indirect {
+            cache.tell_noise(&mut records);
+        }
         for record in records {
             if !more.has_room() {
                 break;
@@ -283,6 +286,14 @@ impl Agents {
         }
         let (estimate, surroundings) = cache.surroundings(p, normal)?;
         self.is_taken(&estimate).then_some(surroundings)
+    }
+
+    /// How many rays to a cell of the hemisphere a record takes, by what our own records know of the noise at a place.
+    pub(super) fn effort_at(&self, p: Vec3, normal: Vec3) -> u32 {
+        match &self.indirect {
+            Indirect::Fitted(_) => 1,
+            Indirect::Records(cache, _) => cache.effort_for(p, normal, self.settings.error),
+        }
     }
 
     /// Whether our own records know a place so well that none needs to be measured there.

@@ -3,11 +3,12 @@
 //! Ward, Rubinstein and Clear 1988, *A Ray Tracing Solution for Diffuse Interreflection*; Ward and Heckbert 1992, *Irradiance
 //! Gradients*; Křivánek et al. 2006, *Making Radiance and Irradiance Caching Practical* (neighbour clamping).
 
+mod noise;
+mod record;
 mod surroundings;
 
-use std::{f32::consts::PI, sync::Arc};
+use std::sync::Arc;
 
-use bottega_kernels::math;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
@@ -16,36 +17,17 @@ use super::{
     bytes::{Reader, Writer},
     record::Photon,
 };
-use crate::{luminance, sampling::orthonormal_basis};
+use crate::luminance;
+use record::EFFORT_MAX;
+pub(crate) use record::{Look, Measurement, RAYS, Record, direction};
+pub(in crate::photon) use record::{RINGS, SECTORS};
 use surroundings::Speakers;
 pub(crate) use surroundings::Surroundings;
 
-/// Rings of directions, from the normal to the horizon, and directions in each.
-pub(super) const RINGS: usize = 10;
-pub(super) const SECTORS: usize = 32;
-/// Rays by which the irradiance at one place is found.
-pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
 /// Standard errors by which records may differ beyond the error that is borne.
 const NOISE: f32 = 2.0;
 /// Levels of the tree below its root.
 const LEVELS_MAX: u32 = 20;
-
-/// What is known at one place.
-#[derive(Clone, Debug)]
-pub(crate) struct Record {
-    p: Vec3,
-    n: Vec3,
-    irradiance: Spectrum,
-    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
-    turning: [Vec3; 3],
-    moving: [Vec3; 3],
-    /// Distance to other surfaces, on the harmonic mean.
-    radius: f32,
-    /// Variance of the luminance of the irradiance, by how much rays next to each other differ.
-    variance: f32,
-    /// Where the light comes from; on surfaces that do not send it to all sides alike.
-    around: Option<Arc<Around>>,
-}
 
 /// What records say of a place.
 #[derive(Clone, Copy, Debug)]
@@ -55,14 +37,6 @@ pub(crate) struct Estimate {
     pub(crate) error: f32,
     /// How many say so, as far as they count alike.
     pub(crate) count: f32,
-}
-
-/// What a ray found.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Look {
-    pub(crate) radiance: Spectrum,
-    /// Infinite where it met nothing.
-    pub(crate) distance: f32,
 }
 
 /// Records, found by place.
@@ -86,106 +60,6 @@ pub(crate) struct IrradianceCache {
 struct Node {
     first_child: u32,
     records: Vec<u32>,
-}
-
-/// The direction of ray `index` of [`RAYS`]: by the cosine, stratified. `u`: where in its cell.
-pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
-    let (ring, sector) = (index as usize / SECTORS, index as usize % SECTORS);
-    let sine_squared = (ring as f32 + u[0]) / RINGS as f32;
-    let (sin, cos) = math::sin_cos_of_turns((sector as f32 + u[1]) / SECTORS as f32);
-    let (s, t) = orthonormal_basis(n);
-    let sine = sine_squared.sqrt();
-    (s * (sine * cos) + t * (sine * sin) + n * (1.0 - sine_squared).max(0.0).sqrt()).normalize()
-}
-
-impl Record {
-    /// From what rays found in the directions of [`direction`].
-    ///
-    /// - `reach`: least and greatest radius within which it may count.
-    pub(crate) fn new(p: Vec3, n: Vec3, looks: &[Look], reach: [f32; 2]) -> Self {
-        let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
-        let cell = PI / looks.len() as f32;
-        let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
-        let inverse: f32 = looks.iter().map(|look| 1.0 / look.distance.max(1e-9)).sum::<f32>() / looks.len() as f32;
-        let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
-        let (s, t) = orthonormal_basis(n);
-        let around = |turns: f32| {
-            let (sin, cos) = math::sin_cos_of_turns(turns);
-            s * cos + t * sin
-        };
-        let (mut turning, mut moving) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
-        let add = |to: &mut [Vec3; 3], along: Vec3, by: Spectrum| {
-            for channel in 0..3 {
-                to[channel] += along * by[channel];
-            }
-        };
-        let sine = |edge: usize| (edge as f32 / RINGS as f32).sqrt();
-        for sector in 0..SECTORS {
-            let middle = (sector as f32 + 0.5) / SECTORS as f32;
-            let (towards, across) = (around(middle), around(middle + 0.25));
-            let edge_across = around(sector as f32 / SECTORS as f32 + 0.25);
-            for ring in 0..RINGS {
-                let here = look(ring, sector);
-                // Ward and Heckbert 1992, eq. 1; the sign is that of a turn from n to where the light is.
-                let middle_squared = (ring as f32 + 0.5) / RINGS as f32;
-                let tangent = (middle_squared / (1.0 - middle_squared)).sqrt();
-                add(&mut turning, across, here.radiance * (tangent * cell));
-                // Ibid., eq. 2: across the borders of cells between rings, and between sectors.
-                if ring > 0 {
-                    let below = look(ring - 1, sector);
-                    let sine = sine(ring);
-                    let cos_squared = 1.0 - sine * sine;
-                    let near = here.distance.min(below.distance).max(reach[0]);
-                    let by = 2.0 * PI / SECTORS as f32 * sine * cos_squared / near;
-                    add(&mut moving, towards, (here.radiance - below.radiance) * by);
-                }
-                let before = look(ring, sector + SECTORS - 1);
-                let near = here.distance.min(before.distance).max(reach[0]);
-                let by = (sine(ring + 1) - sine(ring)) / near;
-                add(&mut moving, edge_across, (here.radiance - before.radiance) * by);
-            }
-        }
-        let difference = |i: usize| luminance(looks[i].radiance) - luminance(look(i / SECTORS, i + 1).radiance);
-        let variance = (0..looks.len()).map(|i| 0.5 * difference(i) * difference(i)).sum::<f32>() * cell * cell;
-        Self {
-            p,
-            n,
-            irradiance,
-            turning,
-            moving,
-            radius: radius.clamp(reach[0], reach[1].max(reach[0])),
-            variance,
-            around: None,
-        }
-    }
-
-    /// The same with where the light comes from.
-    pub(crate) fn with_directions(self, looks: &[Look]) -> Self {
-        Self { around: Some(Arc::new(Around::new(looks))), ..self }
-    }
-
-    /// How much it counts at another place; nothing where it is too far off, or before that place.
-    fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
-        match self.nearness(p, n, tolerance) {
-            0.0 => 0.0,
-            nearness => 1.0 / (tolerance * (1.0 - nearness)).max(1e-6) - 1.0 / tolerance,
-        }
-    }
-
-    /// 1 where it was measured, 0 where it counts nothing.
-    fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
-        let cosine = n.dot(self.n);
-        let error = (p - self.p).length() / self.radius + (1.0 - cosine).max(0.0).sqrt();
-        let is_before = (p - self.p).dot(n + self.n) < -0.1 * self.radius;
-        if is_before { 0.0 } else { (1.0 - error / tolerance).max(0.0) }
-    }
-
-    /// What it says of another place.
-    fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
-        let (turned, moved) = (self.n.cross(n), p - self.p);
-        let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);
-        (self.irradiance + Vec3::new(change(0), change(1), change(2))).max(Vec3::ZERO)
-    }
 }
 
 impl IrradianceCache {
@@ -259,15 +133,15 @@ impl IrradianceCache {
         let (mut weights_squared, mut noise) = (0.0, 0.0);
         self.visit(p, |record| {
             // Smoother than Ward's, whose weight has a peak at every record.
-            let weight = record.nearness(p, n, self.tolerance);
-            let weight = weight * weight;
+            let nearness = record.nearness(p, n, self.tolerance);
+            let weight = nearness * nearness * record.effort as f32;
             if weight > 0.0 && is_asked(record, weight) {
                 let value = record.at(p, n);
                 sum += value * weight;
                 squares += luminance(value) * luminance(value) * weight;
                 weights += weight;
                 weights_squared += weight * weight;
-                noise += record.variance * weight * weight;
+                noise += record.noise * weight * weight;
             }
         });
         if weights <= 0.0 {
@@ -275,10 +149,11 @@ impl IrradianceCache {
         }
         let irradiance = sum / weights;
         let mean = luminance(irradiance);
-        let spread = (squares / weights - mean * mean).max(0.0) * weights_squared / (weights * weights);
-        let variance = spread.max(noise / (weights * weights));
-        let error = if variance > 0.0 { variance.sqrt() / mean.max(self.faint()) } else { 0.0 };
-        Some(Estimate { irradiance, error, count: weights * weights / weights_squared })
+        let count = weights * weights / weights_squared;
+        let spread = (squares / weights - mean * mean).max(0.0) / count;
+        let spread = if spread > 0.0 { spread.sqrt() / mean.max(self.faint()) } else { 0.0 };
+        let error = spread.max(noise.sqrt() / weights);
+        Some(Estimate { irradiance, error, count })
     }
 
     /// Irradiance of which nobody sees the difference, beside what there is on the mean.
@@ -302,8 +177,9 @@ impl IrradianceCache {
             }
             let (here, said) = (luminance(record.irradiance), luminance(other.at(record.p, record.n)));
             // Of noise alone nothing is learnt.
-            let noise = NOISE * (record.variance + other.variance).sqrt();
-            if (here - said).abs() > noise + 2.0 * error * here.max(said).max(faint) {
+            let most = here.max(said).max(faint);
+            let noise = NOISE * (record.noise + other.noise).sqrt() * most;
+            if (here - said).abs() > noise + 2.0 * error * most {
                 let distance = (other.p - record.p).length() / self.tolerance;
                 record.radius = record.radius.min(distance);
                 let other = &mut self.records[number as usize];
@@ -345,10 +221,12 @@ impl IrradianceCache {
         to.vector(self.low);
         to.value(self.side);
         to.number(self.records.len() as u32);
-        for Record { p, n, irradiance, turning, moving, radius, variance, around } in &self.records {
+        for Record { p, n, irradiance, turning, moving, radius, effort, variance, noise, around } in &self.records {
             [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
             to.value(*radius);
+            to.number(*effort);
             to.value(*variance);
+            to.value(*noise);
             to.number(u32::from(around.is_some()));
             around.iter().flat_map(|around| around.to_numbers()).for_each(|number| to.number(number));
         }
@@ -356,7 +234,7 @@ impl IrradianceCache {
 
     /// One that is [settled](Self::settled).
     pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
-        const RECORD_BYTES: usize = 4 * 29;
+        const RECORD_BYTES: usize = 4 * 31;
         let (low, side) = (from.vector()?, from.value()?);
         let count = from.count(RECORD_BYTES)?;
         let mut cache = Self::new(low, side.max(0.0), tolerance);
@@ -365,8 +243,8 @@ impl IrradianceCache {
             let [p, n, irradiance] = [vector()?, vector()?, vector()?];
             let turning = [vector()?, vector()?, vector()?];
             let moving = [vector()?, vector()?, vector()?];
-            let (radius, variance) = (from.value()?, from.value()?);
-            if radius < 0.0 || variance < 0.0 {
+            let (radius, effort, variance, noise) = (from.value()?, from.number()?, from.value()?, from.value()?);
+            if radius < 0.0 || variance < 0.0 || noise < 0.0 || !(1..=EFFORT_MAX).contains(&effort) {
                 return None;
             }
             let around = match from.number()? {
@@ -380,7 +258,7 @@ impl IrradianceCache {
                 }
                 _ => return None,
             };
-            cache.put(Record { p, n, irradiance, turning, moving, radius, variance, around });
+            cache.put(Record { p, n, irradiance, turning, moving, radius, effort, variance, noise, around });
         }
         Some(cache)
     }
@@ -445,8 +323,8 @@ mod tests {
 
     /// Irradiance at a place by as many rays as a record has, of a scene that is known in all directions.
     fn record(p: Vec3, n: Vec3, scene: &impl Fn(Vec3, Vec3) -> Look) -> Record {
-        let looks: Vec<Look> = (0..RAYS).map(|i| scene(p, direction(n, i, [0.5, 0.5]))).collect();
-        Record::new(p, n, &looks, [1e-3, 10.0])
+        let looks = (0..RAYS).map(|i| scene(p, direction(n, i, [0.5, 0.5]))).collect();
+        Record::new(p, n, &Measurement::new(looks, 1), [1e-3, 10.0])
     }
 
     /// A wide plane above that grows brighter to one side.

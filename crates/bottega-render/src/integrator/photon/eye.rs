@@ -46,8 +46,8 @@ enum Comes {
     Camera,
     /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
     Spread(Receiver, f32),
-    /// From such a point over mirrors and glass: photons stand for what shines.
-    Mirrored,
+    /// From such a point over mirrors and glass: photons stand for what shines, unless the point scattered sharply.
+    Mirrored { sharply: bool },
 }
 
 /// A path under way.
@@ -327,11 +327,13 @@ impl<'a> Eye<'a> {
     fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
         let Place { point, bsdf, .. } = place;
         let normal = if point.front { point.ng } else { -point.ng };
+        let prepared = self.prepared;
         let scattered = |to_light: Vec3, is_before: bool| {
             let wi = point.to_local(to_light);
             // A photon that grazes the surface may seem to come from its other side.
             let is_sound = (wi.z > 0.0) == is_before && is_before == point.is_reflection(to_light);
-            if is_sound { bsdf.eval_pdf(wi).0 } else { Spectrum::ZERO }
+            let (f, pdf) = if is_sound { bsdf.eval_pdf(wi) } else { (Spectrum::ZERO, 0.0) };
+            if is_gathered && is_sharp(prepared, pdf) { Spectrum::ZERO } else { f }
         };
         let maps = self.maps;
         let light = if self.integrator.photons.progressive {
@@ -413,8 +415,12 @@ impl<'a> Eye<'a> {
         }
         let cone = RayCone { width: spot.width, spread: SCATTERED_SPREAD };
         let ray = CameraRay { origin, direction, cone };
-        let mut walk =
-            Walk { depth: 1, vertex: VERTICES * (2 + index), comes: Comes::Mirrored, ..Walk::of_camera(&ray) };
+        let mut walk = Walk {
+            depth: 1,
+            vertex: VERTICES * (2 + index),
+            comes: Comes::Mirrored { sharply: false },
+            ..Walk::of_camera(&ray)
+        };
         self.radiance = Spectrum::ZERO;
         while self.step(&mut walk) {}
         let radiance = if self.radiance.is_finite() { self.radiance } else { Spectrum::ZERO };
@@ -481,6 +487,18 @@ pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
     bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
 }
 
+/// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within
+/// so narrow a lobe: each direction by one of the two.
+///
+/// - `pdf`: of the direction in sr⁻¹, as the surface draws it.
+#[inline(always)]
+fn is_sharp(prepared: &PreparedScene, pdf: f32) -> bool {
+    /// A lobe that covers a sixtieth of the hemisphere: of fifty photons, less than one.
+    const SHARP: f32 = 10.0;
+    // Nobody runs into a light that is a point.
+    pdf >= SHARP && prepared.scene().lights.is_empty()
+}
+
 /// Goes on in a direction that was drawn. False where that leads nowhere.
 fn scatter(prepared: &PreparedScene, walk: &mut Walk, place: &Place<'_>, sample: &BsdfSample, part: f32) -> bool {
     let point = place.point;
@@ -498,8 +516,8 @@ fn scatter(prepared: &PreparedScene, walk: &mut Walk, place: &Place<'_>, sample:
         walk.squeezed *= sample.eta * sample.eta;
     }
     if sample.is_delta() {
-        if !matches!(walk.comes, Comes::Camera) {
-            walk.comes = Comes::Mirrored;
+        if let Comes::Spread(_, pdf) = walk.comes {
+            walk.comes = Comes::Mirrored { sharply: is_sharp(prepared, pdf) };
         }
     } else {
         walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());

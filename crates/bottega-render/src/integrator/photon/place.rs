@@ -15,7 +15,7 @@ use crate::{
     camera::BEAM,
     photon::{
         PhotonMaps,
-        cache::{IrradianceCache, RAYS, Record, direction},
+        cache::{IrradianceCache, Measurement, RAYS, Record, direction},
     },
     sampler::{DimensionSet, PixelSampler, mix},
 };
@@ -96,6 +96,6 @@ impl Task for Search<'_> {
                 eye.look_from(&spot, direction(n, index, [u, v]), index)
             })
             .collect();
-        Some(Record::new(spot.p(), n, &looks, [PIXELS_MIN / BEAM * spot.width(), radius_max]))
+        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), [PIXELS_MIN / BEAM * spot.width(), radius_max]))
     }
 }

@@ -17,7 +17,7 @@ use crate::{
     interaction::Interaction,
     photon::{
         Passes, PhotonMaps,
-        cache::{self, Look, Record},
+        cache::{self, Look, Measurement, Record},
     },
     sampler::{DimensionSet, PixelSampler},
     sampling::orthonormal_basis,
@@ -34,6 +34,8 @@ pub(crate) struct SensorPlace {
     pub(crate) width: f32,
     /// Least and greatest radius within which it may count.
     pub(crate) reach: [f32; 2],
+    /// Rays to a cell of the hemisphere.
+    pub(crate) effort: u32,
     /// Whether it is to be known where the light comes from.
     pub(crate) is_directed: bool,
 }
@@ -112,18 +114,19 @@ impl<'a> PhotonIntegrator<'a> {
         others: &Agents,
         hands: &mut Hands,
     ) -> Record {
-        let SensorPlace { point, width, reach, is_directed } = place;
+        let SensorPlace { point, width, reach, effort, is_directed } = place;
         let spot = Spot::new(point, width);
         let known = Known { maps, cache: None, agents: Some(others) };
         let n = spot.n();
         let mut eye = Eye::new(self, known, sampler, hands);
         let look = |index: u32| {
-            let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS);
-            eye.look_from(&spot, cache::direction(n, index, [u, v]), index)
+            let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS * effort);
+            eye.look_from(&spot, cache::direction(n, index / effort, [u, v]), index)
         };
         // Who stopped where the first rays found nothing would take dim corners for dark ones.
-        let looks: Vec<Look> = (0..cache::RAYS).map(look).collect();
-        let record = Record::new(spot.p(), n, &looks, reach);
-        if is_directed { record.with_directions(&looks) } else { record }
+        let looks: Vec<Look> = (0..cache::RAYS * effort).map(look).collect();
+        let found = Measurement::new(looks, effort);
+        let record = Record::new(spot.p(), n, &found, reach);
+        if is_directed { record.with_directions(&found) } else { record }
     }
 }

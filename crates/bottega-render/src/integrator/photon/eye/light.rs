@@ -16,8 +16,8 @@ impl Eye<'_> {
     /// The weight of light that the path ran into.
     fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         match &walk.comes {
-            Comes::Camera => 1.0,
-            Comes::Mirrored => 0.0,
+            Comes::Camera | Comes::Mirrored { sharply: true } => 1.0,
+            Comes::Mirrored { sharply: false } => 0.0,
             Comes::Spread(receiver, pdf) => power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver)),
         }
     }
@@ -28,7 +28,7 @@ impl Eye<'_> {
 
     pub(super) fn add_environment(&mut self, walk: &Walk) {
         let from = match &walk.comes {
-            Comes::Camera | Comes::Mirrored => walk.origin,
+            Comes::Camera | Comes::Mirrored { .. } => walk.origin,
             Comes::Spread(receiver, _) => receiver.p,
         };
         let lights = self.prepared.lights();

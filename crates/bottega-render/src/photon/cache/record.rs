@@ -1,0 +1,195 @@
+//! What is measured at one place: irradiance, how it changes, and how sure it is.
+
+use std::{f32::consts::PI, sync::Arc};
+
+use bottega_kernels::math;
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::super::around::Around;
+use crate::{luminance, sampling::orthonormal_basis};
+
+/// Rings of directions, from the normal to the horizon, and directions in each.
+pub(in crate::photon) const RINGS: usize = 10;
+pub(in crate::photon) const SECTORS: usize = 32;
+/// Cells of the hemisphere, which all weigh alike by the cosine, and least rays by which the irradiance at one place is found.
+pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
+/// Most rays to a cell.
+pub(crate) const EFFORT_MAX: u32 = 16;
+/// What is known at one place.
+#[derive(Clone, Debug)]
+pub(crate) struct Record {
+    pub(super) p: Vec3,
+    pub(super) n: Vec3,
+    pub(super) irradiance: Spectrum,
+    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
+    pub(super) turning: [Vec3; 3],
+    pub(super) moving: [Vec3; 3],
+    /// Distance to other surfaces, on the harmonic mean.
+    pub(super) radius: f32,
+    /// Rays to a cell.
+    pub(super) effort: u32,
+    /// Variance of the luminance of the irradiance, by how much its own rays differ.
+    pub(super) variance: f32,
+    /// Relative variance that is to be expected of it, as it and those around it tell together: see [`super::noise`].
+    pub(super) noise: f32,
+    /// Where the light comes from; on surfaces that do not send it to all sides alike.
+    pub(super) around: Option<Arc<Around>>,
+}
+
+/// What a ray found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Look {
+    pub(crate) radiance: Spectrum,
+    /// Infinite where it met nothing.
+    pub(crate) distance: f32,
+}
+
+/// What the rays of one place found, by cell of the hemisphere.
+#[derive(Clone, Debug)]
+pub(crate) struct Measurement {
+    cells: Vec<Look>,
+    effort: u32,
+    /// Of the luminance of the irradiance.
+    variance: f32,
+}
+
+impl Measurement {
+    /// - `rays`: in the directions of [`direction`], cell by cell.
+    /// - `effort`: rays to a cell: 1 or an even number.
+    pub(crate) fn new(rays: Vec<Look>, effort: u32) -> Self {
+        let cell = PI / RAYS as f32;
+        if effort == 1 {
+            // What cells next to each other differ by is noise, or too fine to be told from it.
+            let next = |i: usize| i / SECTORS * SECTORS + (i + 1) % SECTORS;
+            let difference = |i: usize| luminance(rays[i].radiance) - luminance(rays[next(i)].radiance);
+            let squares = (0..rays.len()).map(|i| 0.5 * difference(i) * difference(i)).sum::<f32>();
+            return Self { cells: rays, effort, variance: squares * cell * cell };
+        }
+        let cells = || rays.chunks_exact(effort as usize);
+        let difference = |cell: &[Look]| {
+            let (first, second) = cell.split_at(cell.len() / 2);
+            luminance(Look::mean(first).radiance) - luminance(Look::mean(second).radiance)
+        };
+        let squares = cells().map(|cell| 0.25 * difference(cell) * difference(cell)).sum::<f32>();
+        Self { cells: cells().map(Look::mean).collect(), effort, variance: squares * cell * cell }
+    }
+
+    /// One for each cell.
+    pub(crate) fn cells(&self) -> &[Look] {
+        &self.cells
+    }
+}
+
+impl Look {
+    /// What some rays found together: the harmonic mean of their distances.
+    fn mean(looks: &[Look]) -> Self {
+        let count = looks.len() as f32;
+        let inverse: f32 = looks.iter().map(Look::inverse_distance).sum();
+        let distance = if inverse > 0.0 { count / inverse } else { f32::INFINITY };
+        Self { radiance: looks.iter().map(|look| look.radiance).sum::<Spectrum>() / count, distance }
+    }
+
+    fn inverse_distance(&self) -> f32 {
+        1.0 / self.distance.max(1e-9)
+    }
+}
+
+/// A direction in cell `index` of [`RAYS`]: by the cosine, stratified. `u`: where in its cell.
+pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
+    let (ring, sector) = (index as usize / SECTORS, index as usize % SECTORS);
+    let sine_squared = (ring as f32 + u[0]) / RINGS as f32;
+    let (sin, cos) = math::sin_cos_of_turns((sector as f32 + u[1]) / SECTORS as f32);
+    let (s, t) = orthonormal_basis(n);
+    let sine = sine_squared.sqrt();
+    (s * (sine * cos) + t * (sine * sin) + n * (1.0 - sine_squared).max(0.0).sqrt()).normalize()
+}
+
+impl Record {
+    /// - `reach`: least and greatest radius within which it may count.
+    pub(crate) fn new(p: Vec3, n: Vec3, found: &Measurement, reach: [f32; 2]) -> Self {
+        let looks = found.cells();
+        let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
+        let cell = PI / looks.len() as f32;
+        let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
+        let inverse: f32 = looks.iter().map(Look::inverse_distance).sum::<f32>() / looks.len() as f32;
+        let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
+        let (s, t) = orthonormal_basis(n);
+        let around = |turns: f32| {
+            let (sin, cos) = math::sin_cos_of_turns(turns);
+            s * cos + t * sin
+        };
+        let (mut turning, mut moving) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
+        let add = |to: &mut [Vec3; 3], along: Vec3, by: Spectrum| {
+            for channel in 0..3 {
+                to[channel] += along * by[channel];
+            }
+        };
+        let sine = |edge: usize| (edge as f32 / RINGS as f32).sqrt();
+        for sector in 0..SECTORS {
+            let middle = (sector as f32 + 0.5) / SECTORS as f32;
+            let (towards, across) = (around(middle), around(middle + 0.25));
+            let edge_across = around(sector as f32 / SECTORS as f32 + 0.25);
+            for ring in 0..RINGS {
+                let here = look(ring, sector);
+                // Ward and Heckbert 1992, eq. 1; the sign is that of a turn from n to where the light is.
+                let middle_squared = (ring as f32 + 0.5) / RINGS as f32;
+                let tangent = (middle_squared / (1.0 - middle_squared)).sqrt();
+                add(&mut turning, across, here.radiance * (tangent * cell));
+                // Ibid., eq. 2: across the borders of cells between rings, and between sectors.
+                if ring > 0 {
+                    let below = look(ring - 1, sector);
+                    let sine = sine(ring);
+                    let cos_squared = 1.0 - sine * sine;
+                    let near = here.distance.min(below.distance).max(reach[0]);
+                    let by = 2.0 * PI / SECTORS as f32 * sine * cos_squared / near;
+                    add(&mut moving, towards, (here.radiance - below.radiance) * by);
+                }
+                let before = look(ring, sector + SECTORS - 1);
+                let near = here.distance.min(before.distance).max(reach[0]);
+                let by = (sine(ring + 1) - sine(ring)) / near;
+                add(&mut moving, edge_across, (here.radiance - before.radiance) * by);
+            }
+        }
+        Self {
+            p,
+            n,
+            irradiance,
+            turning,
+            moving,
+            radius: radius.clamp(reach[0], reach[1].max(reach[0])),
+            effort: found.effort,
+            variance: found.variance,
+            noise: 0.0,
+            around: None,
+        }
+    }
+
+    /// The same with where the light comes from.
+    pub(crate) fn with_directions(self, found: &Measurement) -> Self {
+        Self { around: Some(Arc::new(Around::new(found.cells()))), ..self }
+    }
+
+    /// How much it counts at another place; nothing where it is too far off, or before that place.
+    pub(super) fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
+        match self.nearness(p, n, tolerance) {
+            0.0 => 0.0,
+            nearness => 1.0 / (tolerance * (1.0 - nearness)).max(1e-6) - 1.0 / tolerance,
+        }
+    }
+
+    /// 1 where it was measured, 0 where it counts nothing.
+    pub(super) fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
+        let cosine = n.dot(self.n);
+        let error = (p - self.p).length() / self.radius + (1.0 - cosine).max(0.0).sqrt();
+        let is_before = (p - self.p).dot(n + self.n) < -0.1 * self.radius;
+        if is_before { 0.0 } else { (1.0 - error / tolerance).max(0.0) }
+    }
+
+    /// What it says of another place.
+    pub(super) fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
+        let (turned, moved) = (self.n.cross(n), p - self.p);
+        let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);
+        (self.irradiance + Vec3::new(change(0), change(1), change(2))).max(Vec3::ZERO)
+    }
+}
