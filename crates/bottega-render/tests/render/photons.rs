@@ -13,7 +13,7 @@ use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material,
 use glam::Vec3;
 
 use crate::scenes::{
-    add_quad, add_room, add_sphere, camera, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
+    add_quad, add_room, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
 };
 
 const SIZE: (u32, u32) = (24, 24);
@@ -126,6 +126,28 @@ fn a_progressive_picture_comes_nearer_to_that_of_paths_the_more_passes_it_has() 
         let distance = distance(small, expected, 0.004);
         assert!(distance < 4.0, "{name}: {small:?} {expected:?}, {distance}");
     }
+}
+
+#[test]
+fn polished_surfaces_show_lamps_in_mirrors_as_sharply_as_paths_do() {
+    let polished = Layered {
+        metallic: 1.0.into(),
+        roughness: 0.12.into(),
+        base_color: Vec3::splat(0.8).into(),
+        ..Layered::default()
+    };
+    let mut scene =
+        Scene { cameras: vec![camera(Vec3::new(0.0, 0.4, 1.2), Vec3::new(0.0, -1.0, -0.4), 0.6)], ..Scene::default() };
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), Vec3::Z * 4.0, Vec3::X * 2.0, polished.into());
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), Vec3::X * 2.0, Vec3::Y * 3.0, mirror());
+    add_quad(&mut scene, Vec3::new(-0.2, 0.6, 1.6), Vec3::X * 0.4, Vec3::Y * 0.3, lamp(Vec3::splat(9.0)));
+    let scene = prepare(scene);
+    let size = (24, 24);
+    let expected = paint(&scene, size, 2048, PathSettings { seed: 7, guiding: false, ..PathSettings::default() });
+    let found = paint(&scene, size, 256, by_photons(few(), 1, 256));
+    let difference = |(x, y)| (color(&found, x, y) - color(&expected, x, y)).abs().x;
+    let share = expected.rect().pixels().map(difference).sum::<f32>() / (576.0 * mean_color(&expected).x);
+    assert!(share < 0.05, "{share}");
 }
 
 #[test]

@@ -52,6 +52,55 @@ impl IrradianceCache {
             }
         });
         let wanted = noise / (count * error * error).max(f32::MIN_POSITIVE);
-        if wanted > 1.0 { (wanted.min(EFFORT_MAX as f32) as u32).next_power_of_two().min(EFFORT_MAX) } else { 1 }
+        (wanted.clamp(1.0, EFFORT_MAX as f32).round() as u32).next_power_of_two()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::PI;
+
+    use super::*;
+    use crate::photon::cache::{Look, Measurement, RAYS};
+
+    /// Records along a line, of which every second one has found a small bright place.
+    fn some_find_it(effort: u32) -> IrradianceCache {
+        let mut cache = IrradianceCache::new(Vec3::splat(-1.0), 70.0, 0.3);
+        let mut records: Vec<Record> = (0..64)
+            .map(|i| {
+                let look = |ray: u32| {
+                    let radiance = if i % 2 == 0 && ray == 40 { Vec3::splat(2.0 * RAYS as f32) } else { Vec3::ZERO };
+                    Look { radiance, distance: 1.0 }
+                };
+                let found = Measurement::new((0..RAYS * effort).map(look).collect(), effort);
+                Record::new(Vec3::X * i as f32, Vec3::Y, &found, [1e-3, 10.0])
+            })
+            .collect();
+        cache.tell_noise(&mut records);
+        records.into_iter().for_each(|record| cache.add(record));
+        cache
+    }
+
+    #[test]
+    fn who_found_nothing_is_as_unsure_as_who_found_it() {
+        for effort in [1, 4] {
+            let cache = some_find_it(effort);
+            let noise: Vec<f32> = cache.records.iter().map(|record| record.noise).collect();
+            assert!(noise.iter().all(|&it| it == noise[0]), "{noise:?}");
+            // Half of them found one ray that weighs 2, where 1 is right: as many of a Poisson distribution have a relative variance
+            // of 2.
+            let mean = cache.records.iter().map(|record| luminance(record.irradiance)).sum::<f32>() / 64.0;
+            assert!((mean * effort as f32 / PI - 1.0).abs() < 1e-3, "{mean}");
+            assert!((noise[0] / 2.0 - 1.0).abs() < 0.01, "{effort}: {}", noise[0]);
+        }
+    }
+
+    #[test]
+    fn more_rays_are_asked_for_where_it_is_noisy() {
+        let cache = some_find_it(1);
+        assert_eq!(cache.effort_for(Vec3::X, Vec3::Y, 0.1), EFFORT_MAX);
+        assert_eq!(cache.effort_for(Vec3::X, Vec3::Y, 2.0), 1);
+        assert_eq!(cache.effort_for(Vec3::X, Vec3::Y, 1.1), 2);
+        assert_eq!(cache.effort_for(Vec3::Z * 20.0, Vec3::Y, 0.1), 1, "nobody knows");
     }
 }
