@@ -75,8 +75,9 @@ impl<W: Work> HraClient<W> {
     }
 
     /// Takes back all units of this client that still wait in the bin; they get no answer. Those under way do.
+    /// Their maximum delay is cut to [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
     pub fn cancel_pending(&self) -> Vec<WorkUnit<W>> {
-        self.handle.shared.cancel(&self.handle.results).into_iter().map(into_unit).collect()
+        self.handle.shared.cancel(&self.handle.results).into_iter().filter_map(into_unit).collect()
     }
 }
 

@@ -28,6 +28,8 @@ pub(crate) struct Core<T> {
     pub(super) closed: bool,
     /// Resources that wait to be woken.
     pub(super) dozing: usize,
+    /// Resources that were woken and have not asked yet.
+    pub(super) called: usize,
 }
 
 /// What a resource is to do.
@@ -122,6 +124,7 @@ impl<T> Core<T> {
             planned: None,
             closed: false,
             dozing: 0,
+            called: 0,
             config,
         }
     }
@@ -138,9 +141,9 @@ impl<T> Core<T> {
         self.bin.len()
     }
 
-    /// Resources that wait to be woken.
-    pub(crate) fn dozing(&self) -> usize {
-        self.dozing
+    /// Whether it must be told at once of what comes: some resource waits to be woken, and none is on its way here.
+    pub(crate) fn listens(&self) -> bool {
+        self.dozing > 0 && self.called == 0
     }
 
     /// The most data with which anybody can do `primitive`; `None` when nobody can at all.
@@ -175,11 +178,7 @@ impl<T> Core<T> {
         }
         let units = chunk.len();
         self.bin.push(chunk);
-        for _ in 0..units {
-            if self.dozing == 0 || !self.wake_best(now, primitive, size, data, out) {
-                break;
-            }
-        }
+        self.call(now, (primitive, size, data), units, out);
     }
 
     /// Takes out the units for which `wanted` holds.
@@ -200,6 +199,7 @@ impl<T> Core<T> {
         self.bin.take_expired(now, &mut out.expired);
         let lane = &mut self.lanes[id.index()];
         self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
+        self.called -= usize::from(std::mem::take(&mut lane.called));
         match lane.health {
             Health::Retired => return Next::End,
             _ if self.closed => return if lane.flights.is_empty() { Next::End } else { Next::Wait(None) },
@@ -216,11 +216,17 @@ impl<T> Core<T> {
         }
         let until = match self.choose(now, id) {
             Choice::Retry(unit) => match self.launch(now, id, vec![unit]) {
-                Ok(packet) => return Next::Packet(packet),
+                Ok(packet) => {
+                    self.call_for_rest(now, out);
+                    return Next::Packet(packet);
+                }
                 Err(_) => None,
             },
             Choice::Draw { head, units } => match self.draw(now, id, &head, units) {
-                Some(packet) => return Next::Packet(packet),
+                Some(packet) => {
+                    self.call_for_rest(now, out);
+                    return Next::Packet(packet);
+                }
                 None => None,
             },
             Choice::Decline { until, sooner } => {
@@ -244,12 +250,7 @@ impl<T> Core<T> {
     }
 
     fn draw(&mut self, now: Time, id: ResourceId, head: &super::bin::Head, units: usize) -> Option<Packet<T>> {
-        let mut left = units;
-        let drawn = self.bin.draw(head, |_| {
-            let more = left > 0;
-            left -= usize::from(more);
-            more
-        });
+        let drawn = self.bin.draw(head, units);
         self.launch(now, id, drawn).ok()
     }
 

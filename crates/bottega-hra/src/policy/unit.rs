@@ -38,12 +38,6 @@ pub(crate) struct Unit<T> {
     pub(crate) load: T,
 }
 
-impl<T> Unit<T> {
-    pub(crate) fn map<U>(self, f: impl FnOnce(T) -> U) -> Unit<U> {
-        Unit { meta: self.meta, load: f(self.load) }
-    }
-}
-
 /// Units in a row that wait as one: equal in primitive, data and priority, and none due before the one in front of it.
 /// The bin puts them in order once a chunk, not once a unit.
 #[derive(Clone, Debug)]
@@ -56,11 +50,17 @@ pub(crate) struct Chunk<T> {
 
 impl<T> Chunk<T> {
     /// Most units in a chunk: enough that what a chunk costs is nothing beside what its units cost.
-    pub(crate) const UNITS_MAX: usize = 64;
+    pub(crate) const UNITS_MAX: usize = 512;
 
     pub(crate) fn new(unit: Unit<T>, announced: bool) -> Self {
-        let items = unit.meta.size;
-        Self { units: VecDeque::from([unit]), items, announced }
+        Self::with_room(unit, announced, 1)
+    }
+
+    /// A chunk that is to have so many units, if that may be.
+    pub(crate) fn with_room(unit: Unit<T>, announced: bool, units: usize) -> Self {
+        let mut chunk = Self { units: VecDeque::with_capacity(units.min(Self::UNITS_MAX)), items: 0, announced };
+        chunk.push(unit);
+        chunk
     }
 
     /// Whether `meta` may follow here.
@@ -79,10 +79,31 @@ impl<T> Chunk<T> {
         self.units.push_back(unit);
     }
 
+    /// Appends all units of another chunk, if they may follow and there is room; else it comes back.
+    pub(crate) fn join(&mut self, mut other: Self) -> Option<Self> {
+        let follows = other.front().is_some_and(|front| self.accepts(front, other.announced));
+        if !follows || self.len() + other.len() > Self::UNITS_MAX {
+            return Some(other);
+        }
+        self.items = self.items.saturating_add(other.items);
+        self.units.append(&mut other.units);
+        None
+    }
+
     pub(crate) fn pop(&mut self) -> Option<Unit<T>> {
         let unit = self.units.pop_front()?;
         self.items = self.items.saturating_sub(unit.meta.size);
         Some(unit)
+    }
+
+    /// Takes up to `count` units from the front. Those of a whole chunk stay where they are in memory.
+    pub(crate) fn draw(&mut self, count: usize, drawn: &mut Vec<Unit<T>>) {
+        if count >= self.len() && drawn.is_empty() {
+            self.items = 0;
+            *drawn = std::mem::take(&mut self.units).into();
+        } else {
+            drawn.extend((0..count).map_while(|_| self.pop()));
+        }
     }
 
     /// The facts of the unit in front.

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use std::vec;
 
 use super::sync::{lock, wait};
 use crate::Completed;
@@ -19,14 +20,15 @@ pub(crate) struct ResultsBin<O> {
 }
 
 struct State<O> {
-    results: VecDeque<Completed<O>>,
+    /// As they came: the answers of a packet together, so that many cost no more than one to put in.
+    batches: VecDeque<vec::IntoIter<Completed<O>>>,
     /// Threads in `take`.
     takers: usize,
 }
 
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
-        let state = State { results: VecDeque::new(), takers: 0 };
+        let state = State { batches: VecDeque::new(), takers: 0 };
         let (outstanding, abandoned) = (AtomicUsize::new(0), AtomicBool::new(false));
         Self { state: Mutex::new(state), arrived: Condvar::new(), outstanding, abandoned }
     }
@@ -58,18 +60,17 @@ impl<O> ResultsBin<O> {
     }
 
     /// Puts in answers; drops them when nobody is left to take them.
-    pub(crate) fn deliver(&self, completed: impl IntoIterator<Item = Completed<O>>) {
-        let completed = completed.into_iter();
+    pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
+        let arrived = completed.len();
         let mut state = self.lock();
         if self.is_abandoned() {
             drop(state);
-            let count = completed.count(); // Outside the lock: an output may do anything in its `Drop`.
-            self.forget(count);
+            drop(completed); // Outside the lock: an output may do anything in its `Drop`.
+            self.forget(arrived);
             return;
         }
-        let before = state.results.len();
-        state.results.extend(completed);
-        let (arrived, awaited) = (state.results.len() - before, state.takers);
+        state.batches.push_back(completed.into_iter());
+        let awaited = state.takers;
         drop(state);
         if awaited > 1 && arrived > 1 {
             self.arrived.notify_all();
@@ -80,14 +81,26 @@ impl<O> ResultsBin<O> {
 
     /// Waits for an answer until `deadline`, or for as long as any is outstanding.
     pub(crate) fn take(&self, deadline: Option<Instant>) -> Option<Completed<O>> {
-        self.take_some(deadline, VecDeque::pop_front)
+        self.take_some(deadline, |batches| {
+            let taken = batches.front_mut()?.next();
+            batches.pop_front_if(|front| front.len() == 0);
+            Some((taken?, 1))
+        })
     }
 
     /// Waits for answers as [`ResultsBin::take`] does; takes all that are there, up to `max`. Empty: there are none.
     pub(crate) fn take_many(&self, max: usize, deadline: Option<Instant>) -> Vec<Completed<O>> {
-        let take = |results: &mut VecDeque<Completed<O>>| {
-            let count = results.len().min(max);
-            (count > 0).then(|| results.drain(..count).collect::<Vec<_>>())
+        let take = |batches: &mut VecDeque<vec::IntoIter<Completed<O>>>| {
+            let there: usize = batches.iter().map(ExactSizeIterator::len).sum();
+            let count = there.min(max);
+            let mut taken = Vec::with_capacity(count);
+            while taken.len() < count
+                && let Some(front) = batches.front_mut()
+            {
+                taken.extend(front.take(count - taken.len()));
+                batches.pop_front_if(|front| front.len() == 0);
+            }
+            (count > 0).then_some((taken, count))
         };
         if max == 0 { Vec::new() } else { self.take_some(deadline, take).unwrap_or_default() }
     }
@@ -95,13 +108,12 @@ impl<O> ResultsBin<O> {
     fn take_some<R>(
         &self,
         deadline: Option<Instant>,
-        mut take: impl FnMut(&mut VecDeque<Completed<O>>) -> Option<R>,
+        mut take: impl FnMut(&mut VecDeque<vec::IntoIter<Completed<O>>>) -> Option<(R, usize)>,
     ) -> Option<R> {
         let mut state = self.lock();
         loop {
-            let before = state.results.len();
-            if let Some(taken) = take(&mut state.results) {
-                self.settle(&state, before - state.results.len());
+            if let Some((taken, count)) = take(&mut state.batches) {
+                self.settle(&state, count);
                 return Some(taken);
             }
             if self.outstanding() == 0 {
@@ -123,12 +135,12 @@ impl<O> ResultsBin<O> {
     }
 
     /// Says that nobody will take anything any more; gives back what was not taken, to be dropped by the caller.
-    pub(crate) fn abandon(&self) -> VecDeque<Completed<O>> {
+    pub(crate) fn abandon(&self) -> impl Sized + use<O> {
         let mut state = self.lock();
         self.abandoned.store(true, Ordering::SeqCst);
-        let results = std::mem::take(&mut state.results);
-        self.settle(&state, results.len());
-        results
+        let batches = std::mem::take(&mut state.batches);
+        self.settle(&state, batches.iter().map(ExactSizeIterator::len).sum());
+        batches
     }
 }
 
