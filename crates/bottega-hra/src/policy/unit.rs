@@ -134,3 +134,56 @@ impl<T> Chunk<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(load: u64, late: u64) -> Unit<u64> {
+        let meta = Meta {
+            primitive: Primitive::Intersect,
+            size: load,
+            data: None,
+            priority: 0,
+            submitted: Time::ZERO,
+            late: Time::from_nanos(late),
+            expires: Time::NEVER,
+            attempts: 0,
+            failed_on: Vec::new(),
+        };
+        Unit { meta, load }
+    }
+
+    fn chunk(loads: std::ops::Range<u64>) -> Chunk<u64> {
+        let mut units = loads.map(|load| unit(load, load));
+        let mut chunk = Chunk::new(units.next().expect("not empty"), false);
+        units.for_each(|unit| chunk.push(unit));
+        chunk
+    }
+
+    fn draw(chunk: &mut Chunk<u64>, count: usize, drawn: &[u64]) -> Vec<u64> {
+        let mut units: Vec<_> = drawn.iter().map(|&load| unit(load, 0)).collect();
+        chunk.draw(count, &mut units);
+        units.iter().map(|unit| unit.load).collect()
+    }
+
+    #[test]
+    fn units_leave_in_the_order_in_which_they_came_however_many_are_drawn() {
+        let mut joined = chunk(1..4);
+        assert!(joined.join(chunk(4..7)).is_none());
+        assert_eq!((joined.len(), joined.items()), (6, 21));
+        assert_eq!(draw(&mut joined, 2, &[]), [1, 2]);
+        assert_eq!(draw(&mut joined, 1, &[9]), [9, 3]);
+        assert_eq!((joined.len(), joined.items()), (3, 15));
+        assert_eq!(draw(&mut joined, 5, &[]), [4, 5, 6]);
+        assert_eq!((joined.len(), joined.items()), (0, 0));
+    }
+
+    #[test]
+    fn what_is_due_before_does_not_join_and_no_chunk_grows_too_long() {
+        let mut later = chunk(5..8);
+        assert!(later.join(chunk(1..3)).is_some());
+        assert!(later.join(chunk(8..9 + Chunk::<u64>::UNITS_MAX as u64 - 3)).is_some_and(|rest| rest.len() > 1));
+        assert_eq!(later.len(), 3);
+    }
+}

@@ -151,3 +151,49 @@ fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     format!("panicked: {}", text.unwrap_or("(no message)"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Primitive, VirtualCpu};
+
+    /// Lasts at least so long.
+    struct Nap(Duration);
+
+    impl Work for Nap {
+        type Output = ();
+        fn primitive(&self) -> Primitive {
+            Primitive::PixelBlock
+        }
+        fn size(&self) -> u64 {
+            1
+        }
+    }
+
+    fn naps(micros: impl Iterator<Item = u64>) -> (Vec<(Attempt<Nap>, Duration)>, Duration) {
+        let mut lanes = VirtualCpu::lanes(1, |nap: Nap| {
+            let start = Instant::now();
+            while start.elapsed() < nap.0 {}
+        });
+        perform(&mut *lanes[0], micros.map(|micros| Nap(Duration::from_micros(micros))).collect())
+    }
+
+    #[test]
+    fn the_time_of_a_packet_is_that_of_its_units_and_long_ones_have_their_own() {
+        let (attempts, busy) = naps([0; 100].into_iter().chain([50, 0, 0]));
+        assert_eq!(attempts.len(), 103);
+        let times: Vec<_> = attempts.iter().map(|(_, busy)| *busy).collect();
+        let sum: Duration = times.iter().sum();
+        assert!(busy.abs_diff(sum) < Duration::from_nanos(103), "{busy:?} and {sum:?} differ by more than rounding");
+        assert!(sum >= Duration::from_micros(50));
+        let (attempts, _) = naps([60, 60, 0].into_iter());
+        assert!(attempts[..2].iter().all(|(_, busy)| *busy >= Duration::from_micros(60)), "long ones are timed alone");
+    }
+
+    #[test]
+    fn a_packet_that_takes_too_long_comes_back_with_what_is_left_of_it() {
+        let (attempts, _) = naps([600; 3].into_iter());
+        let done: Vec<_> = attempts.iter().map(|(attempt, _)| matches!(attempt, Attempt::Done(()))).collect();
+        assert_eq!(done, [true, false, false]);
+    }
+}

@@ -1,7 +1,7 @@
 //! The results bin of one client: answers in the order in which they were computed.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use std::vec;
@@ -13,24 +13,29 @@ use crate::Completed;
 pub(crate) struct ResultsBin<O> {
     state: Mutex<State<O>>,
     arrived: Condvar,
-    /// Units that were submitted, or are being so, and whose answer was not yet taken. Gets less under the lock only.
-    outstanding: AtomicUsize,
-    /// No client is left that could take anything. Set under the lock.
-    abandoned: AtomicBool,
+    /// Units that were ever submitted, or are being so.
+    expected: AtomicUsize,
 }
 
 struct State<O> {
-    /// As they came: the answers of a packet together, so that many cost no more than one to put in.
+    /// As they came, none empty: the answers of a packet together, so that many cost no more than one to put in.
     batches: VecDeque<vec::IntoIter<Completed<O>>>,
+    /// Units, of those expected, whose answer was taken or will not come.
+    settled: usize,
     /// Threads in `take`.
     takers: usize,
 }
 
+impl<O> State<O> {
+    fn drop_empty(&mut self) {
+        self.batches.pop_front_if(|front| front.len() == 0);
+    }
+}
+
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
-        let state = State { batches: VecDeque::new(), takers: 0 };
-        let (outstanding, abandoned) = (AtomicUsize::new(0), AtomicBool::new(false));
-        Self { state: Mutex::new(state), arrived: Condvar::new(), outstanding, abandoned }
+        let state = State { batches: VecDeque::new(), settled: 0, takers: 0 };
+        Self { state: Mutex::new(state), arrived: Condvar::new(), expected: AtomicUsize::new(0) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State<O>> {
@@ -39,36 +44,36 @@ impl<O> ResultsBin<O> {
 
     /// Announces `count` units, before they go into the work bin.
     pub(crate) fn expect(&self, count: usize) {
-        self.outstanding.fetch_add(count, Ordering::SeqCst);
+        self.expected.fetch_add(count, Ordering::SeqCst);
     }
 
     /// Takes back the announcement of units that went into no bin, or were cancelled there.
     pub(crate) fn forget(&self, count: usize) {
-        let state = self.lock();
-        self.settle(&state, count);
+        let mut state = self.lock();
+        self.settle(&mut state, count);
     }
 
     /// So many units are not outstanding any more; if none is, nobody need wait.
-    fn settle(&self, state: &MutexGuard<'_, State<O>>, count: usize) {
-        if self.outstanding.fetch_sub(count, Ordering::SeqCst) == count && state.takers > 0 {
+    fn settle(&self, state: &mut State<O>, count: usize) {
+        state.settled += count;
+        if state.takers > 0 && self.left(state) == 0 {
             self.arrived.notify_all();
         }
     }
 
-    pub(crate) fn outstanding(&self) -> usize {
-        self.outstanding.load(Ordering::SeqCst)
+    /// Units whose answer is still to be taken.
+    fn left(&self, state: &State<O>) -> usize {
+        self.expected.load(Ordering::SeqCst) - state.settled
     }
 
-    /// Puts in answers; drops them when nobody is left to take them.
+    pub(crate) fn outstanding(&self) -> usize {
+        self.left(&self.lock())
+    }
+
+    /// Puts in answers.
     pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
         let arrived = completed.len();
         let mut state = self.lock();
-        if self.is_abandoned() {
-            drop(state);
-            drop(completed); // Outside the lock: an output may do anything in its `Drop`.
-            self.forget(arrived);
-            return;
-        }
         state.batches.push_back(completed.into_iter());
         let awaited = state.takers;
         drop(state);
@@ -81,42 +86,36 @@ impl<O> ResultsBin<O> {
 
     /// Waits for an answer until `deadline`, or for as long as any is outstanding.
     pub(crate) fn take(&self, deadline: Option<Instant>) -> Option<Completed<O>> {
-        self.take_some(deadline, |batches| {
-            let taken = batches.front_mut()?.next();
-            batches.pop_front_if(|front| front.len() == 0);
-            Some((taken?, 1))
-        })
+        let mut state = self.filled(deadline)?;
+        let taken = state.batches.front_mut()?.next();
+        state.drop_empty();
+        self.settle(&mut state, 1);
+        taken
     }
 
     /// Waits for answers as [`ResultsBin::take`] does; takes all that are there, up to `max`. Empty: there are none.
     pub(crate) fn take_many(&self, max: usize, deadline: Option<Instant>) -> Vec<Completed<O>> {
-        let take = |batches: &mut VecDeque<vec::IntoIter<Completed<O>>>| {
-            let there: usize = batches.iter().map(ExactSizeIterator::len).sum();
-            let count = there.min(max);
-            let mut taken = Vec::with_capacity(count);
-            while taken.len() < count
-                && let Some(front) = batches.front_mut()
-            {
-                taken.extend(front.take(count - taken.len()));
-                batches.pop_front_if(|front| front.len() == 0);
-            }
-            (count > 0).then_some((taken, count))
-        };
-        if max == 0 { Vec::new() } else { self.take_some(deadline, take).unwrap_or_default() }
+        if max == 0 {
+            return Vec::new();
+        }
+        let Some(mut state) = self.filled(deadline) else { return Vec::new() };
+        let there: usize = state.batches.iter().map(ExactSizeIterator::len).sum();
+        let mut taken = Vec::with_capacity(there.min(max));
+        while taken.len() < max
+            && let Some(front) = state.batches.front_mut()
+        {
+            taken.extend(front.take(max - taken.len()));
+            state.drop_empty();
+        }
+        self.settle(&mut state, taken.len());
+        taken
     }
 
-    fn take_some<R>(
-        &self,
-        deadline: Option<Instant>,
-        mut take: impl FnMut(&mut VecDeque<vec::IntoIter<Completed<O>>>) -> Option<(R, usize)>,
-    ) -> Option<R> {
+    /// Waits until there is an answer. `None`: none came until `deadline`, or none is outstanding.
+    fn filled(&self, deadline: Option<Instant>) -> Option<MutexGuard<'_, State<O>>> {
         let mut state = self.lock();
-        loop {
-            if let Some((taken, count)) = take(&mut state.batches) {
-                self.settle(&state, count);
-                return Some(taken);
-            }
-            if self.outstanding() == 0 {
+        while state.batches.is_empty() {
+            if self.left(&state) == 0 {
                 return None;
             }
             let patience = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
@@ -127,24 +126,38 @@ impl<O> ResultsBin<O> {
             state = wait(&self.arrived, state, patience);
             state.takers -= 1;
         }
-    }
-
-    /// Whether nobody will take anything any more.
-    pub(crate) fn is_abandoned(&self) -> bool {
-        self.abandoned.load(Ordering::SeqCst)
-    }
-
-    /// Says that nobody will take anything any more; gives back what was not taken, to be dropped by the caller.
-    pub(crate) fn abandon(&self) -> impl Sized + use<O> {
-        let mut state = self.lock();
-        self.abandoned.store(true, Ordering::SeqCst);
-        let batches = std::mem::take(&mut state.batches);
-        self.settle(&state, batches.iter().map(ExactSizeIterator::len).sum());
-        batches
+        Some(state)
     }
 }
 
 /// The instant after `timeout`, or none where it is beyond what a clock can say.
 pub(crate) fn deadline_after(timeout: Duration) -> Option<Instant> {
     Instant::now().checked_add(timeout)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_come_in_the_order_of_delivery_however_they_are_taken() {
+        let bin = ResultsBin::new();
+        bin.expect(10);
+        for tickets in [0..3_u64, 3..4, 4..10] {
+            let answer = |ticket| Completed {
+                ticket,
+                output: Ok(()),
+                busy: Duration::ZERO,
+                waited: Duration::ZERO,
+                resource: None,
+            };
+            bin.deliver(tickets.map(answer).collect());
+        }
+        let tickets = |max| bin.take_many(max, None).iter().map(|answer| answer.ticket).collect::<Vec<_>>();
+        assert_eq!(bin.take(None).map(|answer| answer.ticket), Some(0));
+        assert_eq!((tickets(0), tickets(1), tickets(4)), (vec![], vec![1], vec![2, 3, 4, 5]));
+        assert_eq!(bin.outstanding(), 4);
+        assert_eq!(tickets(99), [6, 7, 8, 9]);
+        assert!(bin.take(None).is_none() && tickets(1).is_empty());
+    }
 }

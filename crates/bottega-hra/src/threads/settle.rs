@@ -1,9 +1,8 @@
 //! What becomes of units: an answer, or another try.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use super::results_bin::ResultsBin;
+use super::clients::{ClientId, Clients};
 use super::shared::{Job, Shared};
 use super::sync::lock;
 use crate::policy::core::{Core, Landed, Landing, Out};
@@ -43,13 +42,13 @@ struct Undone<W: Work> {
 struct Mail<W: Work>(Vec<Letter<W>>);
 
 /// Answers to one client.
-type Letter<W> = (Arc<ResultsBin<<W as Work>::Output>>, Vec<Completed<<W as Work>::Output>>);
+type Letter<W> = (ClientId, Vec<Completed<<W as Work>::Output>>);
 
 impl<W: Work> Mail<W> {
     /// Adds an answer; so many more may follow.
-    fn add(&mut self, client: Arc<ResultsBin<W::Output>>, answer: Completed<W::Output>, more: usize) {
+    fn add(&mut self, client: ClientId, answer: Completed<W::Output>, more: usize) {
         match self.0.last_mut() {
-            Some((last, answers)) if Arc::ptr_eq(last, &client) => answers.push(answer),
+            Some((last, answers)) if *last == client => answers.push(answer),
             _ => {
                 let mut answers = Vec::with_capacity(1 + more);
                 answers.push(answer);
@@ -58,9 +57,12 @@ impl<W: Work> Mail<W> {
         }
     }
 
-    fn send(self) {
+    /// Delivers to clients that are still there.
+    fn send(self, clients: &Clients<W::Output>) {
         for (client, answers) in self.0 {
-            client.deliver(answers);
+            if let Some(results) = clients.results(client) {
+                results.deliver(answers);
+            }
         }
     }
 }
@@ -129,7 +131,7 @@ impl<W: Work> Shared<W> {
             (landed, then(core, now, out))
         });
         // After the books are kept, so that who has an answer finds it in the report.
-        mail.send();
+        mail.send(&self.clients);
         self.answer_failed(id, answers);
         (landed, then)
     }
@@ -153,7 +155,7 @@ impl<W: Work> Shared<W> {
                 continue;
             }
             // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
-            let abandoned = unit.load.client.is_abandoned();
+            let abandoned = !self.clients.has(unit.load.client);
             let given_up =
                 if abandoned { Some((unit, GiveUp::Closed)) } else { core.give_back(now, id, unit, blamed, out) };
             if let Some((unit, why)) = given_up {
@@ -172,10 +174,10 @@ impl<W: Work> Shared<W> {
     fn answer_failed(&self, id: ResourceId, answers: Vec<Answer<W>>) {
         let now = self.now();
         for Answer { unit, error } in answers {
-            let answer = completed(&unit, Err(error), Some(id), now, Duration::ZERO);
-            let client = unit.load.client;
-            drop(unit.load.work); // Before its answer is there: it may hold what the client waits for.
-            client.deliver(vec![answer]);
+            let mut mail = Mail::<W>(Vec::new());
+            mail.add(unit.load.client, completed(&unit, Err(error), Some(id), now, Duration::ZERO), 0);
+            drop(unit); // Before its answer is there: it may hold what the client waits for.
+            mail.send(&self.clients);
         }
     }
 
@@ -194,7 +196,7 @@ impl<W: Work> Shared<W> {
             let answer = completed(&unit, Err(error), last, now, Duration::ZERO);
             mail.add(unit.load.client, answer, more);
         }
-        mail.send();
+        mail.send(&self.clients);
     }
 
     /// A packet has no answer long after there should have been one: its units are done elsewhere. A near resource

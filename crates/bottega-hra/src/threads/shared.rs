@@ -1,12 +1,12 @@
 //! What submitters, lanes and the watch share, and the one way to the policy.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use super::clients::{ClientId, Clients};
 use super::far::Answer;
 use super::inlets::Inlets;
-use super::results_bin::ResultsBin;
 use super::room::Room;
 use super::sync::{Post, lock, wait};
 use super::watch::Alarm;
@@ -21,7 +21,7 @@ pub(crate) struct Job<W: Work> {
     /// What is to be done. While a resource has that, what to go back to if it is lost there: its backup, if any.
     pub(crate) work: Option<W>,
     /// Whose it is.
-    pub(crate) client: Arc<ResultsBin<W::Output>>,
+    pub(crate) client: ClientId,
     /// The client's own number.
     pub(crate) ticket: u64,
 }
@@ -37,6 +37,7 @@ pub(crate) struct LanePost<W: Work> {
 
 pub(crate) struct Shared<W: Work> {
     core: Mutex<Core<Job<W>>>,
+    pub(crate) clients: Clients<W::Output>,
     pub(crate) inlets: Inlets<Job<W>>,
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
@@ -55,6 +56,7 @@ pub(crate) struct Shared<W: Work> {
 impl<W: Work> Shared<W> {
     pub(crate) fn new(core: Core<Job<W>>, lanes: Vec<LanePost<W>>, max_delay_bound: Duration) -> Self {
         let shared = Self {
+            clients: Clients::new(),
             inlets: Inlets::new(),
             room: Room::new(core.capacity()),
             alarm: Alarm::default(),
@@ -168,9 +170,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Takes out the units of a client that still wait.
-    pub(crate) fn cancel(&self, client: &Arc<ResultsBin<W::Output>>) -> Vec<Unit<Job<W>>> {
-        let cancelled = self.with_core(|core, _, _| core.cancel(|unit| Arc::ptr_eq(&unit.load.client, client)));
-        client.forget(cancelled.len());
-        cancelled
+    pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<Job<W>>> {
+        self.with_core(|core, _, _| core.cancel(|unit| unit.load.client == client))
     }
 }

@@ -1,8 +1,8 @@
 //! The submitter's side: a place in the bin, an inlet, and somebody woken if somebody waits.
 
-use std::sync::Arc;
 use std::time::Duration;
 
+use super::clients::ClientId;
 use super::results_bin::ResultsBin;
 use super::shared::{Job, Shared};
 use crate::policy::time::Time;
@@ -12,36 +12,38 @@ use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
 /// Items by primitive.
 type Items = [u64; Primitive::COUNT];
 
+/// Who submits.
+pub(crate) struct Submitter<'a, O> {
+    pub(crate) client: ClientId,
+    pub(crate) results: &'a ResultsBin<O>,
+    /// Where its units go in.
+    pub(crate) inlet: usize,
+}
+
 impl<W: Work> Shared<W> {
-    pub(crate) fn submit(
-        &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
-        unit: WorkUnit<W>,
-    ) -> Result<(), SubmitError> {
+    pub(crate) fn submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.look_at(&unit.work)?;
         // Announced before it can be answered, so that a clone of the client that takes meanwhile waits for it.
-        client.expect(1);
+        from.results.expect(1);
         while self.room.reserve(1) == 0 {
             if self.room.is_closed() {
-                client.forget(1);
+                from.results.forget(1);
                 return Err(Closed.into());
             }
             self.room.wait();
         }
-        self.put(client, inlet, unit);
+        self.put(from, unit);
         self.room.let_in(1); // Room that this caller did not need is the next one's.
         Ok(())
     }
 
     pub(crate) fn submit_group(
         &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
+        from: &Submitter<'_, W::Output>,
         units: Vec<WorkUnit<W>>,
     ) -> Result<(), SubmitError> {
         units.iter().try_for_each(|unit| self.look_at(&unit.work))?;
-        client.expect(units.len());
+        from.results.expect(units.len());
         let mut units = units.into_iter();
         let mut is_first = true;
         loop {
@@ -52,7 +54,7 @@ impl<W: Work> Shared<W> {
                 self.with_core(|core, _, _| each(&items, |primitive, items| core.announce(primitive, items)));
             }
             if granted > 0 {
-                self.put_all(client, inlet, units.by_ref().take(granted), !is_first);
+                self.put_all(from, units.by_ref().take(granted), !is_first);
             }
             is_first = false;
             if units.as_slice().is_empty() {
@@ -62,28 +64,23 @@ impl<W: Work> Shared<W> {
             if self.room.is_closed() {
                 let items = items_of(units.as_slice());
                 self.with_core(|core, _, _| each(&items, |primitive, items| core.retract(primitive, items)));
-                client.forget(units.len());
+                from.results.forget(units.len());
                 return Err(Closed.into());
             }
             self.room.wait();
         }
     }
 
-    pub(crate) fn try_submit(
-        &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
-        unit: WorkUnit<W>,
-    ) -> Result<(), TrySubmit<W>> {
+    pub(crate) fn try_submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
         if let Err(reason) = self.look_at(&unit.work) {
             return Err(TrySubmit::Refused { unit, reason });
         }
-        client.expect(1);
+        from.results.expect(1);
         if self.room.reserve(1) == 0 {
-            client.forget(1);
+            from.results.forget(1);
             return Err(TrySubmit::Full(unit));
         }
-        self.put(client, inlet, unit);
+        self.put(from, unit);
         Ok(())
     }
 
@@ -102,18 +99,17 @@ impl<W: Work> Shared<W> {
     }
 
     /// Puts a unit for which there is a place into the bin.
-    fn put(&self, client: &Arc<ResultsBin<W::Output>>, inlet: usize, unit: WorkUnit<W>) {
-        let unit = self.write_down(client, self.now(), unit);
+    fn put(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) {
+        let unit = self.write_down(from.client, self.now(), unit);
         let expires = unit.meta.expires;
-        self.inlets.push(inlet, unit);
+        self.inlets.push(from.inlet, unit);
         self.tell_of_arrival(expires);
     }
 
     /// Puts units for which there are places into the bin.
     fn put_all(
         &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
+        from: &Submitter<'_, W::Output>,
         units: impl ExactSizeIterator<Item = WorkUnit<W>>,
         announced: bool,
     ) {
@@ -122,7 +118,7 @@ impl<W: Work> Shared<W> {
         let mut first_expiry = Time::NEVER;
         let mut chunks: Vec<Chunk<Job<W>>> = Vec::with_capacity(left.div_ceil(Chunk::<Job<W>>::UNITS_MAX));
         for unit in units {
-            let unit = self.write_down(client, now, unit);
+            let unit = self.write_down(from.client, now, unit);
             first_expiry = first_expiry.min(unit.meta.expires);
             match chunks.last_mut() {
                 Some(last) if last.accepts(&unit.meta, announced) => last.push(unit),
@@ -130,12 +126,12 @@ impl<W: Work> Shared<W> {
             }
             left -= 1;
         }
-        self.inlets.push_all(inlet, chunks);
+        self.inlets.push_all(from.inlet, chunks);
         self.tell_of_arrival(first_expiry);
     }
 
     /// Writes down what the policy must know of a unit.
-    fn write_down(&self, client: &Arc<ResultsBin<W::Output>>, now: Time, unit: WorkUnit<W>) -> Unit<Job<W>> {
+    fn write_down(&self, client: ClientId, now: Time, unit: WorkUnit<W>) -> Unit<Job<W>> {
         let WorkUnit { work, ticket, max_delay, priority, validity } = unit;
         let meta = Meta {
             primitive: work.primitive(),
@@ -148,7 +144,7 @@ impl<W: Work> Shared<W> {
             attempts: 0,
             failed_on: Vec::new(),
         };
-        Unit { meta, load: Job { work: Some(work), client: Arc::clone(client), ticket } }
+        Unit { meta, load: Job { work: Some(work), client, ticket } }
     }
 
     fn tell_of_arrival(&self, first_expiry: Time) {
