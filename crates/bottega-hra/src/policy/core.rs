@@ -214,30 +214,25 @@ impl<T> Core<T> {
         if !lane.has_room(now) {
             return Next::Wait(None);
         }
-        let until = match self.choose(now, id) {
-            Choice::Retry(unit) => match self.launch(now, id, vec![unit]) {
-                Ok(packet) => {
-                    self.call_for_rest(now, out);
-                    return Next::Packet(packet);
-                }
-                Err(_) => None,
-            },
-            Choice::Draw { head, units } => match self.draw(now, id, &head, units) {
-                Some(packet) => {
-                    self.call_for_rest(now, out);
-                    return Next::Packet(packet);
-                }
-                None => None,
-            },
+        let (packet, until) = match self.choose(now, id) {
+            Choice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
+            Choice::Draw { head, units } => {
+                let drawn = self.bin.draw(&head, units);
+                (self.launch(now, id, drawn), None)
+            }
             Choice::Decline { until, sooner } => {
                 sooner.into_iter().for_each(|id| self.wake(id, out));
-                Some(until)
+                (None, Some(until))
             }
             Choice::Nothing => {
                 self.note_if_dry(now);
-                None
+                (None, None)
             }
         };
+        if let Some(packet) = packet {
+            self.call_for_rest(now, out);
+            return Next::Packet(packet);
+        }
         self.lanes[id.index()].dozes = true;
         self.dozing += 1;
         Next::Wait(until)
@@ -249,15 +244,10 @@ impl<T> Core<T> {
         }
     }
 
-    fn draw(&mut self, now: Time, id: ResourceId, head: &super::bin::Head, units: usize) -> Option<Packet<T>> {
-        let drawn = self.bin.draw(head, units);
-        self.launch(now, id, drawn).ok()
-    }
-
-    /// Sends a packet; the units go back into the bin when there is no memory for their data just now.
-    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Result<Packet<T>, ()> {
+    /// Sends a packet. `None`: there is no memory for its data just now, and the units are back in the bin.
+    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<Packet<T>> {
         let lane = &mut self.lanes[id.index()];
-        let Some(first) = units.first().map(|unit| &unit.meta) else { return Err(()) };
+        let first = &units.first()?.meta;
         let (primitive, data) = (first.primitive, first.data);
         let admission = match data {
             None => None,
@@ -265,7 +255,7 @@ impl<T> Core<T> {
                 Some(admission) => Some(admission),
                 None => {
                     units.into_iter().for_each(|unit| self.bin.push_retry(unit));
-                    return Err(());
+                    return None;
                 }
             },
         };
@@ -277,7 +267,7 @@ impl<T> Core<T> {
         lane.account.enter(Activity::Working, now);
         self.length.taken(now, units.len(), self.bin.len());
         let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.deadline);
-        Ok(Packet { sequence, units, evicted, deadline })
+        Some(Packet { sequence, units, evicted, deadline })
     }
 
     /// An answer to a packet. `None`: it was given up before, and whatever the answer is must be dropped.

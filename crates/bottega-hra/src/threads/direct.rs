@@ -15,7 +15,8 @@ use crate::{Failed, Resource, ResourceId, Work};
 
 /// A packet that takes longer than this goes back with what is left of it: it was cut for much less.
 const PACKET_TIME_MAX: Duration = Duration::from_micros(500);
-/// The clock is read once for several units where each takes less than this: so many that reading it costs little.
+/// The clock is read once for several units where those before took less than this each: so many that reading it costs little, so few
+/// that not much is done before it is noticed that they take longer now.
 const STRETCHED_BELOW: Duration = Duration::from_micros(1);
 const STRETCH_MAX: usize = 16;
 /// Packets after which a resource is asked for its memory again.
