@@ -1,14 +1,20 @@
-//! What a unit costs beyond its work: `cargo bench -p bottega-hra`. A number of threads may be named behind `--`.
+//! What a unit costs beyond its work: `cargo bench -p bottega-hra`. Numbers of submitting threads may be named behind `--`; each is
+//! measured with as many lanes, and with as many as there are processors, which is how a program has them.
 #![allow(clippy::print_stdout, reason = "prints what it measures")]
 
+use std::collections::BTreeSet;
+use std::fs;
 use std::hint::black_box;
+use std::num::NonZero;
 use std::sync::Barrier;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use bottega_hra::{Hra, HraClient, HraConfig, Primitive, VirtualCpu, Work, WorkUnit};
 
-const REPETITIONS: usize = 9;
+const REPETITIONS: usize = 7;
+/// Units of a measurement, so many that it takes much longer than starting its threads.
+const UNITS: u64 = 1_000_000;
 
 struct Job(u64);
 
@@ -41,10 +47,21 @@ fn best(units: u64, mut run: impl FnMut()) -> f64 {
     (0..REPETITIONS).map(run).min().unwrap_or(Duration::ZERO).as_nanos() as f64 / units as f64
 }
 
+/// Time of all processors that this process had so far, where the system tells: what others do on the machine makes it
+/// less wrong than it makes the time on the wall.
+fn processor_time() -> Option<Duration> {
+    const TICKS_A_SECOND: f64 = 100.0; // Of Linux, towards programs, on every machine.
+    let stat = fs::read_to_string("/proc/self/stat").ok()?;
+    let (_, behind_name) = stat.rsplit_once(')')?;
+    let ticks = behind_name.split_whitespace().skip(11).take(2).map(str::parse::<f64>);
+    let ticks = ticks.sum::<Result<f64, _>>().ok()?;
+    Some(Duration::from_secs_f64(ticks / TICKS_A_SECOND))
+}
+
 /// How a thread submits and takes.
 #[derive(Clone, Copy)]
 enum Way {
-    /// A unit and an answer at a time, many under way.
+    /// A unit and an answer at a time, some thousand under way.
     Singly,
     /// Groups of units, and all answers that are there.
     Grouped(usize),
@@ -55,6 +72,9 @@ fn work_through(client: &HraClient<Job>, units: u64, way: Way) {
         Way::Singly => {
             for number in 0..units {
                 client.submit(unit(number)).expect("open");
+                if number >= 4096 {
+                    black_box(client.take());
+                }
             }
             while client.take().is_some() {}
         }
@@ -72,11 +92,13 @@ fn work_through(client: &HraClient<Job>, units: u64, way: Way) {
     }
 }
 
-/// Nanoseconds a unit, all threads together, that each submit units of no work and take the answers.
-fn throughput(submitters: usize, lanes: usize, way: Way) -> f64 {
-    let units = 200_000 / submitters as u64;
+/// Nanoseconds a unit, all threads together, that each submit units of no work and take the answers: those of the fastest run, and of
+/// processors on the average.
+fn throughput(submitters: usize, lanes: usize, way: Way) -> (f64, f64) {
+    let units = UNITS / submitters as u64;
     let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, double));
-    best(units * submitters as u64, || {
+    let before = processor_time();
+    let wall = best(units * submitters as u64, || {
         let barrier = Barrier::new(submitters);
         thread::scope(|scope| {
             for _ in 0..submitters {
@@ -88,7 +110,9 @@ fn throughput(submitters: usize, lanes: usize, way: Way) -> f64 {
                 });
             }
         });
-    })
+    });
+    let spent = processor_time().zip(before).map_or(Duration::ZERO, |(after, before)| after - before);
+    (wall, spent.as_nanos() as f64 / (units * submitters as u64) as f64 / REPETITIONS as f64)
 }
 
 /// Nanoseconds for a unit that is submitted when the one before was answered.
@@ -131,16 +155,19 @@ fn beside_direct_calls(steps: u64) -> (f64, f64) {
 fn main() {
     let named: Vec<usize> = std::env::args().skip(1).filter_map(|text| text.parse().ok()).collect();
     let threads = if named.is_empty() { vec![1, 2] } else { named };
-    for &threads in &threads {
-        let figures = [Way::Singly, Way::Grouped(64), Way::Grouped(1024)].map(|way| throughput(threads, threads, way));
-        println!(
-            "{threads} submitters, {threads} lanes: singly {:.0}, by 64 {:.0}, by 1024 {:.0} ns a unit in all; \
-             one after the other {:.0} ns",
-            figures[0],
-            figures[1],
-            figures[2],
-            round_trip(threads)
-        );
+    let processors = thread::available_parallelism().map_or(1, NonZero::get);
+    for &submitters in &threads {
+        for lanes in BTreeSet::from([submitters, processors]) {
+            let [singly, by_64, by_1024] = [Way::Singly, Way::Grouped(64), Way::Grouped(1024)].map(|way| {
+                let (wall, spent) = throughput(submitters, lanes, way);
+                format!("{wall:.0} ({spent:.0})")
+            });
+            println!(
+                "{submitters} submitters, {lanes} lanes, {processors} processors: singly {singly}, by 64 {by_64}, by 1024 \
+                 {by_1024} ns a unit in all (of processors); one after the other {:.0} ns",
+                round_trip(lanes)
+            );
+        }
     }
     for steps in [100, 10_000, 400_000] {
         let (direct, ratio) = beside_direct_calls(steps);

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::threads::clients::ClientId;
 use crate::threads::results_bin::{ResultsBin, deadline_after};
 use crate::threads::shared::Shared;
-use crate::threads::submit::into_unit;
+use crate::threads::submit::{Submitter, into_unit};
 use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 
 /// A client of an allocator, with a results bin of its own.
@@ -21,6 +22,7 @@ pub struct HraClient<W: Work> {
 
 struct Handle<W: Work> {
     shared: Arc<Shared<W>>,
+    id: ClientId,
     results: Arc<ResultsBin<W::Output>>,
 }
 
@@ -33,12 +35,17 @@ impl<W: Work> Clone for HraClient<W> {
 impl<W: Work> HraClient<W> {
     pub(crate) fn new(shared: Arc<Shared<W>>) -> Self {
         let inlet = shared.inlets.assign();
-        Self { handle: Arc::new(Handle { shared, results: Arc::new(ResultsBin::new()) }), inlet }
+        let (id, results) = shared.clients.enter();
+        Self { handle: Arc::new(Handle { shared, id, results }), inlet }
+    }
+
+    fn as_submitter(&self) -> Submitter<'_, W::Output> {
+        Submitter { client: self.handle.id, results: &self.handle.results, inlet: self.inlet }
     }
 
     /// Puts a unit into the work bin; waits while the bin is full.
     pub fn submit(&self, unit: WorkUnit<W>) -> Result<(), SubmitError> {
-        self.handle.shared.submit(&self.handle.results, self.inlet, unit)
+        self.handle.shared.submit(&self.as_submitter(), unit)
     }
 
     /// Puts units into the work bin in one call, in their order; waits as often as the bin is full.
@@ -46,12 +53,12 @@ impl<W: Work> HraClient<W> {
     /// When any of them cannot be done by any resource, none is taken. When the allocator is shut down while the call
     /// waits, those already taken are answered, the others are dropped.
     pub fn submit_group(&self, units: Vec<WorkUnit<W>>) -> Result<(), SubmitError> {
-        self.handle.shared.submit_group(&self.handle.results, self.inlet, units)
+        self.handle.shared.submit_group(&self.as_submitter(), units)
     }
 
     /// Puts a unit into the work bin if there is room just now.
     pub fn try_submit(&self, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
-        self.handle.shared.try_submit(&self.handle.results, self.inlet, unit)
+        self.handle.shared.try_submit(&self.as_submitter(), unit)
     }
 
     /// The next answer, in the order in which they were computed. Waits for it; `None` when nothing is outstanding.
@@ -75,15 +82,18 @@ impl<W: Work> HraClient<W> {
     }
 
     /// Takes back all units of this client that still wait in the bin; they get no answer. Those under way do.
+    /// Their maximum delay is cut to [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
     pub fn cancel_pending(&self) -> Vec<WorkUnit<W>> {
-        self.handle.shared.cancel(&self.handle.results).into_iter().map(into_unit).collect()
+        let cancelled = self.handle.shared.cancel(self.handle.id);
+        self.handle.results.forget(cancelled.len());
+        cancelled.into_iter().filter_map(into_unit).collect()
     }
 }
 
 impl<W: Work> Drop for Handle<W> {
     fn drop(&mut self) {
-        // What this gives back is dropped here, outside all locks.
-        let _answers = self.results.abandon();
-        let _units = self.shared.cancel(&self.results);
+        // First the name goes, so that what fails after that is not put back; see `Shared::try_again`.
+        self.shared.clients.leave(self.id);
+        let _units = self.shared.cancel(self.id); // Dropped here, outside all locks.
     }
 }

@@ -81,7 +81,7 @@ pub struct Completed<O> {
     pub ticket: u64,
     /// What was computed, or why it was not.
     pub output: Result<O, UnitError>,
-    /// Time that the last attempt took of its resource.
+    /// Time that the last attempt took of its resource; the mean of several units where each takes less than some microsecond.
     pub busy: Duration,
     /// Time between submission and the start of the last attempt.
     pub waited: Duration,

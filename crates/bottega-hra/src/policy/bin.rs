@@ -174,20 +174,17 @@ impl<T> Bin<T> {
         best
     }
 
-    /// Takes units from `head` on, of the same priority and data, as long as `wanted`, told of each, agrees.
-    pub(crate) fn draw(&mut self, head: &Head, mut wanted: impl FnMut(&Meta) -> bool) -> Vec<Unit<T>> {
+    /// Takes up to `count` units from `head` on, of the same priority and data.
+    pub(crate) fn draw(&mut self, head: &Head, count: usize) -> Vec<Unit<T>> {
         let shelf = &mut self.shelves[head.primitive.index()];
         let mut drawn = Vec::new();
         let mut next = Some(head.order);
-        while let Some(order) = next {
+        while let Some(order) = next
+            && drawn.len() < count
+        {
             let Some(mut chunk) = shelf.remove(order) else { break };
-            while chunk.front().is_some_and(&mut wanted) {
-                drawn.extend(chunk.pop());
-            }
-            if chunk.len() > 0 {
-                shelf.put(order, chunk);
-                break;
-            }
+            chunk.draw(count - drawn.len(), &mut drawn);
+            shelf.put(order, chunk);
             let following = shelf.chunks.range(order..).next().map(|(&order, _)| order);
             next = following.filter(|next| (next.priority, next.data) == (order.priority, order.data));
         }

@@ -28,6 +28,8 @@ pub(crate) struct Core<T> {
     pub(super) closed: bool,
     /// Resources that wait to be woken.
     pub(super) dozing: usize,
+    /// Resources that were woken and have not asked yet.
+    pub(super) called: usize,
 }
 
 /// What a resource is to do.
@@ -122,6 +124,7 @@ impl<T> Core<T> {
             planned: None,
             closed: false,
             dozing: 0,
+            called: 0,
             config,
         }
     }
@@ -138,9 +141,9 @@ impl<T> Core<T> {
         self.bin.len()
     }
 
-    /// Resources that wait to be woken.
-    pub(crate) fn dozing(&self) -> usize {
-        self.dozing
+    /// Whether it must be told at once of what comes: some resource waits to be woken, and none is on its way here.
+    pub(crate) fn listens(&self) -> bool {
+        self.dozing > 0 && self.called == 0
     }
 
     /// The most data with which anybody can do `primitive`; `None` when nobody can at all.
@@ -175,11 +178,7 @@ impl<T> Core<T> {
         }
         let units = chunk.len();
         self.bin.push(chunk);
-        for _ in 0..units {
-            if self.dozing == 0 || !self.wake_best(now, primitive, size, data, out) {
-                break;
-            }
-        }
+        self.call(now, (primitive, size, data), units, out);
     }
 
     /// Takes out the units for which `wanted` holds.
@@ -200,6 +199,7 @@ impl<T> Core<T> {
         self.bin.take_expired(now, &mut out.expired);
         let lane = &mut self.lanes[id.index()];
         self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
+        self.called -= usize::from(std::mem::take(&mut lane.called));
         match lane.health {
             Health::Retired => return Next::End,
             _ if self.closed => return if lane.flights.is_empty() { Next::End } else { Next::Wait(None) },
@@ -214,24 +214,25 @@ impl<T> Core<T> {
         if !lane.has_room(now) {
             return Next::Wait(None);
         }
-        let until = match self.choose(now, id) {
-            Choice::Retry(unit) => match self.launch(now, id, vec![unit]) {
-                Ok(packet) => return Next::Packet(packet),
-                Err(_) => None,
-            },
-            Choice::Draw { head, units } => match self.draw(now, id, &head, units) {
-                Some(packet) => return Next::Packet(packet),
-                None => None,
-            },
+        let (packet, until) = match self.choose(now, id) {
+            Choice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
+            Choice::Draw { head, units } => {
+                let drawn = self.bin.draw(&head, units);
+                (self.launch(now, id, drawn), None)
+            }
             Choice::Decline { until, sooner } => {
                 sooner.into_iter().for_each(|id| self.wake(id, out));
-                Some(until)
+                (None, Some(until))
             }
             Choice::Nothing => {
                 self.note_if_dry(now);
-                None
+                (None, None)
             }
         };
+        if let Some(packet) = packet {
+            self.call_for_rest(now, out);
+            return Next::Packet(packet);
+        }
         self.lanes[id.index()].dozes = true;
         self.dozing += 1;
         Next::Wait(until)
@@ -243,20 +244,10 @@ impl<T> Core<T> {
         }
     }
 
-    fn draw(&mut self, now: Time, id: ResourceId, head: &super::bin::Head, units: usize) -> Option<Packet<T>> {
-        let mut left = units;
-        let drawn = self.bin.draw(head, |_| {
-            let more = left > 0;
-            left -= usize::from(more);
-            more
-        });
-        self.launch(now, id, drawn).ok()
-    }
-
-    /// Sends a packet; the units go back into the bin when there is no memory for their data just now.
-    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Result<Packet<T>, ()> {
+    /// Sends a packet. `None`: there is no memory for its data just now, and the units are back in the bin.
+    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<Packet<T>> {
         let lane = &mut self.lanes[id.index()];
-        let Some(first) = units.first().map(|unit| &unit.meta) else { return Err(()) };
+        let first = &units.first()?.meta;
         let (primitive, data) = (first.primitive, first.data);
         let admission = match data {
             None => None,
@@ -264,7 +255,7 @@ impl<T> Core<T> {
                 Some(admission) => Some(admission),
                 None => {
                     units.into_iter().for_each(|unit| self.bin.push_retry(unit));
-                    return Err(());
+                    return None;
                 }
             },
         };
@@ -276,7 +267,7 @@ impl<T> Core<T> {
         lane.account.enter(Activity::Working, now);
         self.length.taken(now, units.len(), self.bin.len());
         let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.deadline);
-        Ok(Packet { sequence, units, evicted, deadline })
+        Some(Packet { sequence, units, evicted, deadline })
     }
 
     /// An answer to a packet. `None`: it was given up before, and whatever the answer is must be dropped.

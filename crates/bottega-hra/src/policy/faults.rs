@@ -156,6 +156,8 @@ impl<T> Core<T> {
     pub(super) fn wake(&mut self, id: ResourceId, out: &mut Out<T>) {
         if std::mem::take(&mut self.lanes[id.index()].dozes) {
             self.dozing -= 1;
+            self.called += 1;
+            self.lanes[id.index()].called = true;
             out.wake.push(id);
         }
     }

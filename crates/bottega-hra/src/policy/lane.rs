@@ -15,7 +15,11 @@ use crate::{DataId, HraConfig, Primitive, ResourceDescriptor};
 /// How long a near resource is kept from asking again: several units go to it at once, up to so much work.
 const QUANTUM_NS: f64 = 50_000.0;
 /// Most units handed to a near resource at once.
-const NEAR_UNITS_MAX: usize = 64;
+const NEAR_UNITS_MAX: usize = 512;
+
+/// What it costs to hand a packet to a near resource, beside its units: the lock, the choice, the ledger. It is not in the cost
+/// model, which knows what the resource takes.
+const NEAR_HANDOVER_NS: f64 = 4_000.0;
 
 /// Whether a resource gets work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +62,8 @@ pub(crate) struct Lane {
     pub(crate) account: Account,
     /// Waits to be woken.
     pub(crate) dozes: bool,
+    /// Was woken and has not asked yet.
+    pub(crate) called: bool,
     next_sequence: u64,
     /// None: called directly, with one packet at a time.
     pub(crate) flow: Option<Flow>,
@@ -85,6 +91,7 @@ impl Lane {
             residency: Residency::new(descriptor.memory_bytes),
             account,
             dozes: false,
+            called: false,
             next_sequence: 0,
             flow,
             patience,
@@ -188,14 +195,25 @@ impl Lane {
         (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64))
     }
 
+    /// Shortest time of units that is worth a packet, given what the cost model says that a packet costs before its first unit.
+    pub(crate) fn least_ns(&self, fixed_ns: f64) -> f64 {
+        if self.flow.is_some() { fixed_ns } else { fixed_ns.max(NEAR_HANDOVER_NS) }
+    }
+
     /// Units to be handed over at once, if the one in front has `size` items.
     pub(crate) fn packet_units(&self, primitive: Primitive, size: u64) -> usize {
+        let most = if self.flow.is_some() { usize::MAX } else { 2 * self.last_units };
+        self.usual_units(primitive, size).min(most)
+    }
+
+    /// Units that are handed over at once in the long run.
+    pub(crate) fn usual_units(&self, primitive: Primitive, size: u64) -> usize {
         let cost = &self.costs[primitive.index()];
         match (&self.flow, self.cost_ns(primitive, size)) {
             (Some(flow), known) => flow.units(known, self.next_sequence),
             (None, Some(_)) => {
                 let unit_ns = cost.predict_ns(size).unwrap_or(QUANTUM_NS).max(1.0);
-                ((QUANTUM_NS / unit_ns) as usize).clamp(1, NEAR_UNITS_MAX.min(2 * self.last_units))
+                ((QUANTUM_NS / unit_ns) as usize).clamp(1, NEAR_UNITS_MAX)
             }
             (None, None) => 1,
         }

@@ -256,7 +256,7 @@ impl<T> Core<T> {
         match (pace, lane.cost_ns(head.primitive, head.size)) {
             (Some(pace), Some((fixed_ns, unit_ns))) if wanted > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
                 let fair_ns = PACKET_SHARE * pace.worth / pace.rate - fixed_ns;
-                wanted.min((fair_ns.max(fixed_ns) / unit_ns) as usize).max(1)
+                wanted.min((fair_ns.max(lane.least_ns(fixed_ns)) / unit_ns) as usize).max(1)
             }
             _ => wanted,
         }
@@ -306,23 +306,49 @@ impl<T> Core<T> {
         now.plus_ns(plan::water_level(&workers, pace.worth))
     }
 
-    /// Wakes the resource that would end such a unit first, of those that wait. False: there is none.
-    pub(super) fn wake_best(
-        &mut self,
-        now: Time,
-        primitive: Primitive,
-        size: u64,
-        data: Option<Data>,
-        out: &mut Out<T>,
-    ) -> bool {
+    /// Wakes resources for so many units: as many as will take all of them, less those that are on their way here anyway.
+    pub(super) fn call(&mut self, now: Time, unit: (Primitive, u64, Option<Data>), count: usize, out: &mut Out<T>) {
+        if self.dozing == 0 {
+            return;
+        }
+        let (primitive, size, data) = unit;
+        let coming = self.lanes.iter().zip(0..).filter(|(lane, _)| lane.called);
+        let coming = coming.filter(|&(_, index)| self.roster.can(ResourceId(index), primitive, data));
+        let taken: usize = coming.map(|(lane, _)| lane.usual_units(primitive, size)).sum();
+        let mut left = count.saturating_sub(taken);
+        while left > 0
+            && let Some(id) = self.best_of_dozing(now, unit)
+        {
+            left = left.saturating_sub(self.lanes[id.index()].usual_units(primitive, size));
+            self.wake(id, out);
+        }
+    }
+
+    /// Wakes resources for what is left when one has taken its packet.
+    pub(super) fn call_for_rest(&mut self, now: Time, out: &mut Out<T>) {
+        for primitive in Primitive::ALL {
+            if self.dozing == 0 {
+                return;
+            }
+            let dozing = |data| {
+                let mut lanes = self.lanes.iter().zip(0..);
+                lanes.any(|(lane, index)| lane.dozes && self.roster.can(ResourceId(index), primitive, data))
+            };
+            if let Some(head) = self.bin.head(primitive, dozing, |_| false) {
+                let units = self.bin.items_of(primitive).div_ceil(head.size.max(1));
+                self.call(now, (primitive, head.size, head.data), usize::try_from(units).unwrap_or(usize::MAX), out);
+            }
+        }
+    }
+
+    /// Of the resources that wait to be woken, the one that would end such a unit first.
+    fn best_of_dozing(&self, now: Time, (primitive, size, data): (Primitive, u64, Option<Data>)) -> Option<ResourceId> {
         let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
         let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, primitive, data));
         // Who can do the least besides goes first among equals.
         let best = fit.min_by_key(|(lane, id)| {
             (lane.finish(now, primitive, size, data), self.roster.primitives(*id).iter().count())
         });
-        let Some(id) = best.map(|(_, id)| id) else { return false };
-        self.wake(id, out);
-        true
+        best.map(|(_, id)| id)
     }
 }

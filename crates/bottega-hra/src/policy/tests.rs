@@ -158,6 +158,58 @@ fn who_declines_a_unit_wakes_who_is_sooner() {
     assert_eq!(serve(&mut core, A, Time::ZERO), [0]);
 }
 
+/// Two resources that wait to be woken, and know what a unit costs.
+fn dozing(unit_ns: f64) -> Core<u64> {
+    let mut book = CostBook::new("");
+    for name in ["a", "b"] {
+        book.set(name, Intersect, crate::CostModel::known(100, 100, 0.0, unit_ns, 0.0));
+    }
+    let resources = vec![near("a", PrimitiveSet::ALL, None), near("b", PrimitiveSet::ALL, None)];
+    let mut core = Core::new(HraConfig::default(), resources, &book);
+    for id in [A, B] {
+        assert!(matches!(core.next(Time::ZERO, id, &mut Out::default()), Next::Wait(None)));
+    }
+    core
+}
+
+/// Submits units in one chunk; returns who is woken.
+fn submit_many(core: &mut Core<u64>, count: u64) -> Vec<ResourceId> {
+    let mut chunk = Chunk::new(Unit { meta: meta(Intersect, 0, 60_000), load: 0 }, false);
+    (1..count).for_each(|load| chunk.push(Unit { meta: meta(Intersect, 0, 60_000), load }));
+    let mut out = Out::default();
+    core.submit(Time::ZERO, chunk, &mut out);
+    out.wake
+}
+
+#[test]
+fn large_units_wake_a_resource_each() {
+    assert_eq!(submit_many(&mut dozing(1e7), 2), [A, B]);
+}
+
+#[test]
+fn small_units_wake_a_resource_a_packet_and_who_takes_one_has_the_rest_fetched() {
+    let mut core = dozing(10.0);
+    assert!(core.listens());
+    assert_eq!(submit_many(&mut core, 100), [A]);
+    assert!(!core.listens(), "one is on its way, and will see what comes meanwhile");
+    assert_eq!(submit_many(&mut core, 100), []);
+    let mut out = Out::default();
+    assert!(matches!(core.next(Time::ZERO, A, &mut out), Next::Packet(_)));
+    assert_eq!(out.wake, [B], "the first packet was small, for nobody knew better");
+}
+
+#[test]
+fn who_was_woken_and_takes_something_else_has_others_woken_for_what_it_leaves() {
+    let mut core = dozing(1e7);
+    assert_eq!(submit_many(&mut core, 1), [A]);
+    let mut out = Out::default();
+    core.submit(Time::ZERO, Chunk::new(Unit { meta: meta(Intersect, 9, 60_000), load: 7 }, false), &mut out);
+    assert_eq!(out.wake, [], "the one on its way may do it");
+    let Next::Packet(packet) = core.next(Time::ZERO, A, &mut out) else { panic!("there is work") };
+    assert_eq!((packet.units[0].load, out.wake.as_slice()), (7, [B].as_slice()));
+    assert_eq!(serve(&mut core, B, Time::ZERO), [0]);
+}
+
 /// Most packets under way at once, and round trips, of a board with this way and speed.
 fn window(latency_ms: u64, ns_per_item: f64) -> (f64, f64) {
     let link = Link { latency: Duration::from_millis(latency_ms), bandwidth: f64::INFINITY };

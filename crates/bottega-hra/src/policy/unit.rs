@@ -38,12 +38,6 @@ pub(crate) struct Unit<T> {
     pub(crate) load: T,
 }
 
-impl<T> Unit<T> {
-    pub(crate) fn map<U>(self, f: impl FnOnce(T) -> U) -> Unit<U> {
-        Unit { meta: self.meta, load: f(self.load) }
-    }
-}
-
 /// Units in a row that wait as one: equal in primitive, data and priority, and none due before the one in front of it.
 /// The bin puts them in order once a chunk, not once a unit.
 #[derive(Clone, Debug)]
@@ -56,11 +50,17 @@ pub(crate) struct Chunk<T> {
 
 impl<T> Chunk<T> {
     /// Most units in a chunk: enough that what a chunk costs is nothing beside what its units cost.
-    pub(crate) const UNITS_MAX: usize = 64;
+    pub(crate) const UNITS_MAX: usize = 512;
 
     pub(crate) fn new(unit: Unit<T>, announced: bool) -> Self {
-        let items = unit.meta.size;
-        Self { units: VecDeque::from([unit]), items, announced }
+        Self::with_room(unit, announced, 1)
+    }
+
+    /// A chunk that is to have so many units, if that may be.
+    pub(crate) fn with_room(unit: Unit<T>, announced: bool, units: usize) -> Self {
+        let mut chunk = Self { units: VecDeque::with_capacity(units.min(Self::UNITS_MAX)), items: 0, announced };
+        chunk.push(unit);
+        chunk
     }
 
     /// Whether `meta` may follow here.
@@ -79,10 +79,31 @@ impl<T> Chunk<T> {
         self.units.push_back(unit);
     }
 
+    /// Appends all units of another chunk, if they may follow and there is room; else it comes back.
+    pub(crate) fn join(&mut self, mut other: Self) -> Option<Self> {
+        let follows = other.front().is_some_and(|front| self.accepts(front, other.announced));
+        if !follows || self.len() + other.len() > Self::UNITS_MAX {
+            return Some(other);
+        }
+        self.items = self.items.saturating_add(other.items);
+        self.units.append(&mut other.units);
+        None
+    }
+
     pub(crate) fn pop(&mut self) -> Option<Unit<T>> {
         let unit = self.units.pop_front()?;
         self.items = self.items.saturating_sub(unit.meta.size);
         Some(unit)
+    }
+
+    /// Takes up to `count` units from the front. Those of a whole chunk stay where they are in memory.
+    pub(crate) fn draw(&mut self, count: usize, drawn: &mut Vec<Unit<T>>) {
+        if count >= self.len() && drawn.is_empty() {
+            self.items = 0;
+            *drawn = std::mem::take(&mut self.units).into();
+        } else {
+            drawn.extend((0..count).map_while(|_| self.pop()));
+        }
     }
 
     /// The facts of the unit in front.
@@ -111,5 +132,58 @@ impl<T> Chunk<T> {
                 self.units.push_back(unit);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(load: u64, late: u64) -> Unit<u64> {
+        let meta = Meta {
+            primitive: Primitive::Intersect,
+            size: load,
+            data: None,
+            priority: 0,
+            submitted: Time::ZERO,
+            late: Time::from_nanos(late),
+            expires: Time::NEVER,
+            attempts: 0,
+            failed_on: Vec::new(),
+        };
+        Unit { meta, load }
+    }
+
+    fn chunk(loads: std::ops::Range<u64>) -> Chunk<u64> {
+        let mut units = loads.map(|load| unit(load, load));
+        let mut chunk = Chunk::new(units.next().expect("not empty"), false);
+        units.for_each(|unit| chunk.push(unit));
+        chunk
+    }
+
+    fn draw(chunk: &mut Chunk<u64>, count: usize, drawn: &[u64]) -> Vec<u64> {
+        let mut units: Vec<_> = drawn.iter().map(|&load| unit(load, 0)).collect();
+        chunk.draw(count, &mut units);
+        units.iter().map(|unit| unit.load).collect()
+    }
+
+    #[test]
+    fn units_leave_in_the_order_in_which_they_came_however_many_are_drawn() {
+        let mut joined = chunk(1..4);
+        assert!(joined.join(chunk(4..7)).is_none());
+        assert_eq!((joined.len(), joined.items()), (6, 21));
+        assert_eq!(draw(&mut joined, 2, &[]), [1, 2]);
+        assert_eq!(draw(&mut joined, 1, &[9]), [9, 3]);
+        assert_eq!((joined.len(), joined.items()), (3, 15));
+        assert_eq!(draw(&mut joined, 5, &[]), [4, 5, 6]);
+        assert_eq!((joined.len(), joined.items()), (0, 0));
+    }
+
+    #[test]
+    fn what_is_due_before_does_not_join_and_no_chunk_grows_too_long() {
+        let mut later = chunk(5..8);
+        assert!(later.join(chunk(1..3)).is_some());
+        assert!(later.join(chunk(8..9 + Chunk::<u64>::UNITS_MAX as u64 - 3)).is_some_and(|rest| rest.len() > 1));
+        assert_eq!(later.len(), 3);
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::settle::Attempt;
-use super::shared::{Flying, Job, Shared};
+use super::shared::{Job, Shared};
 use super::sync::lock;
 use crate::policy::core::{Next, Packet};
 use crate::policy::incident::Fault;
@@ -15,6 +15,10 @@ use crate::{Failed, Resource, ResourceId, Work};
 
 /// A packet that takes longer than this goes back with what is left of it: it was cut for much less.
 const PACKET_TIME_MAX: Duration = Duration::from_micros(500);
+/// The clock is read once for several units where those before took less than this each: so many that reading it costs little, so few
+/// that not much is done before it is noticed that they take longer now.
+const STRETCHED_BELOW: Duration = Duration::from_micros(1);
+const STRETCH_MAX: usize = 16;
 /// Packets after which a resource is asked for its memory again.
 const ASK_MEMORY_EVERY: u64 = 64;
 
@@ -50,13 +54,13 @@ fn serve<W: Work>(
     resource: &mut dyn Resource<W>,
     packet: Packet<Job<W>>,
 ) -> Next<Job<W>> {
-    let Packet { sequence, units, evicted, deadline } = packet;
+    let Packet { sequence, mut units, evicted, deadline } = packet;
     let lane = &shared.lanes[id.index()];
     for data in evicted {
         quietly(|| resource.evict(data));
     }
-    let (works, flying) = part(units);
-    lock(&lane.ledger).enter(sequence, flying);
+    let works = take_works(&mut units);
+    lock(&lane.ledger).enter(sequence, units);
     shared.alarm.set(deadline);
     let sent = shared.now();
     let (attempts, busy) = perform(resource, works);
@@ -93,16 +97,11 @@ fn serve<W: Work>(
 fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Attempt<W>, Duration)>, Duration) {
     let mut attempts = Vec::with_capacity(works.len());
     let started = Instant::now();
-    let (mut before, mut stop) = (started, false);
-    for work in works {
-        if stop {
-            attempts.push((Attempt::Untouched(work), Duration::ZERO));
-            continue;
-        }
-        let outcome = catch_unwind(AssertUnwindSafe(|| resource.perform(work)));
-        let now = Instant::now();
-        stop = !matches!(outcome, Ok(Ok(_))) || now - started > PACKET_TIME_MAX;
-        let attempt = match outcome {
+    let (mut before, mut stretch, mut stop) = (started, 1, false);
+    let mut timed = 0;
+    let mut works = works.into_iter();
+    while !stop && let Some(work) = works.next() {
+        let attempt = match catch_unwind(AssertUnwindSafe(|| resource.perform(work))) {
             Ok(Ok(output)) => Attempt::Done(output),
             Ok(Err(Failed { work, reason })) => {
                 let asked = catch_unwind(AssertUnwindSafe(|| resource.is_out_of_memory()));
@@ -111,21 +110,31 @@ fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Atte
             }
             Err(panic) => Attempt::Failed { fault: Fault::Died, reason: panic_message(&*panic), work: None },
         };
-        attempts.push((attempt, now - before));
-        before = now;
+        stop = !matches!(attempt, Attempt::Done(_));
+        attempts.push((attempt, Duration::ZERO));
+        if stop || attempts.len() - timed >= stretch || works.len() == 0 {
+            let now = Instant::now();
+            let each = (now - before) / (attempts.len() - timed) as u32;
+            attempts[timed..].iter_mut().for_each(|(_, busy)| *busy = each);
+            stretch = if each < STRETCHED_BELOW { (2 * stretch).min(STRETCH_MAX) } else { 1 };
+            stop |= now - started > PACKET_TIME_MAX;
+            (before, timed) = (now, attempts.len());
+        }
     }
+    attempts.extend(works.map(|work| (Attempt::Untouched(work), Duration::ZERO)));
     (attempts, before - started)
 }
 
-/// Parts the works, which move to the resource, from what stays behind, backups among it.
-pub(crate) fn part<W: Work>(units: Vec<Unit<Job<W>>>) -> (Vec<W>, Vec<Unit<Flying<W>>>) {
-    let (mut works, mut flying) = (Vec::with_capacity(units.len()), Vec::with_capacity(units.len()));
-    for Unit { meta, load: Job { work, tag } } in units {
-        let backup = catch_unwind(AssertUnwindSafe(|| work.backup())).unwrap_or(None);
-        flying.push(Unit { meta, load: Flying { tag, backup } });
-        works.push(work);
-    }
-    (works, flying)
+/// Takes out the works, which move to the resource; their backups stay behind.
+pub(crate) fn take_works<W: Work>(units: &mut [Unit<Job<W>>]) -> Vec<W> {
+    let take = |unit: &mut Unit<Job<W>>| {
+        let work = unit.load.work.take()?;
+        unit.load.work = catch_unwind(AssertUnwindSafe(|| work.backup())).unwrap_or(None);
+        Some(work)
+    };
+    let mut works = Vec::with_capacity(units.len());
+    works.extend(units.iter_mut().filter_map(take));
+    works
 }
 
 /// Asks a resource to recover; a panic is taken for a no.
@@ -142,4 +151,50 @@ fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     format!("panicked: {}", text.unwrap_or("(no message)"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Primitive, VirtualCpu};
+
+    /// Lasts at least so long.
+    struct Nap(Duration);
+
+    impl Work for Nap {
+        type Output = ();
+        fn primitive(&self) -> Primitive {
+            Primitive::PixelBlock
+        }
+        fn size(&self) -> u64 {
+            1
+        }
+    }
+
+    fn naps(micros: impl Iterator<Item = u64>) -> (Vec<(Attempt<Nap>, Duration)>, Duration) {
+        let mut lanes = VirtualCpu::lanes(1, |nap: Nap| {
+            let start = Instant::now();
+            while start.elapsed() < nap.0 {}
+        });
+        perform(&mut *lanes[0], micros.map(|micros| Nap(Duration::from_micros(micros))).collect())
+    }
+
+    #[test]
+    fn the_time_of_a_packet_is_that_of_its_units_and_long_ones_have_their_own() {
+        let (attempts, busy) = naps([0; 100].into_iter().chain([50, 0, 0]));
+        assert_eq!(attempts.len(), 103);
+        let times: Vec<_> = attempts.iter().map(|(_, busy)| *busy).collect();
+        let sum: Duration = times.iter().sum();
+        assert!(busy.abs_diff(sum) < Duration::from_nanos(103), "{busy:?} and {sum:?} differ by more than rounding");
+        assert!(sum >= Duration::from_micros(50));
+        let (attempts, _) = naps([60, 60, 0].into_iter());
+        assert!(attempts[..2].iter().all(|(_, busy)| *busy >= Duration::from_micros(60)), "long ones are timed alone");
+    }
+
+    #[test]
+    fn a_packet_that_takes_too_long_comes_back_with_what_is_left_of_it() {
+        let (attempts, _) = naps([600; 3].into_iter());
+        let done: Vec<_> = attempts.iter().map(|(attempt, _)| matches!(attempt, Attempt::Done(()))).collect();
+        assert_eq!(done, [true, false, false]);
+    }
 }

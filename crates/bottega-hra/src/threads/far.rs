@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::direct::{part, quietly, recover};
+use super::direct::{quietly, recover, take_works};
 use super::settle::{Attempt, lost};
 use super::shared::Shared;
 use super::sync::lock;
@@ -171,8 +171,9 @@ impl<W: Work> Driver<'_, W> {
             quietly(|| self.resource.evict(data));
         }
         let sequence = packet.sequence;
-        let (works, flying) = part(packet.units);
-        lock(&lane.ledger).enter(sequence, flying);
+        let mut units = packet.units;
+        let works = take_works(&mut units);
+        lock(&lane.ledger).enter(sequence, units);
         self.shared.alarm.set(packet.deadline);
         self.sent.insert(sequence, self.shared.now());
         let reply = Reply { shared: Arc::clone(self.shared), lane: self.id, sequence, answered: false };

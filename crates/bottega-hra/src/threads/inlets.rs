@@ -32,16 +32,31 @@ impl<T> Inlets<T> {
         self.next.fetch_add(1, Ordering::Relaxed) % COUNT
     }
 
+    /// Puts a unit in.
+    pub(crate) fn push(&self, inlet: usize, unit: Unit<T>) {
+        self.fill(inlet, |chunks| match chunks.last_mut() {
+            Some(last) if last.accepts(&unit.meta, false) => last.push(unit),
+            _ => chunks.push(Chunk::new(unit, false)),
+        });
+    }
+
     /// Puts units in, in their order.
-    pub(crate) fn push(&self, inlet: usize, units: impl IntoIterator<Item = Unit<T>>, announced: bool) {
+    pub(crate) fn push_all(&self, inlet: usize, new: Vec<Chunk<T>>) {
+        self.fill(inlet, |chunks| {
+            for chunk in new {
+                let rest = match chunks.last_mut() {
+                    Some(last) => last.join(chunk),
+                    None => Some(chunk),
+                };
+                chunks.extend(rest);
+            }
+        });
+    }
+
+    fn fill(&self, inlet: usize, put: impl FnOnce(&mut Vec<Chunk<T>>)) {
         let bit = 1 << (inlet % COUNT);
         let mut chunks = lock(&self.inlets[inlet % COUNT].0);
-        for unit in units {
-            match chunks.last_mut() {
-                Some(last) if last.accepts(&unit.meta, announced) => last.push(unit),
-                _ => chunks.push(Chunk::new(unit, announced)),
-            }
-        }
+        put(&mut chunks);
         if self.filled.load(Ordering::SeqCst) & bit == 0 {
             self.filled.fetch_or(bit, Ordering::SeqCst);
         }

@@ -1,9 +1,10 @@
 //! The results bin of one client: answers in the order in which they were computed.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use std::vec;
 
 use super::sync::{lock, wait};
 use crate::Completed;
@@ -12,23 +13,29 @@ use crate::Completed;
 pub(crate) struct ResultsBin<O> {
     state: Mutex<State<O>>,
     arrived: Condvar,
-    /// Units that were submitted, or are being so, and whose answer was not yet taken. Gets less under the lock only.
-    outstanding: AtomicUsize,
-    /// No client is left that could take anything. Set under the lock.
-    abandoned: AtomicBool,
+    /// Units that were ever submitted, or are being so.
+    expected: AtomicUsize,
 }
 
 struct State<O> {
-    results: VecDeque<Completed<O>>,
+    /// As they came, none empty: the answers of a packet together, so that many cost no more than one to put in.
+    batches: VecDeque<vec::IntoIter<Completed<O>>>,
+    /// Units, of those expected, whose answer was taken or will not come.
+    settled: usize,
     /// Threads in `take`.
     takers: usize,
 }
 
+impl<O> State<O> {
+    fn drop_empty(&mut self) {
+        self.batches.pop_front_if(|front| front.len() == 0);
+    }
+}
+
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
-        let state = State { results: VecDeque::new(), takers: 0 };
-        let (outstanding, abandoned) = (AtomicUsize::new(0), AtomicBool::new(false));
-        Self { state: Mutex::new(state), arrived: Condvar::new(), outstanding, abandoned }
+        let state = State { batches: VecDeque::new(), settled: 0, takers: 0 };
+        Self { state: Mutex::new(state), arrived: Condvar::new(), expected: AtomicUsize::new(0) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State<O>> {
@@ -37,39 +44,38 @@ impl<O> ResultsBin<O> {
 
     /// Announces `count` units, before they go into the work bin.
     pub(crate) fn expect(&self, count: usize) {
-        self.outstanding.fetch_add(count, Ordering::SeqCst);
+        self.expected.fetch_add(count, Ordering::SeqCst);
     }
 
     /// Takes back the announcement of units that went into no bin, or were cancelled there.
     pub(crate) fn forget(&self, count: usize) {
-        let state = self.lock();
-        self.settle(&state, count);
+        let mut state = self.lock();
+        self.settle(&mut state, count);
     }
 
     /// So many units are not outstanding any more; if none is, nobody need wait.
-    fn settle(&self, state: &MutexGuard<'_, State<O>>, count: usize) {
-        if self.outstanding.fetch_sub(count, Ordering::SeqCst) == count && state.takers > 0 {
+    fn settle(&self, state: &mut State<O>, count: usize) {
+        state.settled += count;
+        if state.takers > 0 && self.left(state) == 0 {
             self.arrived.notify_all();
         }
     }
 
-    pub(crate) fn outstanding(&self) -> usize {
-        self.outstanding.load(Ordering::SeqCst)
+    /// Units whose answer is still to be taken.
+    fn left(&self, state: &State<O>) -> usize {
+        self.expected.load(Ordering::SeqCst) - state.settled
     }
 
-    /// Puts in answers; drops them when nobody is left to take them.
-    pub(crate) fn deliver(&self, completed: impl IntoIterator<Item = Completed<O>>) {
-        let completed = completed.into_iter();
+    pub(crate) fn outstanding(&self) -> usize {
+        self.left(&self.lock())
+    }
+
+    /// Puts in answers.
+    pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
+        let arrived = completed.len();
         let mut state = self.lock();
-        if self.is_abandoned() {
-            drop(state);
-            let count = completed.count(); // Outside the lock: an output may do anything in its `Drop`.
-            self.forget(count);
-            return;
-        }
-        let before = state.results.len();
-        state.results.extend(completed);
-        let (arrived, awaited) = (state.results.len() - before, state.takers);
+        state.batches.push_back(completed.into_iter());
+        let awaited = state.takers;
         drop(state);
         if awaited > 1 && arrived > 1 {
             self.arrived.notify_all();
@@ -80,31 +86,36 @@ impl<O> ResultsBin<O> {
 
     /// Waits for an answer until `deadline`, or for as long as any is outstanding.
     pub(crate) fn take(&self, deadline: Option<Instant>) -> Option<Completed<O>> {
-        self.take_some(deadline, VecDeque::pop_front)
+        let mut state = self.filled(deadline)?;
+        let taken = state.batches.front_mut()?.next();
+        state.drop_empty();
+        self.settle(&mut state, 1);
+        taken
     }
 
     /// Waits for answers as [`ResultsBin::take`] does; takes all that are there, up to `max`. Empty: there are none.
     pub(crate) fn take_many(&self, max: usize, deadline: Option<Instant>) -> Vec<Completed<O>> {
-        let take = |results: &mut VecDeque<Completed<O>>| {
-            let count = results.len().min(max);
-            (count > 0).then(|| results.drain(..count).collect::<Vec<_>>())
-        };
-        if max == 0 { Vec::new() } else { self.take_some(deadline, take).unwrap_or_default() }
+        if max == 0 {
+            return Vec::new();
+        }
+        let Some(mut state) = self.filled(deadline) else { return Vec::new() };
+        let there: usize = state.batches.iter().map(ExactSizeIterator::len).sum();
+        let mut taken = Vec::with_capacity(there.min(max));
+        while taken.len() < max
+            && let Some(front) = state.batches.front_mut()
+        {
+            taken.extend(front.take(max - taken.len()));
+            state.drop_empty();
+        }
+        self.settle(&mut state, taken.len());
+        taken
     }
 
-    fn take_some<R>(
-        &self,
-        deadline: Option<Instant>,
-        mut take: impl FnMut(&mut VecDeque<Completed<O>>) -> Option<R>,
-    ) -> Option<R> {
+    /// Waits until there is an answer. `None`: none came until `deadline`, or none is outstanding.
+    fn filled(&self, deadline: Option<Instant>) -> Option<MutexGuard<'_, State<O>>> {
         let mut state = self.lock();
-        loop {
-            let before = state.results.len();
-            if let Some(taken) = take(&mut state.results) {
-                self.settle(&state, before - state.results.len());
-                return Some(taken);
-            }
-            if self.outstanding() == 0 {
+        while state.batches.is_empty() {
+            if self.left(&state) == 0 {
                 return None;
             }
             let patience = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
@@ -115,24 +126,38 @@ impl<O> ResultsBin<O> {
             state = wait(&self.arrived, state, patience);
             state.takers -= 1;
         }
-    }
-
-    /// Whether nobody will take anything any more.
-    pub(crate) fn is_abandoned(&self) -> bool {
-        self.abandoned.load(Ordering::SeqCst)
-    }
-
-    /// Says that nobody will take anything any more; gives back what was not taken, to be dropped by the caller.
-    pub(crate) fn abandon(&self) -> VecDeque<Completed<O>> {
-        let mut state = self.lock();
-        self.abandoned.store(true, Ordering::SeqCst);
-        let results = std::mem::take(&mut state.results);
-        self.settle(&state, results.len());
-        results
+        Some(state)
     }
 }
 
 /// The instant after `timeout`, or none where it is beyond what a clock can say.
 pub(crate) fn deadline_after(timeout: Duration) -> Option<Instant> {
     Instant::now().checked_add(timeout)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_come_in_the_order_of_delivery_however_they_are_taken() {
+        let bin = ResultsBin::new();
+        bin.expect(10);
+        for tickets in [0..3_u64, 3..4, 4..10] {
+            let answer = |ticket| Completed {
+                ticket,
+                output: Ok(()),
+                busy: Duration::ZERO,
+                waited: Duration::ZERO,
+                resource: None,
+            };
+            bin.deliver(tickets.map(answer).collect());
+        }
+        let tickets = |max| bin.take_many(max, None).iter().map(|answer| answer.ticket).collect::<Vec<_>>();
+        assert_eq!(bin.take(None).map(|answer| answer.ticket), Some(0));
+        assert_eq!((tickets(0), tickets(1), tickets(4)), (vec![], vec![1], vec![2, 3, 4, 5]));
+        assert_eq!(bin.outstanding(), 4);
+        assert_eq!(tickets(99), [6, 7, 8, 9]);
+        assert!(bin.take(None).is_none() && tickets(1).is_empty());
+    }
 }

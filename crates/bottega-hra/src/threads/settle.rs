@@ -1,16 +1,15 @@
 //! What becomes of units: an answer, or another try.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use super::results_bin::ResultsBin;
-use super::shared::{Flying, Job, Shared, Tag};
+use super::clients::{ClientId, Clients};
+use super::shared::{Job, Shared};
 use super::sync::lock;
 use crate::policy::core::{Core, Landed, Landing, Out};
 use crate::policy::faults::GiveUp;
 use crate::policy::incident::Fault;
 use crate::policy::time::Time;
-use crate::policy::unit::{Meta, Unit};
+use crate::policy::unit::Unit;
 use crate::{Completed, ResourceId, UnitError, Work};
 
 /// How an attempt at one unit ended.
@@ -32,11 +31,9 @@ pub(crate) struct Settled<W: Work> {
     mail: Mail<W>,
 }
 
-/// A unit that was not done.
+/// A unit that was not done; it can be done again if it has its work.
 struct Undone<W: Work> {
-    unit: Unit<Tag<W>>,
-    /// If it can be done again.
-    work: Option<W>,
+    unit: Unit<Job<W>>,
     /// Why, if it was tried.
     failed: Option<String>,
 }
@@ -45,19 +42,27 @@ struct Undone<W: Work> {
 struct Mail<W: Work>(Vec<Letter<W>>);
 
 /// Answers to one client.
-type Letter<W> = (Arc<ResultsBin<<W as Work>::Output>>, Vec<Completed<<W as Work>::Output>>);
+type Letter<W> = (ClientId, Vec<Completed<<W as Work>::Output>>);
 
 impl<W: Work> Mail<W> {
-    fn add(&mut self, client: &Arc<ResultsBin<W::Output>>, answer: Completed<W::Output>) {
+    /// Adds an answer; so many more may follow.
+    fn add(&mut self, client: ClientId, answer: Completed<W::Output>, more: usize) {
         match self.0.last_mut() {
-            Some((last, answers)) if Arc::ptr_eq(last, client) => answers.push(answer),
-            _ => self.0.push((Arc::clone(client), vec![answer])),
+            Some((last, answers)) if *last == client => answers.push(answer),
+            _ => {
+                let mut answers = Vec::with_capacity(1 + more);
+                answers.push(answer);
+                self.0.push((client, answers));
+            }
         }
     }
 
-    fn send(self) {
+    /// Delivers to clients that are still there.
+    fn send(self, clients: &Clients<W::Output>) {
         for (client, answers) in self.0 {
-            client.deliver(answers);
+            if let Some(results) = clients.results(client) {
+                results.deliver(answers);
+            }
         }
     }
 }
@@ -67,18 +72,19 @@ impl<W: Work> Shared<W> {
     pub(crate) fn sort(
         &self,
         id: ResourceId,
-        units: Vec<Unit<Flying<W>>>,
+        units: Vec<Unit<Job<W>>>,
         attempts: impl IntoIterator<Item = (Attempt<W>, Duration)>,
         sent: Time,
     ) -> Settled<W> {
         let now = self.now();
         let mut settled = Settled { landing: Landing::default(), undone: Vec::new(), mail: Mail(Vec::new()) };
         let mut attempts = attempts.into_iter();
-        for unit in units {
+        let mut more = units.len();
+        for mut unit in units {
+            more -= 1;
             let (attempt, busy) = attempts.next().unwrap_or_else(|| (lost("the packet was lost"), Duration::ZERO));
-            let Unit { meta, load: Flying { tag, backup } } = unit;
             let attempt = match attempt {
-                Attempt::Done(output) => match W::check(&output, meta.size) {
+                Attempt::Done(output) => match W::check(&output, unit.meta.size) {
                     Ok(()) => Attempt::Done(output),
                     Err(reason) => Attempt::Failed { fault: Fault::Garbage, reason, work: None },
                 },
@@ -87,18 +93,20 @@ impl<W: Work> Shared<W> {
             match attempt {
                 Attempt::Done(output) => {
                     settled.landing.done += 1;
-                    settled.landing.done_items = settled.landing.done_items.saturating_add(meta.size);
-                    let output = if meta.expires <= now { Err(UnitError::Expired) } else { Ok(output) };
-                    settled.mail.add(&tag.client, completed(&meta, &tag, output, Some(id), sent, busy));
+                    settled.landing.done_items = settled.landing.done_items.saturating_add(unit.meta.size);
+                    let output = if unit.meta.expires <= now { Err(UnitError::Expired) } else { Ok(output) };
+                    let answer = completed(&unit, output, Some(id), sent, busy);
+                    settled.mail.add(unit.load.client, answer, more);
                 }
                 Attempt::Untouched(work) => {
-                    settled.undone.push(Undone { unit: Unit { meta, load: tag }, work: Some(work), failed: None });
+                    unit.load.work = Some(work);
+                    settled.undone.push(Undone { unit, failed: None });
                 }
                 Attempt::Failed { fault, reason, work } => {
                     settled.landing.failed += 1;
                     settled.landing.fault.get_or_insert_with(|| (fault, reason.clone()));
-                    let unit = Unit { meta, load: tag };
-                    settled.undone.push(Undone { unit, work: work.or(backup), failed: Some(reason) });
+                    unit.load.work = work.or(unit.load.work);
+                    settled.undone.push(Undone { unit, failed: Some(reason) });
                 }
             }
         }
@@ -123,7 +131,7 @@ impl<W: Work> Shared<W> {
             (landed, then(core, now, out))
         });
         // After the books are kept, so that who has an answer finds it in the report.
-        mail.send();
+        mail.send(&self.clients);
         self.answer_failed(id, answers);
         (landed, then)
     }
@@ -139,26 +147,25 @@ impl<W: Work> Shared<W> {
         out: &mut Out<Job<W>>,
     ) -> Vec<Answer<W>> {
         let mut answers = Vec::new();
-        for Undone { unit, work, failed } in undone {
+        for Undone { unit, failed } in undone {
             let blamed = blamed && failed.is_some();
             let reason = failed.unwrap_or_default();
-            let Some(work) = work else {
-                answers.push(Answer { unit, error: UnitError::Lost { reason }, rest: None });
+            if unit.load.work.is_none() {
+                answers.push(Answer { unit, error: UnitError::Lost { reason } });
                 continue;
-            };
+            }
             // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
-            let abandoned = unit.load.client.is_abandoned();
-            let unit = unit.map(|tag| Job { work, tag });
+            let abandoned = !self.clients.has(unit.load.client);
             let given_up =
                 if abandoned { Some((unit, GiveUp::Closed)) } else { core.give_back(now, id, unit, blamed, out) };
-            if let Some((Unit { meta, load: Job { work, tag } }, why)) = given_up {
+            if let Some((unit, why)) = given_up {
                 let error = match why {
-                    GiveUp::Failed => UnitError::Failed { attempts: meta.attempts, reason },
-                    GiveUp::NoResource => UnitError::NoResource(meta.primitive),
+                    GiveUp::Failed => UnitError::Failed { attempts: unit.meta.attempts, reason },
+                    GiveUp::NoResource => UnitError::NoResource(unit.meta.primitive),
                     GiveUp::Closed => UnitError::Closed,
                     GiveUp::Expired => UnitError::Expired,
                 };
-                answers.push(Answer { unit: Unit { meta, load: tag }, error, rest: Some(work) });
+                answers.push(Answer { unit, error });
             }
         }
         answers
@@ -166,9 +173,11 @@ impl<W: Work> Shared<W> {
 
     fn answer_failed(&self, id: ResourceId, answers: Vec<Answer<W>>) {
         let now = self.now();
-        for Answer { unit: Unit { meta, load: tag }, error, rest } in answers {
-            drop(rest);
-            tag.client.deliver([completed(&meta, &tag, Err(error), Some(id), now, Duration::ZERO)]);
+        for Answer { unit, error } in answers {
+            let mut mail = Mail::<W>(Vec::new());
+            mail.add(unit.load.client, completed(&unit, Err(error), Some(id), now, Duration::ZERO), 0);
+            drop(unit); // Before its answer is there: it may hold what the client waits for.
+            mail.send(&self.clients);
         }
     }
 
@@ -176,16 +185,18 @@ impl<W: Work> Shared<W> {
     pub(crate) fn answer_unstarted(&self, units: Vec<Unit<Job<W>>>, error: Option<&UnitError>) {
         let now = self.now();
         let mut mail = Mail::<W>(Vec::new());
-        for Unit { meta, load: Job { work, tag } } in units {
-            drop(work);
+        let mut more = units.len();
+        for unit in units {
+            more -= 1;
             let nobody = || {
-                if self.room.is_closed() { UnitError::Closed } else { UnitError::NoResource(meta.primitive) }
+                if self.room.is_closed() { UnitError::Closed } else { UnitError::NoResource(unit.meta.primitive) }
             };
             let error = error.cloned().unwrap_or_else(nobody);
-            let last = meta.failed_on.last().copied();
-            mail.add(&tag.client, completed(&meta, &tag, Err(error), last, now, Duration::ZERO));
+            let last = unit.meta.failed_on.last().copied();
+            let answer = completed(&unit, Err(error), last, now, Duration::ZERO);
+            mail.add(unit.load.client, answer, more);
         }
-        mail.send();
+        mail.send(&self.clients);
     }
 
     /// A packet has no answer long after there should have been one: its units are done elsewhere. A near resource
@@ -194,7 +205,7 @@ impl<W: Work> Shared<W> {
         let lane = &self.lanes[id.index()];
         let units = {
             let mut ledger = lock(&lane.ledger);
-            let lacks_backup = |units: &[Unit<Flying<W>>]| units.iter().any(|unit| unit.load.backup.is_none());
+            let lacks_backup = |units: &[Unit<Job<W>>]| units.iter().any(|unit| unit.load.work.is_none());
             if !lane.is_far && !self.room.is_closed() && ledger.look(sequence).is_some_and(lacks_backup) {
                 drop(ledger);
                 return self.with_core(|core, now, _| core.spare(now, id, sequence));
@@ -204,11 +215,7 @@ impl<W: Work> Shared<W> {
         let undone: Vec<_> = units
             .into_iter()
             .flatten()
-            .map(|Unit { meta, load: Flying { tag, backup } }| Undone {
-                unit: Unit { meta, load: tag },
-                work: backup,
-                failed: Some("no answer in time".to_owned()),
-            })
+            .map(|unit| Undone { unit, failed: Some("no answer in time".to_owned()) })
             .collect();
         let mut answers = Vec::new();
         self.with_core(|core, now, out| {
@@ -223,12 +230,10 @@ impl<W: Work> Shared<W> {
     }
 }
 
-/// A unit that is not tried again.
+/// A unit that is not tried again, and why. What is left of its work is dropped outside of all locks.
 struct Answer<W: Work> {
-    unit: Unit<Tag<W>>,
+    unit: Unit<Job<W>>,
     error: UnitError,
-    /// The work, to be dropped outside of all locks.
-    rest: Option<W>,
 }
 
 /// An attempt whose resource took the work with it.
@@ -237,12 +242,11 @@ pub(crate) fn lost<W: Work>(reason: &str) -> Attempt<W> {
 }
 
 fn completed<W: Work>(
-    meta: &Meta,
-    tag: &Tag<W>,
+    unit: &Unit<Job<W>>,
     output: Result<W::Output, UnitError>,
     resource: Option<ResourceId>,
     started: Time,
     busy: Duration,
 ) -> Completed<W::Output> {
-    Completed { ticket: tag.ticket, output, busy, waited: started.since(meta.submitted), resource }
+    Completed { ticket: unit.load.ticket, output, busy, waited: started.since(unit.meta.submitted), resource }
 }

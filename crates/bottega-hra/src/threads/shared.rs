@@ -1,12 +1,12 @@
 //! What submitters, lanes and the watch share, and the one way to the policy.
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use super::clients::{ClientId, Clients};
 use super::far::Answer;
 use super::inlets::Inlets;
-use super::results_bin::ResultsBin;
 use super::room::Room;
 use super::sync::{Post, lock, wait};
 use super::watch::Alarm;
@@ -16,24 +16,14 @@ use crate::policy::time::Time;
 use crate::policy::unit::Unit;
 use crate::{Primitive, ResourceDescriptor, ResourceId, Work};
 
-/// What a unit that waits carries.
+/// What a unit carries.
 pub(crate) struct Job<W: Work> {
-    pub(crate) work: W,
-    pub(crate) tag: Tag<W>,
-}
-
-/// Whose it is, and what its client said of it.
-pub(crate) struct Tag<W: Work> {
-    pub(crate) client: Arc<ResultsBin<W::Output>>,
+    /// What is to be done. While a resource has that, what to go back to if it is lost there: its backup, if any.
+    pub(crate) work: Option<W>,
+    /// Whose it is.
+    pub(crate) client: ClientId,
+    /// The client's own number.
     pub(crate) ticket: u64,
-    pub(crate) max_delay: Duration,
-    pub(crate) validity: Duration,
-}
-
-/// What stays behind while the work is with a resource.
-pub(crate) struct Flying<W: Work> {
-    pub(crate) tag: Tag<W>,
-    pub(crate) backup: Option<W>,
 }
 
 /// What all threads may know of a lane.
@@ -41,18 +31,19 @@ pub(crate) struct LanePost<W: Work> {
     pub(crate) descriptor: ResourceDescriptor,
     pub(crate) is_far: bool,
     pub(crate) post: Post,
-    pub(crate) ledger: Mutex<Ledger<Flying<W>>>,
+    pub(crate) ledger: Mutex<Ledger<Job<W>>>,
     pub(crate) inbox: Mutex<Vec<Answer<W>>>,
 }
 
 pub(crate) struct Shared<W: Work> {
     core: Mutex<Core<Job<W>>>,
+    pub(crate) clients: Clients<W::Output>,
     pub(crate) inlets: Inlets<Job<W>>,
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
     pub(crate) alarm: Alarm,
-    /// Lanes that must be woken when something comes in.
-    dozing: AtomicUsize,
+    /// Whether the policy must be told when something comes in, for some lane waits to be woken.
+    listens: AtomicBool,
     /// By primitive: 1 + the most data that anybody can do it with; 0 when nobody can.
     able: [AtomicU64; Primitive::COUNT],
     /// By lane: its thread has ended, or will not for as long as its resource hangs.
@@ -65,10 +56,11 @@ pub(crate) struct Shared<W: Work> {
 impl<W: Work> Shared<W> {
     pub(crate) fn new(core: Core<Job<W>>, lanes: Vec<LanePost<W>>, max_delay_bound: Duration) -> Self {
         let shared = Self {
+            clients: Clients::new(),
             inlets: Inlets::new(),
             room: Room::new(core.capacity()),
             alarm: Alarm::default(),
-            dozing: AtomicUsize::new(0),
+            listens: AtomicBool::new(false),
             able: std::array::from_fn(|_| AtomicU64::new(0)),
             over: Mutex::new(vec![false; lanes.len()]),
             over_changed: Condvar::new(),
@@ -92,12 +84,12 @@ impl<W: Work> Shared<W> {
         let now = self.now();
         let mut counted = core.waiting() + self.take_in(&mut core, now, &mut out);
         let decided = decide(&mut core, now, &mut out);
-        // Who submits looks at `dozing` after filling an inlet, and this looks at the inlets after setting it: one of
+        // Who submits looks at `listens` after filling an inlet, and this looks at the inlets after setting it: one of
         // both sees the other.
-        self.dozing.store(core.dozing(), Ordering::SeqCst);
-        if core.dozing() > 0 && self.inlets.is_filled() {
+        self.listens.store(core.listens(), Ordering::SeqCst);
+        if core.listens() && self.inlets.is_filled() {
             counted += self.take_in(&mut core, now, &mut out);
-            self.dozing.store(core.dozing(), Ordering::SeqCst);
+            self.listens.store(core.listens(), Ordering::SeqCst);
         }
         self.room.set(counted, core.waiting(), core.capacity());
         if !out.orphans.is_empty() {
@@ -135,7 +127,7 @@ impl<W: Work> Shared<W> {
 
     /// Tells those who wait for work that there may be some.
     pub(crate) fn announce_arrival(&self) {
-        if self.dozing.load(Ordering::SeqCst) > 0 || self.room.is_closed() {
+        if self.listens.load(Ordering::SeqCst) || self.room.is_closed() {
             self.with_core(|_, _, _| ());
         }
     }
@@ -178,9 +170,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Takes out the units of a client that still wait.
-    pub(crate) fn cancel(&self, client: &Arc<ResultsBin<W::Output>>) -> Vec<Unit<Job<W>>> {
-        let cancelled = self.with_core(|core, _, _| core.cancel(|unit| Arc::ptr_eq(&unit.load.tag.client, client)));
-        client.forget(cancelled.len());
-        cancelled
+    pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<Job<W>>> {
+        self.with_core(|core, _, _| core.cancel(|unit| unit.load.client == client))
     }
 }

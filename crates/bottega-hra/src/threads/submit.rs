@@ -1,48 +1,49 @@
 //! The submitter's side: a place in the bin, an inlet, and somebody woken if somebody waits.
 
-use std::sync::Arc;
 use std::time::Duration;
 
+use super::clients::ClientId;
 use super::results_bin::ResultsBin;
-use super::shared::{Job, Shared, Tag};
+use super::shared::{Job, Shared};
 use crate::policy::time::Time;
-use crate::policy::unit::{Data, Meta, Unit};
+use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
 
 /// Items by primitive.
 type Items = [u64; Primitive::COUNT];
 
+/// Who submits.
+pub(crate) struct Submitter<'a, O> {
+    pub(crate) client: ClientId,
+    pub(crate) results: &'a ResultsBin<O>,
+    /// Where its units go in.
+    pub(crate) inlet: usize,
+}
+
 impl<W: Work> Shared<W> {
-    pub(crate) fn submit(
-        &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
-        unit: WorkUnit<W>,
-    ) -> Result<(), SubmitError> {
-        let unit = self.admit(client, unit).map_err(|(_, error)| error)?;
+    pub(crate) fn submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), SubmitError> {
+        self.look_at(&unit.work)?;
         // Announced before it can be answered, so that a clone of the client that takes meanwhile waits for it.
-        client.expect(1);
+        from.results.expect(1);
         while self.room.reserve(1) == 0 {
             if self.room.is_closed() {
-                client.forget(1);
+                from.results.forget(1);
                 return Err(Closed.into());
             }
             self.room.wait();
         }
-        self.put(inlet, std::iter::once(unit), false);
+        self.put(from, unit);
         self.room.let_in(1); // Room that this caller did not need is the next one's.
         Ok(())
     }
 
     pub(crate) fn submit_group(
         &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
+        from: &Submitter<'_, W::Output>,
         units: Vec<WorkUnit<W>>,
     ) -> Result<(), SubmitError> {
-        let admitted: Result<Vec<_>, _> = units.into_iter().map(|unit| self.admit(client, unit)).collect();
-        let units = admitted.map_err(|(_, error)| error)?;
-        client.expect(units.len());
+        units.iter().try_for_each(|unit| self.look_at(&unit.work))?;
+        from.results.expect(units.len());
         let mut units = units.into_iter();
         let mut is_first = true;
         loop {
@@ -53,7 +54,7 @@ impl<W: Work> Shared<W> {
                 self.with_core(|core, _, _| each(&items, |primitive, items| core.announce(primitive, items)));
             }
             if granted > 0 {
-                self.put(inlet, units.by_ref().take(granted), !is_first);
+                self.put_all(from, units.by_ref().take(granted), !is_first);
             }
             is_first = false;
             if units.as_slice().is_empty() {
@@ -63,78 +64,90 @@ impl<W: Work> Shared<W> {
             if self.room.is_closed() {
                 let items = items_of(units.as_slice());
                 self.with_core(|core, _, _| each(&items, |primitive, items| core.retract(primitive, items)));
-                client.forget(units.len());
+                from.results.forget(units.len());
                 return Err(Closed.into());
             }
             self.room.wait();
         }
     }
 
-    pub(crate) fn try_submit(
-        &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        inlet: usize,
-        unit: WorkUnit<W>,
-    ) -> Result<(), TrySubmit<W>> {
-        let unit = self.admit(client, unit).map_err(|(unit, reason)| TrySubmit::Refused { unit, reason })?;
-        client.expect(1);
-        if self.room.reserve(1) == 0 {
-            client.forget(1);
-            return Err(TrySubmit::Full(into_unit(unit)));
+    pub(crate) fn try_submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
+        if let Err(reason) = self.look_at(&unit.work) {
+            return Err(TrySubmit::Refused { unit, reason });
         }
-        self.put(inlet, std::iter::once(unit), false);
+        from.results.expect(1);
+        if self.room.reserve(1) == 0 {
+            from.results.forget(1);
+            return Err(TrySubmit::Full(unit));
+        }
+        self.put(from, unit);
         Ok(())
     }
 
-    /// Writes down what the policy must know of a unit; refuses what nobody can do.
-    fn admit(
-        &self,
-        client: &Arc<ResultsBin<W::Output>>,
-        unit: WorkUnit<W>,
-    ) -> Result<Unit<Job<W>>, (WorkUnit<W>, SubmitError)> {
-        let work = &unit.work;
-        let (primitive, size) = (work.primitive(), work.size());
-        let data = work.data().map(|id| Data { id, bytes: work.data_bytes() });
-        let bytes = data.map_or(0, |data| data.bytes);
+    /// Refuses what nobody can do.
+    fn look_at(&self, work: &W) -> Result<(), SubmitError> {
         if self.room.is_closed() {
-            return Err((unit, Closed.into()));
+            return Err(Closed.into());
         }
+        let primitive = work.primitive();
+        let bytes = data_of(work).map_or(0, |data| data.bytes);
         match self.can(primitive, bytes) {
-            (true, true) => {}
-            (true, false) => return Err((unit, SubmitError::TooLarge { primitive, bytes })),
-            (false, _) => return Err((unit, SubmitError::Unsupported(primitive))),
+            (true, true) => Ok(()),
+            (true, false) => Err(SubmitError::TooLarge { primitive, bytes }),
+            (false, _) => Err(SubmitError::Unsupported(primitive)),
         }
+    }
+
+    /// Puts a unit for which there is a place into the bin.
+    fn put(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) {
+        let unit = self.write_down(from.client, self.now(), unit);
+        let expires = unit.meta.expires;
+        self.inlets.push(from.inlet, unit);
+        self.tell_of_arrival(expires);
+    }
+
+    /// Puts units for which there are places into the bin.
+    fn put_all(
+        &self,
+        from: &Submitter<'_, W::Output>,
+        units: impl ExactSizeIterator<Item = WorkUnit<W>>,
+        announced: bool,
+    ) {
+        let now = self.now();
+        let mut left = units.len();
+        let mut first_expiry = Time::NEVER;
+        let mut chunks: Vec<Chunk<Job<W>>> = Vec::with_capacity(left.div_ceil(Chunk::<Job<W>>::UNITS_MAX));
+        for unit in units {
+            let unit = self.write_down(from.client, now, unit);
+            first_expiry = first_expiry.min(unit.meta.expires);
+            match chunks.last_mut() {
+                Some(last) if last.accepts(&unit.meta, announced) => last.push(unit),
+                _ => chunks.push(Chunk::with_room(unit, announced, left)),
+            }
+            left -= 1;
+        }
+        self.inlets.push_all(from.inlet, chunks);
+        self.tell_of_arrival(first_expiry);
+    }
+
+    /// Writes down what the policy must know of a unit.
+    fn write_down(&self, client: ClientId, now: Time, unit: WorkUnit<W>) -> Unit<Job<W>> {
         let WorkUnit { work, ticket, max_delay, priority, validity } = unit;
         let meta = Meta {
-            primitive,
-            size,
-            data,
+            primitive: work.primitive(),
+            size: work.size(),
+            data: data_of(&work),
             priority,
-            submitted: Time::ZERO,
-            late: Time::ZERO,
-            expires: Time::NEVER,
+            submitted: now,
+            late: now.after(max_delay.min(self.max_delay_bound)),
+            expires: now.after(validity),
             attempts: 0,
             failed_on: Vec::new(),
         };
-        let tag = Tag { client: Arc::clone(client), ticket, max_delay, validity };
-        Ok(Unit { meta, load: Job { work, tag } })
+        Unit { meta, load: Job { work: Some(work), client, ticket } }
     }
 
-    /// Puts units for which there is a place into the bin.
-    fn put(&self, inlet: usize, units: impl Iterator<Item = Unit<Job<W>>>, announced: bool) {
-        let now = self.now();
-        let mut first_expiry = Time::NEVER;
-        let stamped = units.map(|mut unit| {
-            let (max_delay, validity) = (unit.load.tag.max_delay, unit.load.tag.validity);
-            unit.meta.submitted = now;
-            unit.meta.late = now.after(max_delay.min(self.max_delay_bound));
-            if validity < Duration::MAX {
-                unit.meta.expires = now.after(validity);
-                first_expiry = first_expiry.min(unit.meta.expires);
-            }
-            unit
-        });
-        self.inlets.push(inlet, stamped, announced);
+    fn tell_of_arrival(&self, first_expiry: Time) {
         self.announce_arrival();
         if first_expiry < Time::NEVER {
             self.alarm.set(first_expiry);
@@ -142,16 +155,22 @@ impl<W: Work> Shared<W> {
     }
 }
 
-/// What the client submitted.
-pub(crate) fn into_unit<W: Work>(unit: Unit<Job<W>>) -> WorkUnit<W> {
-    let Unit { meta, load: Job { work, tag: Tag { ticket, max_delay, validity, .. } } } = unit;
-    WorkUnit { work, ticket, max_delay, priority: meta.priority, validity }
+fn data_of<W: Work>(work: &W) -> Option<Data> {
+    work.data().map(|id| Data { id, bytes: work.data_bytes() })
 }
 
-fn items_of<T>(units: &[Unit<T>]) -> Items {
+/// What the client submitted, if it is not with a resource; its maximum delay cut to the allocator's bound.
+pub(crate) fn into_unit<W: Work>(unit: Unit<Job<W>>) -> Option<WorkUnit<W>> {
+    let Unit { meta, load: Job { work, ticket, .. } } = unit;
+    let validity = if meta.expires < Time::NEVER { meta.expires.since(meta.submitted) } else { Duration::MAX };
+    let max_delay = meta.late.since(meta.submitted);
+    Some(WorkUnit { work: work?, ticket, max_delay, priority: meta.priority, validity })
+}
+
+fn items_of<W: Work>(units: &[WorkUnit<W>]) -> Items {
     units.iter().fold([0; Primitive::COUNT], |mut items, unit| {
-        let sum = &mut items[unit.meta.primitive.index()];
-        *sum = sum.saturating_add(unit.meta.size);
+        let sum = &mut items[unit.work.primitive().index()];
+        *sum = sum.saturating_add(unit.work.size());
         items
     })
 }
