@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bottega_scene::{
     AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides,
-    Spectrum, Surface, load,
+    Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 use mutation::{Random, damage, survive};
@@ -222,6 +222,14 @@ fn lights_with_pictures_have_the_power_that_they_say() {
     let LightKind::Projector { intensity, .. } = scene.lights[0].kind else { panic!("no light") };
     let solid_angle = 4.0 * std::f32::consts::PI / 6.0;
     assert!((intensity.y * 0.5 * solid_angle / 8.0 - 1.0).abs() < 1e-3, "{intensity}");
+}
+
+#[test]
+fn a_picture_that_shines_ends_at_its_edges() {
+    let light = r#"AreaLightSource "diffuse" "string filename" "a.pfm""#;
+    let scene = with_picture(2, 2, 0.5, light).unwrap();
+    let map = scene.materials.iter().find_map(|material| material.emission.texture.as_ref()).unwrap();
+    assert_eq!((map.wrap_u, map.wrap_v, map.smooth), (Wrap::Clamp, Wrap::Clamp, true));
 }
 
 #[test]

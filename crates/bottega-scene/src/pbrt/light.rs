@@ -16,7 +16,7 @@ use super::token::Place;
 use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap};
+use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
 
 /// Luminance of linear Rec. 709.
 pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
@@ -275,7 +275,9 @@ pub(super) fn emission(
             if color.is_some() {
                 return Err(at.fault("an area light has either `L` or a `filename`").into());
             }
-            Some(textures.picture(context, file, false, params.place_of("filename"))?)
+            let picture = textures.picture(context, file, false, params.place_of("filename"))?;
+            // Unlike a texture, it ends at its edges.
+            Some(TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..picture })
         }
         None => None,
     };
