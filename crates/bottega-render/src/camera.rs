@@ -57,23 +57,25 @@ pub struct CameraRays {
 }
 
 impl CameraRays {
-    /// That extent is the camera's which its [`FovAxis`](bottega_scene::FovAxis) names, whatever the shape of the picture;
-    /// pixels are square.
+    /// That extent is the camera's which its [`FovAxis`](bottega_scene::FovAxis) names, whatever the shape of the picture.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
         let (mut half_height, parallel) = match camera.projection {
             Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), false),
             Projection::Orthographic { height } => (0.5 * height, true),
         };
+        // Width over height of what is seen, which is not that of the picture where pixels are not square.
+        let shown = size.x / size.y * camera.pixel_aspect;
         if let Some(aspect) = camera.aspect {
-            half_height *= camera.fov_axis.over_height(aspect) / camera.fov_axis.over_height(size.x / size.y);
+            let wanted = aspect * camera.pixel_aspect;
+            half_height *= camera.fov_axis.over_height(wanted) / camera.fov_axis.over_height(shown);
         }
         let pixel = 2.0 * half_height / size.y;
         let beam = pixel * BEAM;
         let cone = if parallel { RayCone { width: beam, spread: 0.0 } } else { RayCone { width: 0.0, spread: beam } };
         Self {
             world_from_camera: camera.world_from_camera,
-            half_extent: Vec2::new(half_height * size.x / size.y, half_height),
+            half_extent: Vec2::new(half_height * shown, half_height),
             lens_shift: camera.lens_shift,
             double_pixel: 2.0 / size,
             parallel,
@@ -166,6 +168,21 @@ mod tests {
                 let extent = CameraRays::new(&camera, 10, 20).half_extent;
                 assert!((extent - expected).length() < 1e-5, "{fov_axis:?}: {extent}");
                 assert_eq!(CameraRays::new(&camera, 20, 10).half_extent, CameraRays::new(&camera, 40, 20).half_extent);
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_need_not_be_square() {
+        use bottega_scene::FovAxis;
+        for projection in [
+            Projection::Perspective { vertical_fov: std::f32::consts::FRAC_PI_2 },
+            Projection::Orthographic { height: 2.0 },
+        ] {
+            for fov_axis in [FovAxis::X, FovAxis::Y, FovAxis::Diagonal, FovAxis::Smaller, FovAxis::Larger] {
+                let camera = Camera { aspect: Some(2.0), pixel_aspect: 1.5, fov_axis, ..camera(projection, 0.0) };
+                let extent = CameraRays::new(&camera, 40, 20).half_extent;
+                assert!((extent - Vec2::new(3.0, 1.0)).length() < 1e-5, "{fov_axis:?}: {extent}");
             }
         }
     }

@@ -145,8 +145,9 @@ fn table(filter: Filter) -> Table {
         let (low, high) = (value(filter, at(step)), value(filter, at(step + 1)));
         integral[step + 1] = integral[step] + 0.5 * (low.abs() + high.abs());
         signed += 0.5 * (low + high);
-        if low > 0.0 && high < 0.0 {
-            sign_change = at(step + 1) as f32;
+        // Some are 0 where they turn negative, and some at their ends.
+        if at(step) > 0.0 && low >= 0.0 && high < 0.0 {
+            sign_change = (at(step) + low / (low - high) * (at(step + 1) - at(step))) as f32;
         }
     }
     let total = integral[STEPS];
@@ -197,6 +198,7 @@ mod tests {
             Filter::Tent { radius: 1.0 },
             Filter::Gaussian { radius: 1.5, sigma: 0.5 },
             Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
+            Filter::Mitchell { radius: 2.0, b: 0.0, c: 0.5 },
             Filter::BlackmanHarris { radius: 1.5 },
         ];
         for filter in filters {

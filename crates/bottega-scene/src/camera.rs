@@ -38,7 +38,7 @@ pub enum FovAxis {
 impl FovAxis {
     /// This extent over the picture's height.
     ///
-    /// - `aspect`: width over height.
+    /// - `aspect`: width over height of what the picture shows.
     pub fn over_height(self, aspect: f32) -> f32 {
         match self {
             Self::X => aspect,
@@ -59,8 +59,10 @@ pub struct Camera {
     pub world_from_camera: Affine3A,
     /// How it projects.
     pub projection: Projection,
-    /// Width over height as the file wants it; `None`: as the picture has it.
+    /// Width over height of the picture, in pixels, as the file wants it; `None`: as the picture has it.
     pub aspect: Option<f32>,
+    /// Width over height of what a pixel shows. 1: it is square.
+    pub pixel_aspect: f32,
     /// Which extent stays as it is in a picture of another shape than [`Self::aspect`].
     pub fov_axis: FovAxis,
     /// Radius of the thin lens in scene units; 0: everything is sharp.
@@ -81,6 +83,7 @@ impl Default for Camera {
             world_from_camera: Affine3A::IDENTITY,
             projection: Projection::Perspective { vertical_fov: 0.7 },
             aspect: None,
+            pixel_aspect: 1.0,
             fov_axis: FovAxis::Y,
             lens_radius: 0.0,
             focus_distance: 1.0,

@@ -47,8 +47,8 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use resource::SceneFile;
 pub use summary::SceneSummary;
 pub use surface::{
-    Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Iridescence, Layered,
-    Plastic, Principled, RoughnessScale, Shadowing, Surface,
+    Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
+    Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
 pub use texture::{Channel, ImageId, TextureMap, Wrap};
 

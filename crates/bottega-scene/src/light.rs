@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Mat3, Vec3};
 
-use crate::{ImageId, Spectrum};
+use crate::{ImageId, Spectrum, TextureMap};
 
 /// A light without extent.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,8 +42,8 @@ pub enum LightKind {
     Projector {
         /// Stands at the origin and looks along its own −z, as a camera does; without scale.
         world_from_light: Affine3A,
-        /// The picture; black outside of it.
-        image: ImageId,
+        /// The picture, (0, 0) in its upper left corner; black outside of it.
+        picture: TextureMap,
         /// Multiplies the picture: radiant intensity on the axis in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
         /// axis, so that a screen across the axis is lit evenly.
         intensity: Spectrum,

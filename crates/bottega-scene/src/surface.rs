@@ -22,7 +22,7 @@ pub enum Surface {
     Conductor(Conductor),
     /// The boundary of a clear solid, or a sheet of it.
     Dielectric(Dielectric),
-    /// A diffuse base below a dielectric boundary, as Mitsuba's `plastic` and `roughplastic` have it.
+    /// A diffuse base below a dielectric boundary, as Mitsuba's `plastic`, `roughplastic` and `pplastic` have it.
     Plastic(Plastic),
     /// A base below a dielectric boundary with all reflections between them, as pbrt's `coateddiffuse` and
     /// `coatedconductor` have it.
@@ -123,6 +123,19 @@ pub struct Dielectric {
     pub thin: bool,
 }
 
+/// What becomes of light that a [`Plastic`]'s boundary throws back to the base.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum InnerReflection {
+    /// It comes back white, again and again.
+    #[default]
+    Linear,
+    /// It takes on the colour of the base each time.
+    Nonlinear,
+    /// It is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`, after
+    /// Baek and others 2018, Simultaneous Acquisition of Polarimetric SVBRDF and Normals).
+    Lost,
+}
+
 /// A diffuse base below a dielectric boundary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plastic {
@@ -132,8 +145,8 @@ pub struct Plastic {
     pub diffuse: ColorParam,
     /// Multiplies the reflection of the boundary.
     pub specular: ColorParam,
-    /// Whether colours shift as light is reflected within again and again.
-    pub nonlinear: bool,
+    /// What is reflected within.
+    pub inner: InnerReflection,
     /// Facets of the boundary.
     pub facets: Facets,
 }

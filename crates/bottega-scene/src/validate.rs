@@ -58,6 +58,7 @@ impl Scene {
             check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
             check(camera.focus_distance > 0.0, "its focus is not before it")?;
             check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
+            check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixels have no shape")?;
             self.check_medium_id(camera.medium)?;
             let is_sound = match camera.projection {
                 Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
@@ -140,8 +141,9 @@ impl Scene {
                 check(is_orthonormal(&world_from_light), "its orientation is no rotation")?;
                 (intensity, position, None)
             }
-            LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
-                check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
+            LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
+                check((picture.image.0 as usize) < self.images.len(), "its picture does not exist")?;
+                check(picture.picture_from_uv.is_finite(), "its picture is nowhere")?;
                 let is_sound = vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI;
                 check(is_sound && aspect > 0.0 && aspect.is_finite(), "its picture shows nowhere")?;
                 check(world_from_light.is_finite(), "its transformation is not finite")?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bottega_scene::{
     AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides,
-    Spectrum, Surface, load,
+    Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 use mutation::{Random, damage, survive};
@@ -111,7 +111,7 @@ fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
         Projection::Perspective { vertical_fov } => local.truncate() / (-local.z * (0.5 * vertical_fov).tan()),
         Projection::Orthographic { height } => local.truncate() / (0.5 * height),
     };
-    place / Vec2::new(aspect, 1.0) + camera.lens_shift
+    place / Vec2::new(aspect * camera.pixel_aspect, 1.0) + camera.lens_shift
 }
 
 #[test]
@@ -133,8 +133,13 @@ fn cameras_see_what_pbrts_see() {
     assert!((project(&scene, 2.0, Vec3::new(3.0, 2.0, 5.0)) - Vec2::ONE).length() < 1e-5);
     assert!((project(&scene, 2.0, Vec3::new(-1.0, 0.0, 5.0)) + Vec2::ONE).length() < 1e-5);
     let scene = camera(&format!(r#"{wide} Camera "perspective" "float screenwindow" [ 0 2 0 1 ]"#));
-    assert_eq!(scene.cameras[0].fov_axis, FovAxis::Y);
+    assert_eq!((scene.cameras[0].fov_axis, scene.cameras[0].pixel_aspect), (FovAxis::Y, 1.0));
     assert!((project(&scene, 2.0, Vec3::new(2.0, 1.0, 1.0)) - Vec2::ONE).length() < 1e-5);
+    // A window of another shape than the film is stretched over it.
+    for square in [r#""float screenwindow" [ -1 1 -1 1 ]"#, r#""float frameaspectratio" 1"#] {
+        let scene = camera(&format!(r#"{wide} Camera "perspective" {square}"#));
+        assert!((project(&scene, 2.0, Vec3::ONE) - Vec2::ONE).length() < 1e-5, "{square}");
+    }
 }
 
 #[test]
@@ -217,6 +222,27 @@ fn lights_with_pictures_have_the_power_that_they_say() {
     let LightKind::Projector { intensity, .. } = scene.lights[0].kind else { panic!("no light") };
     let solid_angle = 4.0 * std::f32::consts::PI / 6.0;
     assert!((intensity.y * 0.5 * solid_angle / 8.0 - 1.0).abs() < 1e-3, "{intensity}");
+}
+
+#[test]
+fn a_picture_that_shines_ends_at_its_edges() {
+    let light = r#"AreaLightSource "diffuse" "string filename" "a.pfm""#;
+    let scene = with_picture(2, 2, 0.5, light).unwrap();
+    let map = scene.materials.iter().find_map(|material| material.emission.texture.as_ref()).unwrap();
+    assert_eq!((map.wrap_u, map.wrap_v, map.smooth), (Wrap::Clamp, Wrap::Clamp, true));
+}
+
+#[test]
+fn a_texel_that_is_thrown_is_as_strong_all_over() {
+    let scene = with_picture(2, 2, 0.5, r#"LightSource "projection" "string filename" "a.pfm""#).unwrap();
+    let LightKind::Projector { picture, .. } = scene.lights[0].kind else { panic!("no light") };
+    assert!(!picture.smooth);
+    for place in [Vec2::splat(0.03), Vec2::new(0.45, 0.1), Vec2::splat(0.49)] {
+        let texel = scene.images[picture.image.0 as usize].eval(&picture, place, 0.0).x;
+        // At the distance 1 the picture reaches from −1 to 1.
+        let strength = texel * (1.0 + (2.0 * place - 1.0).length_squared()).powf(1.5);
+        assert!((strength - 0.5).abs() < 2e-3, "{place}: {strength}");
+    }
 }
 
 #[test]

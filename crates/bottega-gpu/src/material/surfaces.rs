@@ -2,8 +2,8 @@
 
 use bottega_render::bsdf::precomputed::CoverBoundary;
 use bottega_scene::{
-    Coated, CoatedBase, ColorParam, Conductor, Distribution, Facets, Layered, Plastic, Principled, RoughnessScale,
-    ScalarParam, Shadowing, Spectrum, Surface,
+    Coated, CoatedBase, ColorParam, Conductor, Distribution, Facets, InnerReflection, Layered, Plastic, Principled,
+    RoughnessScale, ScalarParam, Shadowing, Spectrum, Surface,
 };
 
 use super::covers::{add_cover, is_smooth, is_textured};
@@ -97,14 +97,19 @@ fn add(writer: &mut Writer<'_>, kind: Kind, own: &[u32], params: Vec<Param<'_>>)
 
 fn add_plastic(writer: &mut Writer<'_>, it: &Plastic) -> u32 {
     let eta = sound_eta(it.eta);
-    let cover = if is_smooth(&it.facets) {
+    let inner = match it.inner {
+        InnerReflection::Linear => 0,
+        InnerReflection::Nonlinear => 1,
+        InnerReflection::Lost => 2,
+    };
+    let cover = if it.inner == InnerReflection::Lost || is_smooth(&it.facets) {
         0
     } else {
         add_cover(&mut writer.words, &it.facets, &[boundary(&it.facets, eta, 0.0, true)], 0)
     };
     let mut params = vec![Param::Color(&it.diffuse), Param::Color(&it.specular)];
     params.extend(it.facets.roughness.iter().map(Param::Scalar));
-    let own = [bits(&it.facets), eta.to_bits(), u32::from(it.nonlinear), cover];
+    let own = [bits(&it.facets), eta.to_bits(), inner, cover];
     add(writer, Kind::Plastic, &own, params)
 }
 

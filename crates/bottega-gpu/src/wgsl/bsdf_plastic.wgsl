@@ -3,6 +3,10 @@
 // About the mean over the hemisphere of what a boundary lets through.
 const PLASTIC_MEAN_THROUGH: f32 = 0.9;
 
+// What becomes of light that is reflected within.
+const PLASTIC_NONLINEAR: u32 = 1u;
+const PLASTIC_LOST: u32 = 2u;
+
 struct Plastic {
     eta: f32,
     facets: Facets,
@@ -11,7 +15,7 @@ struct Plastic {
     base: vec3f,
     // Of a layer below a smooth boundary, in mean free paths.
     thickness: f32,
-    // Of a rough boundary.
+    // Of a rough boundary; at 0: the base is seen through a smooth one.
     cover: Cover,
 }
 
@@ -50,7 +54,7 @@ fn plastic_from(b: ptr<function, Bsdf>) -> Plastic {
 
 // Share of light at a cosine that reaches the base.
 fn plastic_through(plastic: Plastic, cosine: f32) -> f32 {
-    if !facets_are_smooth(plastic.facets) {
+    if !facets_are_smooth(plastic.facets) && plastic.cover.at != 0u {
         return cover_through(plastic.cover, cosine);
     }
     let through = 1.0 - fresnel_dielectric(cosine, plastic.eta);
@@ -101,8 +105,8 @@ fn plastic_draw(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
 fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f) -> Bsdf {
     let facets = facets_of(material_words[record + 1u], vec2f((*p)[2].x, (*p)[3].x));
     let eta = material_f32(record + 2u);
-    let nonlinear = material_words[record + 3u] != 0u;
-    // 0: the boundary is smooth everywhere.
+    let inner = material_words[record + 3u];
+    // 0: the boundary is smooth everywhere, or the base is seen as if it were.
     let block = material_words[record + 4u];
     let diffuse = surface_share((*p)[0] * (*point).vertex_color.xyz);
     var cover = Cover(0u, 0.0, 0u, 0.0);
@@ -113,7 +117,10 @@ fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<funct
         cover = cover_of(block, facets.alpha, 0.0);
         back = cover_back(cover);
     }
-    let base = diffuse / ((1.0 - select(vec3f(1.0), diffuse, nonlinear) * back) * (eta * eta));
+    var base = diffuse;
+    if inner != PLASTIC_LOST {
+        base /= (1.0 - select(vec3f(1.0), diffuse, inner == PLASTIC_NONLINEAR) * back) * (eta * eta);
+    }
     return plastic_of(wo, Plastic(eta, facets, surface_share((*p)[1]), base, 0.0, cover));
 }
 

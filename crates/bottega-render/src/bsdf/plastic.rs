@@ -2,7 +2,7 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use bottega_scene::Spectrum;
+use bottega_scene::{InnerReflection, Spectrum};
 use glam::Vec3;
 
 use super::cover::Cover;
@@ -44,8 +44,7 @@ impl Plastic {
     /// As Mitsuba has it: no absorption within, the series closed.
     ///
     /// - `diffuse`: reflectance of the base.
-    /// - `nonlinear`: each reflection takes on the colour of the base.
-    /// - `cover`: of rough facets, by [`Mean::Nodes`](super::cover::Mean).
+    /// - `cover`: of rough facets, by [`Mean::Nodes`](super::cover::Mean); `None`: the base is seen through a smooth boundary.
     ///
     /// The mean internal reflectance is the one that Mitsuba computes, so that pictures agree. For smooth boundaries that is
     /// the fit of Egan and Hilgeman 1979, Optical Properties of Inhomogeneous Materials (after d'Eon and Irving 2011, A
@@ -54,7 +53,7 @@ impl Plastic {
         eta: f32,
         diffuse: Spectrum,
         specular: Spectrum,
-        nonlinear: bool,
+        inner: InnerReflection,
         facets: Microfacets,
         cover: Option<Cover>,
     ) -> Self {
@@ -62,8 +61,11 @@ impl Plastic {
             None => mean_internal_reflectance(eta),
             Some(cover) => cover.back(),
         };
-        let shift = if nonlinear { diffuse } else { Spectrum::ONE };
-        let base = diffuse / ((Spectrum::ONE - shift * back) * (eta * eta));
+        let base = match inner {
+            InnerReflection::Linear => diffuse / ((1.0 - back) * (eta * eta)),
+            InnerReflection::Nonlinear => diffuse / ((Spectrum::ONE - diffuse * back) * (eta * eta)),
+            InnerReflection::Lost => diffuse,
+        };
         Self { eta, facets, specular, base, through: cover.map_or(Through::Smooth(0.0), Through::Rough) }
     }
 

@@ -2,7 +2,7 @@
 
 use bottega_kernels::math;
 use bottega_scene::{
-    Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, Iridescence, Layered, Material,
+    Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, InnerReflection, Iridescence, Layered, Material,
     Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Surface, TextureMap,
 };
 use glam::{Vec2, Vec3, Vec4};
@@ -144,8 +144,9 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             let facets = point.facets(scene, &plastic.facets);
             let (eta, diffuse) = (sound_eta(plastic.eta), point.base(scene, &plastic.diffuse));
             let specular = point.share(scene, &plastic.specular);
-            let cover = (!facets.is_smooth()).then(|| facets.cover(eta, 0.0, Mean::Nodes));
-            Bsdf::other(Some(Other::Plastic(Plastic::new(eta, diffuse, specular, plastic.nonlinear, facets, cover))))
+            let has_cover = plastic.inner != InnerReflection::Lost && !facets.is_smooth();
+            let cover = has_cover.then(|| facets.cover(eta, 0.0, Mean::Nodes));
+            Bsdf::other(Some(Other::Plastic(Plastic::new(eta, diffuse, specular, plastic.inner, facets, cover))))
         }
         Surface::Coated(coated) => Bsdf::other(Some(of_coated(scene, coated, point))),
         Surface::Principled(principled) => {

@@ -12,7 +12,7 @@ mod tests;
 use std::f32::consts::PI;
 
 use bottega_kernels::{Ray, math};
-use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum};
+use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum, TextureMap};
 use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
@@ -259,7 +259,7 @@ fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (Source, f3
     let (columns, rows) = match scene.lights[index as usize].kind {
         LightKind::Point { intensity, .. } => return (Source::Near(number), 4.0 * PI * luminance(intensity)),
         LightKind::Spot { .. } => (SPOT_STEPS, 1),
-        LightKind::Goniometric { image, .. } | LightKind::Projector { image, .. } => {
+        LightKind::Goniometric { image, .. } | LightKind::Projector { picture: TextureMap { image, .. }, .. } => {
             let (width, height) = scene.images[image.0 as usize].size();
             (width.clamp(1, SIDE_MAX) as usize, height.clamp(1, SIDE_MAX) as usize)
         }

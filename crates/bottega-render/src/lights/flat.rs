@@ -1,7 +1,7 @@
 //! All lights as words: see [`crate::flat`].
 
 use bottega_kernels::math;
-use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
+use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
 use glam::{Mat3, Vec3};
 
 use super::{Light, Lights};
@@ -81,10 +81,10 @@ fn write_punctual(light: LightKind, words: &mut Words) {
             words.mat3(world_from_light);
             words.picture(Some(TextureMap { smooth: false, ..TextureMap::new(image) }));
         }
-        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+        LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
             common(kind::PROJECTOR, world_from_light.translation.into(), intensity);
             words.mat3(Mat3::from(world_from_light.matrix3));
-            words.picture(Some(TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(image) }));
+            words.picture(Some(picture));
             words.numbers(&[math::tan(0.5 * vertical_fov), aspect]);
         }
         LightKind::Directional { .. } => words.word(kind::DARK),

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Wrap};
+use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
 use glam::{Vec2, Vec3};
 
 use super::{
@@ -34,7 +34,8 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
             let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
             Some(LightBounds::point(position, luminance(intensity) * mean.truncate().element_sum() / 3.0))
         }
-        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+        LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
+            let image = picture.image;
             let mean = scene.images[image.0 as usize].eval(&TextureMap::new(image), Vec2::splat(0.5), 1.0);
             let axis = (world_from_light.matrix3 * glam::Vec3A::NEG_Z).normalize().into();
             let corner = math::tan(0.5 * vertical_fov) * (1.0 + aspect * aspect).sqrt();
@@ -70,7 +71,7 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
             let place = square_of(world_from_light.transpose() * -wi);
             intensity * goniometric(scene, image, place)
         }),
-        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+        LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
             from_point(world_from_light.translation.into(), p, |wi| {
                 let local = world_from_light.matrix3.transpose() * -wi;
                 if local.z >= 0.0 {
@@ -81,7 +82,7 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
                 if place.abs().max_element() > 1.0 {
                     return Spectrum::ZERO;
                 }
-                let texel = projected(scene, image, place * 0.5 + 0.5);
+                let texel = projected(scene, &picture, place * 0.5 + 0.5);
                 let cosine = -local.z;
                 texel * intensity / (cosine * cosine * cosine)
             })
@@ -96,9 +97,8 @@ fn goniometric(scene: &Scene, image: ImageId, place: Vec2) -> f32 {
 }
 
 /// What a projector shows at a place of its picture.
-fn projected(scene: &Scene, image: ImageId, place: Vec2) -> Spectrum {
-    let map = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(image) };
-    scene.images[image.0 as usize].eval(&map, place, 0.0).truncate()
+fn projected(scene: &Scene, picture: &TextureMap, place: Vec2) -> Spectrum {
+    scene.images[picture.image.0 as usize].eval(picture, place, 0.0).truncate()
 }
 
 /// What leaves a light whose directions lie on the unit square: the light's place, the direction of `place`, and the power
@@ -116,13 +116,13 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
             let direction = world_from_light * direction_of_square(place);
             Some((position, direction, intensity * (4.0 * PI * goniometric(scene, image, place))))
         }
-        LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } => {
+        LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
             // The solid angle of a part of the picture one away is its area times cos³, by which intensities are divided.
             let half_height = math::tan(0.5 * vertical_fov);
             let on_plane = (place * 2.0 - 1.0) * Vec2::new(aspect, -1.0) * half_height;
             let direction = (world_from_light.matrix3 * on_plane.extend(-1.0)).normalize();
             let area = 4.0 * half_height * half_height * aspect;
-            Some((world_from_light.translation.into(), direction, projected(scene, image, place) * intensity * area))
+            Some((world_from_light.translation.into(), direction, projected(scene, &picture, place) * intensity * area))
         }
         LightKind::Point { .. } | LightKind::Directional { .. } => None,
     }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use bottega_scene::{
-    Conductor, Dielectric, Distribution, Facets, Material, Plastic, Principled, Shadowing, Spectrum, Surface,
+    Conductor, Dielectric, Distribution, Facets, InnerReflection, Material, Plastic, Principled, Shadowing, Spectrum,
+    Surface,
 };
 use glam::Vec3;
 
@@ -82,15 +83,19 @@ fn rough_glass_is_as_in_mitsuba() {
 
 #[test]
 fn plastic_is_as_in_mitsuba() {
-    let plastic = |eta, diffuse, specular: Spectrum, nonlinear, facets| {
-        Surface::Plastic(Plastic { eta, diffuse, specular: specular.into(), nonlinear, facets })
+    use InnerReflection::{Linear, Lost, Nonlinear};
+    let plastic = |eta, diffuse, specular: Spectrum, inner, facets| {
+        Surface::Plastic(Plastic { eta, diffuse, specular: specular.into(), inner, facets })
     };
     let red = color(0.7, 0.3, 0.1);
-    check("plastic", plastic(1.49, red.clone(), WHITE, false, Facets::smooth()));
-    check("plastic_nonlinear", plastic(1.9, red.clone(), WHITE, true, Facets::smooth()));
-    check("roughplastic_beckmann", plastic(1.49, red, WHITE, false, facets(BECKMANN, 0.1, 0.1)));
+    check("plastic", plastic(1.49, red.clone(), WHITE, Linear, Facets::smooth()));
+    check("plastic_nonlinear", plastic(1.9, red.clone(), WHITE, Nonlinear, Facets::smooth()));
+    check("roughplastic_beckmann", plastic(1.49, red.clone(), WHITE, Linear, facets(BECKMANN, 0.1, 0.1)));
     let blue = Spectrum::new(0.5, 0.7, 0.9);
-    check("roughplastic_ggx", plastic(1.7, color(0.9, 0.5, 0.1), blue, true, facets(GGX, 0.35, 0.35)));
+    let orange = color(0.9, 0.5, 0.1);
+    check("roughplastic_ggx", plastic(1.7, orange.clone(), blue, Nonlinear, facets(GGX, 0.35, 0.35)));
+    check("pplastic", plastic(1.49, red, WHITE, Lost, facets(BECKMANN, 0.1, 0.1)));
+    check("pplastic_stretched", plastic(1.7, orange, blue, Lost, facets(GGX, 0.4, 0.2)));
 }
 
 fn principled() -> Principled {

@@ -12,7 +12,7 @@ mod photons;
 
 use std::path::{Path, PathBuf};
 
-use bottega_scene::{CoatedBase, Plastic, Scene, Spectrum, Surface};
+use bottega_scene::{CoatedBase, InnerReflection, Plastic, Scene, Spectrum, Surface};
 
 use compare::{Comparison, Estimate};
 
@@ -142,7 +142,7 @@ fn coats_as_linear_plastic(scene: &mut Scene) {
                 eta: coated.eta,
                 diffuse: diffuse.reflectance.clone(),
                 specular: Spectrum::ONE.into(),
-                nonlinear: false,
+                inner: InnerReflection::Linear,
                 facets: coated.facets.clone(),
             });
         }

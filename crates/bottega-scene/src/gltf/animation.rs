@@ -78,9 +78,9 @@ impl Channel<'_, '_> {
         let animation = &self.source.document.animations[self.animation];
         let channel = &animation.channels[self.number];
         let path = channel.target.path.as_str();
-        let mut ignore = |message: String| warnings.add(format!("animations[{}]", self.animation), message);
+        let place = format!("animations[{}]", self.animation);
         if path == "pointer" {
-            ignore("KHR_animation_pointer is not supported; what it animates stands still".into());
+            warnings.unsupported(place, "KHR_animation_pointer is not supported; what it animates stands still");
             return Ok(());
         }
         let Some(node) = channel.target.node else { return Ok(()) };
@@ -102,7 +102,7 @@ impl Channel<'_, '_> {
             }
             "weights" if node_pose.weights.is_none() => node_pose.weights = self.weights(description, sampler, time)?,
             "translation" | "scale" | "rotation" | "weights" => {}
-            other => ignore(format!("`{}` cannot be animated", shortened(other))),
+            other => warnings.add(place, format!("`{}` cannot be animated", shortened(other))),
         }
         Ok(())
     }

@@ -53,7 +53,7 @@ fn mode(primitive: &document::Primitive) -> Result<Option<Mode>, String> {
 pub(super) fn is_surface(source: &Source<'_>, shape: &Shape, warnings: &mut Warnings) -> Result<bool, SceneError> {
     let mode = mode(shape.primitive(source)).map_err(|problem| source.invalid(shape.place(".mode"), problem))?;
     if mode.is_none() {
-        warnings.add(shape.place(""), "points and lines have no surface and are left out");
+        warnings.unsupported(shape.place(""), "points and lines have no surface and are left out");
     }
     Ok(mode.is_some())
 }

@@ -214,7 +214,7 @@ fn check_extensions(path: &Path, document: &Document, warnings: &mut Warnings) -
     }
     let names: BTreeSet<&String> = document.extensions_used.iter().filter(unknown).collect();
     for name in names {
-        warnings.add("extensionsUsed", format!("{} is not supported and left out", shortened(name)));
+        warnings.unsupported("extensionsUsed", format!("{} is not supported and left out", shortened(name)));
     }
     Ok(())
 }

@@ -67,12 +67,13 @@ impl<'a> Textures<'a> {
         } else {
             let message =
                 format!("texture {} has no picture in a format that can be read; {STANDS_FOR_MISSING}", info.index);
-            warnings.add(place, message);
+            warnings.unsupported(place, message);
         }
         let transform = info.extensions.transform.as_deref();
         let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
-            warnings.add(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
+            warnings
+                .unsupported(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
         }
         Ok(TextureMap {
             image: self.id(texture.picture().map(|image| self.first[image]), picture),

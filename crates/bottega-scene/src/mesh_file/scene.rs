@@ -58,7 +58,7 @@ fn add_obj(
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
     for (keyword, line) in std::mem::take(&mut file.left_out) {
-        warnings.add(format!("line {line}"), format!("`{keyword}` is not supported and left out"));
+        warnings.unsupported(format!("line {line}"), format!("`{keyword}` is not supported and left out"));
     }
     let mut library = Library::open(&file.libraries, options, resources, warnings)?;
     for part in file.into_parts()? {

@@ -8,9 +8,9 @@ use super::value::Value;
 use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
-    AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Material, MediumId,
-    Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError, Shadowing, Sides,
-    Spectrum, Surface,
+    AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection,
+    Material, MediumId, Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError,
+    Shadowing, Sides, Spectrum, Surface,
 };
 
 /// What a material is made of: bsdf, emitter, interior and exterior medium.
@@ -158,14 +158,16 @@ impl Importer<'_> {
                 thin: object.plugin == "thindielectric",
             }),
             "plastic" | "roughplastic" | "pplastic" => {
-                if object.plugin == "pplastic" {
-                    self.report.warn(object.at, "light is not polarized: `roughplastic` stands for `pplastic`");
-                }
+                let inner = match object.plugin.as_str() {
+                    "pplastic" => InnerReflection::Lost,
+                    _ if self.bad(object.boolean("nonlinear", false))? => InnerReflection::Nonlinear,
+                    _ => InnerReflection::Linear,
+                };
                 Surface::Plastic(Plastic {
                     eta: self.eta(object, "polypropylene")?,
                     diffuse: self.color(object, "diffuse_reflectance", Role::Reflectance, half)?,
                     specular: self.color(object, "specular_reflectance", Role::Reflectance, Spectrum::ONE)?,
-                    nonlinear: self.bad(object.boolean("nonlinear", false))?,
+                    inner,
                     facets: self.facets(object, object.plugin != "plastic")?,
                 })
             }

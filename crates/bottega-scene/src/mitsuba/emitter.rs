@@ -10,7 +10,7 @@ use super::texture::Use;
 use crate::image::{Encoding, Header};
 use crate::{
     ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum,
-    SpotFalloff, TextureMap,
+    SpotFalloff, TextureMap, Wrap,
 };
 
 impl Importer<'_> {
@@ -163,8 +163,11 @@ impl Importer<'_> {
         self.slides.push((self.scene.lights.len(), slide));
         let world_from_light = super::sensor::looking(&rotation, position);
         // The picture follows when that of the file is there.
-        let image = ImageId(u32::MAX);
-        self.add_light(object, LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect: 1.0 });
+        let picture = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(ImageId(u32::MAX)) };
+        self.add_light(
+            object,
+            LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect: 1.0 },
+        );
         Ok(())
     }
 
@@ -177,7 +180,7 @@ impl Importer<'_> {
         if let Some(child) = object.child("irradiance") {
             let texture = self.texture(child.object, Use::Color(Role::Radiance))?;
             factor *= texture.factor;
-            picture = texture.map.map(|(map, _)| map.image);
+            picture = texture.map.map(|(map, _)| map);
             let inner = self.document.get(child.object);
             if inner.plugin == "bitmap" {
                 // Its proportions are wanted before it is decoded.
@@ -190,7 +193,9 @@ impl Importer<'_> {
         } else {
             factor *= self.plain_color(object, "irradiance", Role::Radiance, Spectrum::ONE)?;
         }
-        let image = picture.unwrap_or_else(|| self.pictures.add(Image::from_linear_rgb("white", 1, 1, vec![[1.0; 3]])));
+        let picture = picture.unwrap_or_else(|| {
+            TextureMap::new(self.pictures.add(Image::from_linear_rgb("white", 1, 1, vec![[1.0; 3]])))
+        });
         let axis = fov_axis(self, object)?;
         let fov = self.fov(object)?;
         let Some((rotation, position, _)) = standing(to_world) else {
@@ -201,7 +206,7 @@ impl Importer<'_> {
             object,
             LightKind::Projector {
                 world_from_light,
-                image,
+                picture,
                 intensity: factor,
                 vertical_fov: vertical_fov(fov, axis, aspect) as f32,
                 aspect: aspect as f32,
@@ -251,8 +256,8 @@ pub(super) fn add_slides(scene: &mut Scene, slides: &[(usize, Slide)]) {
     for (light, slide) in slides {
         let made = slide.image(&scene.images[slide.map.image.0 as usize]);
         let next = ImageId(scene.images.len() as u32);
-        if let LightKind::Projector { image, .. } = &mut scene.lights[*light].kind {
-            *image = next;
+        if let LightKind::Projector { picture, .. } = &mut scene.lights[*light].kind {
+            picture.image = next;
             scene.images.push(made);
         }
     }

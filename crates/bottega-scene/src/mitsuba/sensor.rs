@@ -51,10 +51,10 @@ impl Importer<'_> {
         match object.plugin.as_str() {
             "perspective" | "perspective_rdist" | "thinlens" => self.perspective(object, &mut camera, aspect)?,
             "orthographic" => {
-                // It shows [−1, 1] across; the scale of its transformation says how wide that is.
+                // It shows [−1, 1] across; the scales of its transformation say how wide that is, and stretch what pixels show.
                 let (x, y) = (to_world.x_axis.truncate().length(), to_world.y_axis.truncate().length());
                 camera.projection = Projection::Orthographic { height: (2.0 * y / aspect) as f32 };
-                camera.aspect = Some((x / y * aspect) as f32);
+                camera.pixel_aspect = (x / y) as f32;
                 camera.fov_axis = FovAxis::X;
             }
             _ => {
@@ -188,8 +188,8 @@ impl Importer<'_> {
                 FilmFilter::Gaussian { radius: 4.0 * sigma, sigma }
             }
             "mitchell" => {
-                let (b, c) = (size_or_zero(self, object, "B")?, size_or_zero(self, object, "C")?);
-                FilmFilter::Mitchell { radius: 2.0, b: b.unwrap_or(1.0 / 3.0), c: c.unwrap_or(1.0 / 3.0) }
+                let (b, c) = (self.mitchell_parameter(object, "b")?, self.mitchell_parameter(object, "c")?);
+                FilmFilter::Mitchell { radius: 2.0, b, c }
             }
             "catmullrom" => FilmFilter::Mitchell { radius: 2.0, b: 0.0, c: 0.5 },
             _ => {
@@ -199,6 +199,16 @@ impl Importer<'_> {
                 FilmFilter::Mitchell { radius: 2.0, b: 0.0, c: 0.5 }
             }
         })
+    }
+
+    /// B or C of Mitchell and Netravali.
+    fn mitchell_parameter(&mut self, object: &Object, name: &str) -> Result<f32, SceneError> {
+        let given = self.bad(object.float(name))?.unwrap_or(1.0 / 3.0);
+        let number = given.clamp(0.0, 1.0);
+        if number != given {
+            self.report.warn(object.at, format!("`{name}` of a filter is from 0 to 1: {number} stands for {given}"));
+        }
+        Ok(number as f32)
     }
 
     /// How light is found; we only take how long its paths may be.
@@ -239,12 +249,6 @@ impl Importer<'_> {
         }
         Ok(())
     }
-}
-
-/// A number in [0, 10] that need not be there. Names are lower case by now.
-fn size_or_zero(importer: &Importer<'_>, object: &Object, name: &str) -> Result<Option<f32>, SceneError> {
-    let number = importer.bad(object.float(&name.to_ascii_lowercase()))?;
-    Ok(number.map(|number| number.clamp(0.0, 10.0) as f32))
 }
 
 /// Along which axis the field of view of a sensor or projector is given.

@@ -227,6 +227,10 @@ impl Importer<'_> {
         is_flat: bool,
     ) -> Result<Vec<Part>, SceneError> {
         let (material, needs) = self.shape_material(object)?;
+        if mesh.triangles.is_empty() {
+            self.report.warn(object.at, format!("the {} has no triangles, and is left out", object.describe()));
+            return Ok(Vec::new());
+        }
         if mesh.name.is_empty() {
             mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
         }
@@ -292,6 +296,10 @@ impl Importer<'_> {
             return Ok(());
         }
         let object = self.visit(id)?;
+        // Groups of groups multiply: what is too much is refused before any of it is made.
+        let shapes = self.shape_count(id, &mut BTreeMap::new());
+        let path = self.report.path(object.at.file);
+        self.resources.budget().check(path, shapes.saturating_mul(size_of::<(u32, DMat4)>()))?;
         let mut group = Group::default();
         for child in &object.children {
             if self.document.get(child.object).class != Class::Shape {
@@ -323,6 +331,24 @@ impl Importer<'_> {
         }
         self.groups.insert(id, group);
         Ok(())
+    }
+
+    /// How many shapes an object stands for: itself, or what the groups within it hold.
+    fn shape_count(&self, id: ObjectId, known: &mut BTreeMap<ObjectId, usize>) -> usize {
+        if let Some(&count) = known.get(&id) {
+            return count;
+        }
+        let object = self.document.get(id);
+        let count = match object.plugin.as_str() {
+            "shapegroup" | "instance" | "merge" => {
+                let shapes =
+                    object.children.iter().filter(|child| self.document.get(child.object).class == Class::Shape);
+                shapes.fold(0, |sum: usize, child| sum.saturating_add(self.shape_count(child.object, known)))
+            }
+            _ => 1,
+        };
+        known.insert(id, count);
+        count
     }
 
     fn add_instance(&mut self, id: ObjectId, matrix: DMat4) -> Result<(), SceneError> {

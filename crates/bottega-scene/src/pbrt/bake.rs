@@ -225,17 +225,22 @@ pub(super) fn scalar_image(image: Image) -> Image {
     Image::from_linear_rgb(image.name.clone(), width, height, texels.map(number).collect())
 }
 
+/// Sides of a thrown picture, at least: its texels are cut up until the cosine hardly changes within the parts.
+const PROJECTION_SIDE: u32 = 512;
+
 /// A picture times the cube of the cosine to the axis of its projection.
 ///
 /// - `fov`: angle of the shorter side, in degrees.
 pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
-    let (width, height) = image.size();
+    let (columns, rows) = image.size();
+    let parts = PROJECTION_SIDE.div_ceil(columns.max(rows));
+    let (width, height) = (columns * parts, rows * parts);
     let scale = (0.5 * fov.to_radians()).tan() / f64::from(width.min(height));
     let texel = |index: u32| {
         let (x, y) = (index % width, index / width);
         let offset = |place: u32, size: u32| (2.0 * f64::from(place) + 1.0 - f64::from(size)) * scale;
         let cosine = 1.0 / (1.0 + offset(x, width).powi(2) + offset(y, height).powi(2)).sqrt();
-        (image.texel(x, y).truncate() * cosine.powi(3) as f32).to_array()
+        (image.texel(x / parts, y / parts).truncate() * cosine.powi(3) as f32).to_array()
     };
     Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
 }

@@ -53,9 +53,11 @@ impl World {
         if half.min_element().is_nan() || half.min_element() <= 0.0 {
             return Err(at.fault("the screen window of the camera is empty").into());
         }
-        if (half.x / half.y / film_aspect - 1.0).abs() > 1e-3 {
-            context.unsupported(at, "pixels are square, though the camera's window has another shape than the film");
-        }
+        // A window of another shape than the film stretches what pixels show.
+        let pixel_aspect = match half.x / half.y / film_aspect {
+            square if (square - 1.0).abs() < 1e-5 => 1.0,
+            stretched => stretched,
+        };
         let projection = match entity.kind.as_str() {
             "orthographic" => Projection::Orthographic { height: (2.0 * half.y) as f32 },
             kind => {
@@ -100,6 +102,7 @@ impl World {
             },
             projection,
             aspect: Some(film_aspect as f32),
+            pixel_aspect: pixel_aspect as f32,
             fov_axis,
             lens_radius: lens_radius as f32,
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,

@@ -95,15 +95,19 @@ fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
     cones.inverse() * DMat3::from_diagonal((cones * to) / (cones * from)) * cones
 }
 
-/// Rec. 709 after a white balance that makes a daylight of that colour temperature white.
+/// Rec. 709 after a white balance that makes light of that colour temperature white, which is 1000 K or more: daylight, and
+/// below 4000 K, where there is none, a black body.
 pub(super) fn white_balance(kelvin: f64) -> DMat3 {
     let rgb_from_xyz = ColorSpace::Srgb.xyz_from_rgb().inverse();
-    rgb_from_xyz * adaptation(xyz_of(daylight(kelvin)), ColorSpace::Srgb.white()) * rgb_from_xyz.inverse()
+    rgb_from_xyz * adaptation(xyz_of(illuminant(kelvin)), ColorSpace::Srgb.white()) * rgb_from_xyz.inverse()
 }
 
-/// The chromaticity of daylight (CIE 015:2018, equations 4.1 and 4.2), with the correction of 1968 for c₂.
-fn daylight(kelvin: f64) -> (f64, f64) {
-    let t = (kelvin * 1.4388 / 1.4380).clamp(4000.0, 25000.0);
+/// The chromaticity of daylight (CIE 015:2018, equations 4.1 and 4.2), or of a black body, with the correction of 1968 for c₂.
+fn illuminant(kelvin: f64) -> (f64, f64) {
+    let t = kelvin * 1.4388 / 1.4380;
+    if t < 4000.0 {
+        return Sampled::blackbody(t).chromaticity();
+    }
     let x = if t <= 7000.0 {
         -4.607e9 / (t * t * t) + 2.9678e6 / (t * t) + 0.09911e3 / t + 0.244_063
     } else {
@@ -236,14 +240,14 @@ mod tests {
     }
 
     #[test]
-    fn white_balance_turns_its_daylight_white() {
-        // CIE 015:2018: D50 and D65.
-        for (kelvin, x, y) in [(5000.0, 0.3457, 0.3585), (6500.0, 0.3127, 0.3290)] {
-            let (dx, dy) = daylight(kelvin);
+    fn white_balance_turns_its_illuminant_white() {
+        // CIE 015:2018: D50, D65 and, a black body, A.
+        for (kelvin, x, y) in [(5000.0, 0.3457, 0.3585), (6500.0, 0.3127, 0.3290), (2854.0, 0.4476, 0.4074)] {
+            let (dx, dy) = illuminant(kelvin);
             assert!((dx - x).abs() < 3e-4 && (dy - y).abs() < 3e-4, "{kelvin}: {dx} {dy}");
+            let light = ColorSpace::Srgb.xyz_from_rgb().inverse() * xyz_of((dx, dy));
+            let balanced = white_balance(kelvin) * light;
+            assert!((balanced - DVec3::ONE).abs().max_element() < 1e-9, "{kelvin}: {balanced}");
         }
-        let warm = ColorSpace::Srgb.xyz_from_rgb().inverse() * xyz_of(daylight(5000.0));
-        let balanced = white_balance(5000.0) * warm;
-        assert!((balanced - DVec3::ONE).abs().max_element() < 1e-9, "{balanced}");
     }
 }

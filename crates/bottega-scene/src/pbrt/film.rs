@@ -131,6 +131,10 @@ impl World {
         let mut matrix = DMat3::from_diagonal(DVec3::splat(ratio));
         let kelvin = params.float("whitebalance")?.unwrap_or(0.0);
         if kelvin > 0.0 {
+            if kelvin < 1000.0 {
+                let problem = format!("no light is balanced to white at {kelvin} K; 0 leaves the colours alone");
+                return Err(params.place_of("whitebalance").fault(problem).into());
+            }
             matrix = white_balance(kelvin) * matrix;
             context.warn(
                 params.place_of("whitebalance"),
@@ -222,8 +226,8 @@ impl World {
             "mitchell" => {
                 let third = 1.0 / 3.0;
                 let (b, c) = (params.float("B")?.unwrap_or(third), params.float("C")?.unwrap_or(third));
-                if b.abs().max(c.abs()) > 10.0 {
-                    return Err(filter.at.fault("`B` and `C` are out of reach").into());
+                if [b, c].iter().any(|number| !(0.0..=1.0).contains(number)) {
+                    return Err(filter.at.fault("`B` and `C` of a filter are from 0 to 1").into());
                 }
                 FilmFilter::Mitchell { radius, b: b as f32, c: c as f32 }
             }

@@ -16,7 +16,7 @@ use super::token::Place;
 use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff};
+use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
 
 /// Luminance of linear Rec. 709.
 pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
@@ -138,7 +138,8 @@ impl Lights {
         let axes = axes * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
         Ok(LightKind::Projector {
             world_from_light: Affine3A { matrix3: Mat3A::from(axes.as_mat3()), translation: Vec3A::from(position) },
-            image,
+            // Its texels have sharp edges in pbrt.
+            picture: TextureMap { smooth: false, ..TextureMap::new(image) },
             intensity: strength.times(1.0),
             // Of the shorter side; it is known when the picture is.
             vertical_fov: fov.to_radians() as f32,
@@ -163,8 +164,8 @@ impl Lights {
             }
         }
         for light in &mut self.list {
-            if let LightKind::Projector { image, vertical_fov, aspect, .. } = &mut light.kind {
-                let (width, height) = scene.images[image.0 as usize].size();
+            if let LightKind::Projector { picture, vertical_fov, aspect, .. } = &mut light.kind {
+                let (width, height) = scene.images[picture.image.0 as usize].size();
                 *aspect = width as f32 / height as f32;
                 let tan = (0.5 * f64::from(*vertical_fov)).tan() / f64::from(aspect.min(1.0));
                 *vertical_fov = (2.0 * tan.atan()) as f32;
@@ -176,10 +177,10 @@ impl Lights {
                     let mean = scene.images[image.0 as usize].mean().truncate().element_sum() / 3.0;
                     (intensity, 4.0 * PI * f64::from(mean))
                 }
-                LightKind::Projector { intensity, image, vertical_fov, aspect, .. } => {
+                LightKind::Projector { intensity, picture, vertical_fov, aspect, .. } => {
                     // Its area at distance 1; the cubes of the cosines are in the picture.
                     let area = 4.0 * (0.5 * f64::from(*vertical_fov)).tan().powi(2) * f64::from(*aspect);
-                    (intensity, area * mean_luminance(&scene.images[image.0 as usize]))
+                    (intensity, area * mean_luminance(&scene.images[picture.image.0 as usize]))
                 }
                 _ => continue,
             };
@@ -274,7 +275,9 @@ pub(super) fn emission(
             if color.is_some() {
                 return Err(at.fault("an area light has either `L` or a `filename`").into());
             }
-            Some(textures.picture(context, file, false, params.place_of("filename"))?)
+            let picture = textures.picture(context, file, false, params.place_of("filename"))?;
+            // Unlike a texture, it ends at its edges.
+            Some(TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..picture })
         }
         None => None,
     };

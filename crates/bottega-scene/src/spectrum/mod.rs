@@ -119,6 +119,12 @@ impl Sampled {
         rgb(self.xyz(|seen| seen.d65) / white.y)
     }
 
+    /// CIE x and y of light of this spectrum, which is not dark.
+    pub(crate) fn chromaticity(&self) -> (f64, f64) {
+        let xyz = self.xyz(|_| 1.0);
+        (xyz.x / xyz.element_sum(), xyz.y / xyz.element_sum())
+    }
+
     /// What an observer sees, relative to the luminance of 1 everywhere. By 1 nm; nearest end outside of the samples.
     fn xyz(&self, weight: impl Fn(&Observer) -> f64) -> DVec3 {
         let mut sum = DVec3::ZERO;

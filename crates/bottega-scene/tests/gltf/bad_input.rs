@@ -274,3 +274,20 @@ fn instancing_attributes_must_agree() {
     assert_eq!(with(json!({"SCALE": scales, "TRANSLATION": scales})).unwrap().scene.instances.len(), 3);
     assert_eq!(with(json!({"TRANSLATION": short})).unwrap().scene.instances.len(), 1);
 }
+
+#[test]
+fn what_is_not_supported_is_refused_where_the_user_is_strict() {
+    let folder = tempfile::tempdir().unwrap();
+    let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+    let refuses = |file: &File| load(&write(folder.path(), "scene.glb", &file.glb()), &strict).err();
+    let mut extended = File::triangle();
+    assert!(refuses(&extended).is_none());
+    extended.json["extensionsUsed"] = json!(["ABC_new"]);
+    let mut lines = File::triangle();
+    lines.json["meshes"][0]["primitives"][0]["mode"] = json!(1);
+    for (file, told) in [(extended, "ABC_new"), (lines, "points and lines")] {
+        assert!(file.try_load().is_ok());
+        let Some(error @ SceneError::Unsupported { .. }) = refuses(&file) else { panic!("{told}") };
+        assert!(error.to_string().contains(told), "{error}");
+    }
+}

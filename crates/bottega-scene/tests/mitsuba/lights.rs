@@ -1,6 +1,6 @@
 //! What shines.
 
-use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, TextureMap};
+use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, Wrap};
 use glam::{Vec2, Vec3};
 
 use crate::support::{Folder, bare, read, read_old, silent, told};
@@ -42,7 +42,8 @@ fn a_spot_throws_its_texture() {
     );
     let loaded = folder.load(&bare()).unwrap();
     assert_eq!(told(&loaded), Vec::<String>::new());
-    let LightKind::Projector { world_from_light, image, intensity, vertical_fov, aspect } = loaded.scene.lights[0].kind
+    let LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } =
+        loaded.scene.lights[0].kind
     else {
         panic!("{:?}", loaded.scene.lights)
     };
@@ -59,11 +60,28 @@ fn a_spot_throws_its_texture() {
     ] {
         let local = world_from_light.inverse().transform_vector3(p.normalize());
         let place = Vec2::new(local.x, -local.y) / (-local.z * (0.5 * vertical_fov).tan());
-        let map = TextureMap::new(image);
-        let texel = loaded.scene.images[image.0 as usize].eval(&map, place * 0.5 + 0.5, 0.0).x;
+        let texel = loaded.scene.images[picture.image.0 as usize].eval(&picture, place * 0.5 + 0.5, 0.0).x;
         let strength = texel / (-local.z).powi(3);
         assert!((strength - expected).abs() < 0.01 * expected.max(1.0), "{p}: {strength}");
     }
+}
+
+#[test]
+fn a_projector_shows_its_texture_as_the_file_lays_it() {
+    let folder = Folder::new().with("a.pfm", [&b"Pf\n1 1\n-1\n"[..], &1.0f32.to_le_bytes()].concat()).scene(
+        "<emitter type='projector'><texture type='bitmap' name='irradiance'><string name='filename' value='a.pfm'/>
+            <string name='filter_type' value='nearest'/><string name='wrap_mode' value='mirror'/>
+            <transform name='to_uv'><scale x='2' y='3'/></transform></texture></emitter>
+         <emitter type='projector'><texture type='bitmap' name='irradiance'><string name='filename' value='a.pfm'/></texture></emitter>",
+    );
+    let loaded = folder.load(&bare()).unwrap();
+    let [one, other] = loaded.scene.lights.as_slice() else { panic!("{:?}", loaded.scene.lights) };
+    let LightKind::Projector { picture, .. } = one.kind else { panic!("{one:?}") };
+    assert_eq!((picture.smooth, picture.wrap_u, picture.wrap_v), (false, Wrap::Mirror, Wrap::Mirror));
+    assert_eq!(picture.picture_from_uv.transform_point2(Vec2::ONE), Vec2::new(2.0, 3.0));
+    // The outer half of its outer texels is mixed with the other side.
+    let LightKind::Projector { picture, .. } = other.kind else { panic!("{other:?}") };
+    assert_eq!((picture.smooth, picture.wrap_u), (true, Wrap::Repeat));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! What surfaces are made of.
 
 use bottega_scene::{
-    AlphaMode, Back, Distribution, Facets, Material, ReliefRule, ReliefSource, Shadowing, Surface, Wrap,
+    AlphaMode, Back, Distribution, Facets, InnerReflection, Material, ReliefRule, ReliefSource, Shadowing, Surface,
+    Wrap,
 };
 use glam::{Vec2, Vec3};
 
@@ -32,7 +33,9 @@ fn defaults_are_those_of_mitsuba() {
     assert_eq!(glass.facets, Facets { distribution, shadowing, ..Facets::from(0.1) });
     let Surface::Plastic(plastic) = material("<bsdf type='plastic'/>").surface else { panic!() };
     assert!((plastic.eta - 1.489_587_3).abs() < 1e-6);
-    assert_eq!((plastic.diffuse.factor, plastic.nonlinear), (Vec3::splat(0.5), false));
+    assert_eq!((plastic.diffuse.factor, plastic.inner), (Vec3::splat(0.5), InnerReflection::Linear));
+    let Surface::Plastic(rough) = material("<bsdf type='pplastic'/>").surface else { panic!() };
+    assert_eq!((rough.inner, rough.facets), (InnerReflection::Lost, glass.facets));
     let Surface::Principled(principled) = material("<bsdf type='principled'/>").surface else { panic!() };
     assert_eq!(
         (principled.eta, principled.roughness.factor, principled.base_color.factor),

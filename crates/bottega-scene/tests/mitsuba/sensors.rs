@@ -69,7 +69,7 @@ fn cameras_stand_where_they_look_from() {
     );
     let camera = &loaded.scene.cameras[0];
     assert_eq!(camera.projection, Projection::Orthographic { height: 2.0 });
-    assert_eq!((camera.aspect, camera.fov_axis), (Some(3.0), FovAxis::X));
+    assert_eq!((camera.aspect, camera.pixel_aspect, camera.fov_axis), (Some(2.0), 1.5, FovAxis::X));
 }
 
 #[test]

@@ -286,3 +286,13 @@ fn a_shape_without_volume_is_told_and_left_out() {
     assert!(loaded.scene.instances.is_empty());
     assert!(told(&loaded)[0].contains("squeezed flat"), "{:?}", told(&loaded));
 }
+
+#[test]
+fn a_mesh_without_triangles_is_left_out() {
+    let folder = Folder::new()
+        .with("points.obj", "v 0 0 0\nv 1 0 0\n")
+        .scene("<shape type='obj'><string name='filename' value='points.obj'/></shape><shape type='rectangle'/>");
+    let loaded = folder.load(&bare()).unwrap();
+    assert_eq!((loaded.scene.instances.len(), loaded.scene.triangle_count()), (1, 2));
+    assert!(told(&loaded)[0].contains("has no triangles"), "{:?}", told(&loaded));
+}

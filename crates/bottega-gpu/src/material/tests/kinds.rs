@@ -2,7 +2,8 @@
 
 use bottega_scene::{
     Anisotropy, Channel, Coated, CoatedBase, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets,
-    Iridescence, Layered, Plastic, Principled, RoughnessScale, ScalarParam, Shadowing, Spectrum, Surface,
+    InnerReflection, Iridescence, Layered, Plastic, Principled, RoughnessScale, ScalarParam, Shadowing, Spectrum,
+    Surface,
 };
 
 use super::numbers::Numbers;
@@ -34,7 +35,7 @@ pub(super) const KINDS: &[Kind] = &[
             eta: n.pick(&[1.5, 1.3, 1.9, 0.8]),
             diffuse: n.color_param(images),
             specular: n.color_param(images),
-            nonlinear: n.chance(0.5),
+            inner: n.pick(&[InnerReflection::Linear, InnerReflection::Nonlinear, InnerReflection::Lost]),
             facets: few_facets(n, images),
         })
     }),

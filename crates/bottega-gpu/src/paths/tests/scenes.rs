@@ -170,7 +170,7 @@ pub(super) fn pictures() -> Scene {
         },
         LightKind::Projector {
             world_from_light: place * Affine3A::from_rotation_x(-1.3),
-            image: picture,
+            picture: TextureMap::new(picture),
             intensity: Vec3::new(9.0, 8.0, 5.0),
             vertical_fov: 0.9,
             aspect: 1.4,

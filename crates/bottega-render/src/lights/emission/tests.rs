@@ -107,7 +107,7 @@ fn kinds() -> Vec<(&'static str, Scene)> {
             "projector",
             lit(LightKind::Projector {
                 world_from_light: Affine3A::from_mat4(towards),
-                image: ImageId(0),
+                picture: TextureMap::new(ImageId(0)),
                 intensity,
                 vertical_fov: 0.6,
                 aspect: 1.5,

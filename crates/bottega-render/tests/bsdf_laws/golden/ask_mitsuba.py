@@ -50,6 +50,13 @@ MATERIALS = {
         "type": "roughplastic", "diffuse_reflectance": RGB(0.9, 0.5, 0.1), "int_ior": 1.7, "ext_ior": 1.0,
         "alpha": 0.35, "distribution": "ggx", "nonlinear": True, "specular_reflectance": RGB(0.5, 0.7, 0.9),
     },
+    "pplastic": {
+        "type": "pplastic", "diffuse_reflectance": RGB(0.7, 0.3, 0.1), "int_ior": 1.49, "ext_ior": 1.0, "alpha": 0.1,
+    },
+    "pplastic_stretched": {
+        "type": "pplastic", "diffuse_reflectance": RGB(0.9, 0.5, 0.1), "int_ior": 1.7, "ext_ior": 1.0,
+        "alpha_u": 0.4, "alpha_v": 0.2, "distribution": "ggx", "specular_reflectance": RGB(0.5, 0.7, 0.9),
+    },
     "principled": {"type": "principled", **SOME},
     "principled_metal": {
         "type": "principled", **SOME, "metallic": 0.8, "anisotropic": 0.7, "specular": 0.6, "spec_tint": 0.4,

@@ -164,7 +164,7 @@ impl Converter<'_, '_> {
         let Some(map) = &mtl.bump_map else { return Ok(None) };
         let Some(height) = map.strength else {
             let message = "a bump map without `-bm` has no height, and is left out; give it one in scene units";
-            self.warnings.add(self.place(map.line), message);
+            self.warnings.unsupported(self.place(map.line), message);
             return Ok(None);
         };
         let texture = (self.texture(map, Encoding::Linear)?, Channel::R);

@@ -228,8 +228,11 @@ impl Parsed {
                     };
                     if absolute < 0 || absolute >= totals[kind] as i64 {
                         let (name, total) = (NAMES[kind], totals[kind]);
-                        let said = if absolute < 0 { absolute } else { absolute + 1 };
-                        return Err(([number, which], format!("refers to {name} {said}, but there are {total}")));
+                        let problem = match absolute {
+                            ..0 => format!("counts back to before the first {name}"),
+                            _ => format!("refers to {name} {}, but there are {total}", absolute + 1),
+                        };
+                        return Err(([number, which], problem));
                     }
                     *index = absolute as u32;
                 }

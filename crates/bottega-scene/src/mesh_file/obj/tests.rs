@@ -120,7 +120,7 @@ fn the_line_and_column_of_what_is_wrong_are_named() {
         ("f 0 1 2", 3, "count from 1"),
         ("f 1 2 5", 7, "refers to vertex 5"),
         ("f 1 2 3 1 2 5 3", 13, "refers to vertex 5"),
-        ("  f  1 2 -5", 10, "refers to vertex -1"),
+        ("  f  1 2 -5", 10, "counts back to before the first vertex"),
         ("f 1/1 2/1 3/1", 3, "refers to texture coordinates 1"),
         ("f 1//1 2//1 3//1", 3, "refers to normal 1"),
         ("f 1 2", 3, "three corners"),

@@ -15,6 +15,10 @@ use crate::text::shortened;
 /// Corners of a tube's cross-section.
 const SIDES: u32 = 5;
 
+/// What the radius of a tube's cross-section is multiplied with so that seen from all around it is as wide as the curve on the
+/// average: a convex shape is as wide as its perimeter over π. From no side it is off by more than 3.5 %.
+const WIDENING: f64 = 1.068_959; // π ∕ (5 sin(π ∕ 5))
+
 /// Pieces of one Bézier segment, at most.
 const PIECES_MAX: f64 = 32.0;
 
@@ -155,7 +159,7 @@ fn tube(line: &[Station]) -> Mesh {
         for side in 0..SIDES {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(SIDES)).sin_cos();
             let normal = x * cos + y * sin;
-            mesh.positions.push((station.position + normal * (0.5 * station.width)).as_vec3());
+            mesh.positions.push((station.position + normal * (0.5 * WIDENING * station.width)).as_vec3());
             mesh.normals.push(normal.as_vec3());
             // Across the width, from one edge to the other and back.
             let across = 0.5 + 0.5 * cos;
@@ -220,7 +224,23 @@ mod tests {
             // Distance from the circle of radius 1 in the plane z = 0.
             let p = position.as_dvec3();
             let off = (p.truncate().length() - 1.0).hypot(p.z);
-            assert!((off - 0.05).abs() < 1e-3, "{off}");
+            assert!((off - 0.05 * WIDENING).abs() < 1e-3, "{off}");
         }
+    }
+
+    #[test]
+    fn a_tube_seen_from_all_around_is_as_wide_as_the_curve() {
+        let station = |x: f64| Station { position: DVec3::X * x, tangent: DVec3::X, width: 0.2, u: x };
+        let mesh = tube(&[station(0.0), station(1.0)]);
+        let widths: Vec<f64> = (0..360)
+            .map(|degrees| {
+                let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+                let across = |position: &glam::Vec3| f64::from(position.y) * cos + f64::from(position.z) * sin;
+                let places = || mesh.positions.iter().map(across);
+                places().fold(f64::MIN, f64::max) - places().fold(f64::MAX, f64::min)
+            })
+            .collect();
+        assert!((widths.iter().sum::<f64>() / 360.0 / 0.2 - 1.0).abs() < 1e-3);
+        assert!(widths.iter().all(|width| (width / 0.2 - 1.0).abs() < 0.035), "{widths:?}");
     }
 }
