@@ -123,7 +123,7 @@ fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
     for turn in 0.. {
         // By what is painted and not by the clock: however fast the machine is, there is something left to be disturbed. Nobody
         // paints for ever what is lost each time, so after some seconds it is somebody else's turn.
-        let (begun, share) = (Instant::now(), 0.15 * f64::from(turn + 1));
+        let (begun, share) = (Instant::now(), 0.15 * (turn + 1) as f64);
         let mut job = Value::Null;
         while begun.elapsed() < Duration::from_secs(3) && job["state"] != "done" && job["done"].as_f64() < Some(share) {
             thread::sleep(Duration::from_millis(50));
