@@ -16,6 +16,7 @@ pub(in crate::photon) const SECTORS: usize = 32;
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
 /// Most rays to a cell.
 pub(crate) const EFFORT_MAX: u32 = 16;
+
 /// What is known at one place.
 #[derive(Clone, Debug)]
 pub(crate) struct Record {
