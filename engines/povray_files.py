@@ -43,6 +43,11 @@ def referred_files(scene, library):
     return sorted(found), sorted(set(missing))
 
 
+def has_own_includes():
+    """Whether the include files of POV-Ray itself are here: Debian keeps them in a package of their own."""
+    return any(os.path.isfile(os.path.join(place, "colors.inc")) for place in DEFAULT_LIBRARY)
+
+
 def common_folder(paths):
     """The deepest folder that holds all of these."""
     return os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])

@@ -28,7 +28,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import plain_exr
-from povray_files import common_folder, referred_files
+from povray_files import common_folder, has_own_includes, referred_files
 from povray_gathered import Photons, Radiosity, names_radiosity
 
 DEFAULT_FRAME = (640, 480)
@@ -291,6 +291,8 @@ class PovRay:
         reason = reason.replace(os.path.join(self.scratch, "with_photons.pov"), self.scene)
         if self.missing and "pars" in reason.lower():
             reason += "; these files are missing: " + ", ".join(self.missing[:5])
+            if not has_own_includes() and any(path.lower().endswith(".inc") for path in self.missing):
+                reason += "; the include files that come with POV-Ray are not installed (Debian: apt install povray-includes)"
         return reason
 
     def _follow(self, child, progress):

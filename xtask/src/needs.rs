@@ -120,8 +120,8 @@ pub(crate) fn engines(all: bool) {
         command.status().is_ok_and(|status| status.success())
     };
     if !answers(&["povray", "--version"]) {
-        println!("the tests of engines need POV-Ray: installing povray (apt-get)");
-        if !apt_install(&["povray"]) {
+        println!("the tests of engines need POV-Ray: installing povray and povray-includes (apt-get)");
+        if !apt_install(&["povray", "povray-includes"]) {
             println!("could not install it (no apt-get, or not root): it is not tested");
         }
     }

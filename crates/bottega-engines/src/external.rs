@@ -13,6 +13,7 @@ mod picture;
 mod protocol;
 mod quarantine;
 mod refers;
+mod scratch;
 mod session;
 mod shelf;
 mod shipped;

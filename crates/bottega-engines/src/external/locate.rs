@@ -11,6 +11,7 @@ use super::{
     child::{Guarded, Program, Word},
     error::EngineFault,
     manifest::{Argument, Limits, Manifest, Values, Version, Way},
+    scratch::Scratch,
     shelf::Entry,
 };
 
@@ -37,7 +38,7 @@ impl Located {
     /// It is not here, or in no version that is known to work: with what was tried, and how it is installed.
     pub fn find(entry: &Entry) -> Result<Self, EngineFault> {
         let manifest = &entry.manifest;
-        let scratch = scratch()?;
+        let scratch = Scratch::new()?;
         let mut tried = Vec::new();
         let mut unfit = None;
         for (way_index, way) in manifest.find.iter().enumerate() {
@@ -80,11 +81,6 @@ impl Located {
     pub(super) fn way(&self) -> &Way {
         &self.entry.manifest.find[self.way]
     }
-}
-
-/// A folder of our own that goes when it is dropped.
-pub(super) fn scratch() -> Result<tempfile::TempDir, EngineFault> {
-    tempfile::Builder::new().prefix("bottega-engine-").tempdir().map_err(EngineFault::Scratch)
 }
 
 /// The programs that a way may mean, first those that the user names.

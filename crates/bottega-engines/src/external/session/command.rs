@@ -7,15 +7,15 @@ use std::{
 };
 
 use bottega_image::Rect;
-use tempfile::TempDir;
 
 use super::{Opened, SceneRequest, WindowRequest, Written};
 use crate::external::{
     child::{Guarded, Program, Word},
     error::EngineFault,
-    locate::{Located, run, scratch},
+    locate::{Located, run},
     log_tail,
     manifest::{Argument, FirstRow, Invocation, Shows, Values, limit},
+    scratch::Scratch,
 };
 
 /// The size of a picture where neither scene nor user says.
@@ -26,7 +26,7 @@ const SIDE_MAX: u32 = 1 << 20;
 #[derive(Debug)]
 pub(super) struct CommandLine {
     engine: Arc<Located>,
-    scratch: TempDir,
+    scratch: Scratch,
     request: SceneRequest,
     size: (u32, u32),
     count: u64,
@@ -35,7 +35,7 @@ pub(super) struct CommandLine {
 impl CommandLine {
     /// Makes ready for a scene. Nothing is started but for the question how large it is.
     pub(super) fn open(engine: &Arc<Located>, request: &SceneRequest) -> Result<(Self, Opened), EngineFault> {
-        let scratch = scratch()?;
+        let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
         let mut line =
             Self { engine: Arc::clone(engine), scratch, request: request.clone(), size: DEFAULT_SIZE, count: 0 };

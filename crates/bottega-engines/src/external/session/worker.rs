@@ -9,7 +9,6 @@ use std::{
 };
 
 use bottega_image::{AovSet, Layout, Rect};
-use tempfile::TempDir;
 
 use super::{Files, Opened, SceneRequest, WindowRequest, Written};
 use crate::{
@@ -17,10 +16,11 @@ use crate::{
     external::{
         child::{Guarded, Program, Word},
         error::EngineFault,
-        locate::{Located, scratch},
+        locate::Located,
         log_tail,
         manifest::{Argument, Limits, Values, limit},
         protocol::{Answer, Failed, PaintedFile, Ready, Request, VERSION},
+        scratch::Scratch,
     },
 };
 
@@ -32,7 +32,7 @@ pub(super) struct Worker {
     engine: Arc<Located>,
     // Before the folder: the process ends first.
     child: Guarded,
-    scratch: TempDir,
+    scratch: Scratch,
     next_id: u64,
     frame: Option<u32>,
     wrong_lines: u32,
@@ -50,7 +50,7 @@ struct Patience<'a> {
 
 impl Worker {
     pub(super) fn start(engine: &Arc<Located>) -> Result<Self, EngineFault> {
-        let scratch = scratch()?;
+        let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
         let manifest = engine.manifest();
         let values: Values = [
