@@ -5,12 +5,14 @@
 //!
 //! Sides: Mitsuba decides them by the shading frame, we by the winding of triangles; triangles that disagree with their
 //! vertex normals are turned over. Curved shapes that we have no analytic one for (cylinders, disks, unevenly scaled
-//! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius.
+//! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius. Curves become tubes of
+//! triangles: round ones of 32 sides, down to 5 where there are very many.
 //!
 //! Near and far clipping planes are left out: a path has no use for them after its first vertex.
 
 mod bsdf;
 mod color;
+mod curve;
 mod document;
 mod emitter;
 mod medium;

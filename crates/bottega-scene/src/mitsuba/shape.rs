@@ -58,7 +58,7 @@ impl Shared {
 
 /// A shape in the space of its group.
 #[derive(Clone, Debug)]
-enum Part {
+pub(super) enum Part {
     Mesh(Mesh),
     /// A mesh of the scene that other shapes show as well.
     Shared(u32, DMat4),
@@ -69,7 +69,7 @@ enum Part {
 
 /// An analytic sphere: the unit sphere, transformed.
 #[derive(Clone, Copy, Debug)]
-struct Ball {
+pub(super) struct Ball {
     to_group: DMat4,
     /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
     /// an instance does not count.
@@ -123,6 +123,7 @@ impl Importer<'_> {
             "rectangle" => solids::rectangle(),
             "cube" => solids::cube(),
             "disk" => solids::disk(),
+            "bsplinecurve" | "linearcurve" => return self.curves(object, matrix),
             "cylinder" => return self.cylinder(object, matrix),
             "sphere" => return self.sphere(object, matrix),
             "instance" => return self.instance(object, matrix),
@@ -218,7 +219,7 @@ impl Importer<'_> {
     }
 
     /// Gives a mesh its material and its place.
-    fn finish(
+    pub(super) fn finish(
         &mut self,
         object: &Object,
         mut mesh: Mesh,
