@@ -50,7 +50,6 @@ impl Importer<'_> {
         rings: impl Fn(&[Vec4]) -> Vec<Ring>,
     ) -> Result<Option<Mesh>, SceneError> {
         let sides = sides(segments);
-        let (path, place) = (self.report.path(object.at.file), self.report.show(object.at));
         let mut mesh = Mesh::default();
         let mut before = 0.0;
         for points in curves.iter() {
@@ -59,7 +58,7 @@ impl Importer<'_> {
             if !rings.iter().all(is_in_reach) {
                 return Ok(None);
             }
-            self.resources.budget().take(path, &place, tube::memory_bytes(rings.len(), sides))?;
+            self.take(object.at, tube::memory_bytes(rings.len(), sides))?;
             if mesh.positions.len() + rings.len() * (sides as usize + 1) > u32::MAX as usize {
                 let problem = "the curves have more corners than a mesh can hold; share them out to several files";
                 return Err(self.report.invalid(object.at, problem));

@@ -149,6 +149,21 @@ impl<'a> Importer<'a> {
         Ok(object)
     }
 
+    /// Books memory for what stands at a place.
+    fn take(&self, at: Place, bytes: usize) -> Result<(), SceneError> {
+        self.placed(at, self.resources.budget().take(self.report.path(at.file), "", bytes))
+    }
+
+    /// Adds the place to a refusal of memory. Only then: shapes may be millions.
+    fn placed(&self, at: Place, taken: Result<(), SceneError>) -> Result<(), SceneError> {
+        taken.map_err(|error| match error {
+            SceneError::Limit { path, problem, remedy, .. } => {
+                SceneError::Limit { path, place: self.report.show(at), problem, remedy }
+            }
+            other => other,
+        })
+    }
+
     /// A problem with a value as an error.
     fn bad<T>(&self, result: Result<T, (Place, String)>) -> Result<T, SceneError> {
         result.map_err(|(at, problem)| self.report.invalid(at, problem))
