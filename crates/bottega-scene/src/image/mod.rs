@@ -136,6 +136,19 @@ impl Image {
         Self::from_linear_rgb(self.name, width, height, texels)
     }
 
+    /// The picture with an edge of black texels without opacity around it.
+    pub(crate) fn framed(self) -> Self {
+        let texels = match &self.texels {
+            Texels::Gray8(pyramid) => Texels::Gray8(pyramid.framed()),
+            Texels::Rgb8(pyramid) => Texels::Rgb8(pyramid.framed()),
+            Texels::Rgba8(pyramid) => Texels::Rgba8(pyramid.framed()),
+            Texels::Rgba16(pyramid) => Texels::Rgba16(pyramid.framed()),
+            Texels::Rgb32(pyramid) => Texels::Rgb32(pyramid.framed()),
+            Texels::Rgba32(pyramid) => Texels::Rgba32(pyramid.framed()),
+        };
+        Self { name: self.name, texels }
+    }
+
     /// Columns and rows of the finest level.
     pub fn size(&self) -> (u32, u32) {
         self.level_size(0)
