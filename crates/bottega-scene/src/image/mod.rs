@@ -13,7 +13,7 @@ mod srgb;
 use glam::Vec4;
 
 pub(crate) use decode::{Decoded, Header, PictureFault};
-pub(crate) use pictures::{Pictures, too_large, unreadable};
+pub(crate) use pictures::{Framed, Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 pub use raw::{LevelTexels, linear_of_srgb_codes};

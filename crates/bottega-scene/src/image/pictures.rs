@@ -31,6 +31,13 @@ enum Change {
     Framed,
 }
 
+/// A picture with an edge of black texels around it.
+pub(crate) struct Framed {
+    pub(crate) id: ImageId,
+    /// Columns and rows without the edge.
+    pub(crate) size: (u32, u32),
+}
+
 struct Wanted {
     location: Location,
     encoding: Encoding,
@@ -66,18 +73,19 @@ impl<'a> Pictures<'a> {
         self.want_changed(location, encoding, if gray { Change::Gray } else { Change::None }, place)
     }
 
-    /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). What follows is its size without
-    /// them. `None`: it cannot be read, and will be replaced.
+    /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). `None`: it cannot be read, and
+    /// would be replaced.
     pub(crate) fn want_framed(
         &mut self,
         reference: &str,
         encoding: Encoding,
         place: &str,
-    ) -> Result<Option<(ImageId, (u32, u32))>, SceneError> {
+    ) -> Result<Option<Framed>, SceneError> {
         let location = self.resources.locate(reference, place)?;
         let Ok(bytes) = self.resources.read(&location) else { return Ok(None) };
         let Ok(header) = Header::read(&bytes, self.pixels_max) else { return Ok(None) };
-        Ok(Some((self.want_changed(location, encoding, Change::Framed, place), header.size())))
+        let id = self.want_changed(location, encoding, Change::Framed, place);
+        Ok(Some(Framed { id, size: header.size() }))
     }
 
     fn want_changed(&mut self, location: Location, encoding: Encoding, change: Change, place: &str) -> ImageId {

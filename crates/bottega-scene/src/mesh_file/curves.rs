@@ -80,8 +80,7 @@ fn point(line: &[u8]) -> Result<Vec4, Fault<'_>> {
             let text = String::from_utf8_lossy(word);
             Fault::new(word, format!("`{}` is no number; a control point is `x y z radius`", shortened(&text)))
         })?;
-        // What is not a number fails this, too.
-        if !(value.abs() <= COORDINATE_MAX) {
+        if value.is_nan() || value.abs() > COORDINATE_MAX {
             return Err(Fault::new(word, format!("the {name} is out of reach: beyond {COORDINATE_MAX:e}")));
         }
         if name == "radius" && value < 0.0 {

@@ -12,7 +12,7 @@ use super::mapping::{mapping, within_frame};
 use super::params::Params;
 use super::token::Place;
 use super::world::{Entity, World};
-use crate::image::{Encoding, Pictures};
+use crate::image::{Encoding, Framed, Pictures};
 use crate::text::shortened;
 use crate::{Channel, ColorParam, Image, ImageId, ScalarParam, SceneError, Spectrum, TextureMap, Wrap};
 
@@ -417,7 +417,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         let framed = if is_black { self.pictures.want_framed(file, encoding, &place)? } else { None };
         let mut picture_from_uv = mapping(context, params)?;
         let picture = match framed {
-            Some((picture, size)) => {
+            Some(Framed { id: picture, size }) => {
                 picture_from_uv = within_frame(size) * picture_from_uv;
                 picture
             }
