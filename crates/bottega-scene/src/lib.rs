@@ -33,6 +33,7 @@ mod summary;
 mod surface;
 mod text;
 mod texture;
+mod tube;
 mod validate;
 
 pub use camera::{Camera, FovAxis, Projection};

@@ -265,6 +265,41 @@ fn a_mesh_and_a_picture_that_are_used_often_are_there_once() {
     assert_eq!((scene.meshes.len(), scene.instances.len(), scene.images.len()), (2, 3, 1));
 }
 
+/// pbrt takes 0 for each texel beyond the edge before it interpolates (`wrap`, its file format's Textures).
+#[test]
+fn pictures_that_wrap_black_end_at_their_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let texels: Vec<u8> = [1.0f32; 4 * 2 * 3].iter().flat_map(|value| value.to_le_bytes()).collect();
+    std::fs::write(folder.path().join("a.pfm"), [b"PF\n4 2\n-1.0\n".to_vec(), texels].concat()).unwrap();
+    let path = folder.path().join("scene.pbrt");
+    let load_text = |more: &str| {
+        let text = format!(
+            r#"WorldBegin Texture "a" "spectrum" "imagemap" "string filename" "a.pfm" "string wrap" "black" {more}
+            Material "diffuse" "texture reflectance" "a" {TRIANGLE} "point2 uv" [ 0 0 1 0 0 1 ]"#
+        );
+        std::fs::write(&path, text).unwrap();
+        let loaded = load(&path, &LoadOptions { add_sky: false, strict: true, ..LoadOptions::default() });
+        loaded.unwrap_or_else(|error| panic!("{error}")).scene
+    };
+    let at = |scene: &Scene, u: f32, v: f32| {
+        let material = scene.meshes[0].material as usize;
+        let Surface::Diffuse(diffuse) = &scene.materials[material].surface else { panic!("not matte") };
+        diffuse.reflectance.eval(scene, [Vec2::new(u, 1.0 - v); 2], 0.0).x
+    };
+    let scene = load_text("");
+    // Within, on the edge, half of a texel beyond it, and far away.
+    for (u, v, expected) in
+        [(0.5, 0.5, 1.0), (0.0, 0.5, 0.5), (0.5, 1.0, 0.5), (0.0, 0.0, 0.25), (1.0625, 0.5, 0.25), (-0.2, 0.5, 0.0)]
+    {
+        assert!((at(&scene, u, v) - expected).abs() < 1e-5, "{u} {v}: {}", at(&scene, u, v));
+    }
+    assert!(at(&scene, 7.5, 0.5) == 0.0 && at(&scene, 0.5, -100.0) == 0.0);
+    let scene = load_text(r#""string filter" "point" "float uscale" 2 "bool invert" true"#);
+    for (u, expected) in [(0.25, 0.0), (0.49, 0.0), (0.51, 1.0), (-0.01, 1.0)] {
+        assert!((at(&scene, u, 0.5) - expected).abs() < 1e-5, "{u}: {}", at(&scene, u, 0.5));
+    }
+}
+
 #[test]
 fn textures_that_no_picture_shows_are_baked() {
     let scene = world(&format!(

@@ -40,7 +40,7 @@ struct Case {
 enum Place {
     /// In the folder of scenes.
     Shared(&'static str),
-    /// Beside these tests. A reference there, `NAME.exr`, was painted by Mitsuba 3.9.1 (`llvm_ad_rgb`, box filter) in
+    /// Beside these tests. A reference there, `NAME.exr`, was painted by Mitsuba 3.9.1 (`llvm_ad_rgb`, curves `scalar_rgb`, box filter) in
     /// batches of several seeds; `NAME-error.exr` is the standard error of its luminance, from their differences.
     Own(&'static str),
 }
@@ -254,6 +254,11 @@ fn smoke_of_pbrt() {
 #[test]
 fn colored_smoke_of_mitsuba() {
     Case::of(Place::Own("colored-smoke.xml"), Place::Own("colored-smoke.exr"), 1, 256).check();
+}
+
+#[test]
+fn curves_of_mitsuba() {
+    Case::of(Place::Own("curves.xml"), Place::Own("curves.exr"), 1, 256).check();
 }
 
 #[test]

@@ -13,7 +13,7 @@ mod srgb;
 use glam::Vec4;
 
 pub(crate) use decode::{Decoded, Header, PictureFault};
-pub(crate) use pictures::{Pictures, too_large, unreadable};
+pub(crate) use pictures::{Framed, Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 pub use raw::{LevelTexels, linear_of_srgb_codes};
@@ -134,6 +134,19 @@ impl Image {
         }
         let texels = texels().map(|texel| [texel.truncate().dot(WEIGHTS); 3]).collect();
         Self::from_linear_rgb(self.name, width, height, texels)
+    }
+
+    /// The picture with an edge of black texels without opacity around it.
+    pub(crate) fn framed(self) -> Self {
+        let texels = match &self.texels {
+            Texels::Gray8(pyramid) => Texels::Gray8(pyramid.framed()),
+            Texels::Rgb8(pyramid) => Texels::Rgb8(pyramid.framed()),
+            Texels::Rgba8(pyramid) => Texels::Rgba8(pyramid.framed()),
+            Texels::Rgba16(pyramid) => Texels::Rgba16(pyramid.framed()),
+            Texels::Rgb32(pyramid) => Texels::Rgb32(pyramid.framed()),
+            Texels::Rgba32(pyramid) => Texels::Rgba32(pyramid.framed()),
+        };
+        Self { name: self.name, texels }
     }
 
     /// Columns and rows of the finest level.

@@ -16,16 +16,32 @@ pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
     wanted: Vec<Wanted>,
-    id_of: BTreeMap<(Location, bool, bool), ImageId>,
+    id_of: BTreeMap<(Location, bool, Change), ImageId>,
     /// Pictures that are there already: where they go in the list.
     made: Vec<(usize, Image)>,
+}
+
+/// What is done to a picture after it is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Change {
+    None,
+    /// Its luminance in all channels.
+    Gray,
+    /// An edge of black texels around it.
+    Framed,
+}
+
+/// A picture with an edge of black texels around it.
+pub(crate) struct Framed {
+    pub(crate) id: ImageId,
+    /// Columns and rows without the edge.
+    pub(crate) size: (u32, u32),
 }
 
 struct Wanted {
     location: Location,
     encoding: Encoding,
-    /// Whether its luminance is wanted in all channels.
-    gray: bool,
+    change: Change,
     /// Where it was first asked for.
     place: String,
 }
@@ -54,12 +70,31 @@ impl<'a> Pictures<'a> {
     ///
     /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
     pub(crate) fn want_at(&mut self, location: Location, encoding: Encoding, gray: bool, place: &str) -> ImageId {
+        self.want_changed(location, encoding, if gray { Change::Gray } else { Change::None }, place)
+    }
+
+    /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). `None`: it cannot be read, and
+    /// would be replaced.
+    pub(crate) fn want_framed(
+        &mut self,
+        reference: &str,
+        encoding: Encoding,
+        place: &str,
+    ) -> Result<Option<Framed>, SceneError> {
+        let location = self.resources.locate(reference, place)?;
+        let Ok(bytes) = self.resources.read(&location) else { return Ok(None) };
+        let Ok(header) = Header::read(&bytes, self.pixels_max) else { return Ok(None) };
+        let id = self.want_changed(location, encoding, Change::Framed, place);
+        Ok(Some(Framed { id, size: header.size() }))
+    }
+
+    fn want_changed(&mut self, location: Location, encoding: Encoding, change: Change, place: &str) -> ImageId {
         let next = ImageId((self.wanted.len() + self.made.len()) as u32);
-        let key = (location, encoding == Encoding::Srgb, gray);
+        let key = (location, encoding == Encoding::Srgb, change);
         if let Some(&id) = self.id_of.get(&key) {
             return id;
         }
-        self.wanted.push(Wanted { location: key.0.clone(), encoding, gray, place: place.into() });
+        self.wanted.push(Wanted { location: key.0.clone(), encoding, change, place: place.into() });
         self.id_of.insert(key, next);
         next
     }
@@ -82,7 +117,11 @@ impl<'a> Pictures<'a> {
                 let decoded = Decoded::read(&bytes, header?)?;
                 drop(bytes);
                 let image = decoded.into_image(&wanted.location.name, wanted.encoding);
-                Ok(if wanted.gray { image.luminance() } else { image })
+                Ok(match wanted.change {
+                    Change::None => image,
+                    Change::Gray => image.luminance(),
+                    Change::Framed => image.framed(),
+                })
             })
             .collect();
         let finish = |(wanted, image): (&Wanted, Result<Image, String>)| {
@@ -110,8 +149,13 @@ impl<'a> Pictures<'a> {
         };
         match Header::read(&bytes, self.pixels_max) {
             Ok(header) => {
-                // What becomes gray is kept as floats.
-                let factor = if wanted.gray { 12 } else { 1 };
+                let factor = match wanted.change {
+                    Change::None => 1,
+                    // What becomes gray is kept as floats.
+                    Change::Gray => 12,
+                    // A single texel becomes nine, beside itself on the way.
+                    Change::Framed => 10,
+                };
                 let bytes = header.memory_bytes().saturating_mul(factor);
                 self.resources.budget().take(wanted.location.path(), "", bytes)?;
                 Ok(Ok(header))

@@ -150,6 +150,18 @@ impl<T: Texel> Pyramid<T> {
         Self { encoding, levels }
     }
 
+    /// The same with an edge of texels around it that are all 0.
+    pub(super) fn framed(&self) -> Self {
+        let Level { width, height, texels } = &self.levels[0];
+        let nothing = T::encode(Vec4::ZERO, self.encoding);
+        let columns = *width as usize + 2;
+        let mut framed = vec![nothing; columns * (*height as usize + 2)];
+        for (row, inside) in framed.chunks_exact_mut(columns).skip(1).zip(texels.chunks_exact(*width as usize)) {
+            row[1..columns - 1].copy_from_slice(inside);
+        }
+        Self::new(width + 2, height + 2, framed, self.encoding)
+    }
+
     pub(super) fn table(&self) -> &'static [f32; 256] {
         self.encoding.table()
     }

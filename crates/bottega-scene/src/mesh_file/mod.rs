@@ -1,9 +1,10 @@
-//! Files that hold a mesh: PLY, OBJ with its materials, Mitsuba's serialized meshes.
+//! Files that hold a mesh: PLY, OBJ with its materials, Mitsuba's serialized meshes. Mitsuba's files of curves, too.
 //!
 //! Texture coordinates are those of the file: whoever asked for the mesh knows whether v points up or down there, and
 //! calls [`Mesh::flip_v`] where it points up. Numbers that are no positions, and indices of vertices that are not
 //! there, are errors that name the place; normals without direction are mended.
 
+pub(crate) mod curves;
 mod inflate;
 mod lines;
 pub(crate) mod mtl;

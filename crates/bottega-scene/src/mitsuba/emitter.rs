@@ -158,7 +158,7 @@ impl Importer<'_> {
             return Err(self.report.invalid(object.at, "a picture cannot fill a cone of 89 degrees or more"));
         }
         let bytes = (SLIDE_SIDE * SLIDE_SIDE) as usize * size_of::<[f32; 3]>();
-        self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+        self.take(object.at, bytes)?;
         let vertical_fov = 2.0 * slide.cutoff as f32;
         self.slides.push((self.scene.lights.len(), slide));
         let world_from_light = super::sensor::looking(&rotation, position);

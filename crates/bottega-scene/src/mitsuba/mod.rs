@@ -5,12 +5,14 @@
 //!
 //! Sides: Mitsuba decides them by the shading frame, we by the winding of triangles; triangles that disagree with their
 //! vertex normals are turned over. Curved shapes that we have no analytic one for (cylinders, disks, unevenly scaled
-//! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius.
+//! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius. Curves become tubes of
+//! triangles: round ones of 32 sides, down to 5 where there are very many.
 //!
 //! Near and far clipping planes are left out: a path has no use for them after its first vertex.
 
 mod bsdf;
 mod color;
+mod curve;
 mod document;
 mod emitter;
 mod medium;
@@ -145,6 +147,21 @@ impl<'a> Importer<'a> {
             return Err(self.report.invalid(object.at, "references multiply beyond measure"));
         }
         Ok(object)
+    }
+
+    /// Books memory for what stands at a place.
+    fn take(&self, at: Place, bytes: usize) -> Result<(), SceneError> {
+        self.placed(at, self.resources.budget().take(self.report.path(at.file), "", bytes))
+    }
+
+    /// Adds the place to a refusal of memory. Only then: shapes may be millions.
+    fn placed(&self, at: Place, taken: Result<(), SceneError>) -> Result<(), SceneError> {
+        taken.map_err(|error| match error {
+            SceneError::Limit { path, problem, remedy, .. } => {
+                SceneError::Limit { path, place: self.report.show(at), problem, remedy }
+            }
+            other => other,
+        })
     }
 
     /// A problem with a value as an error.

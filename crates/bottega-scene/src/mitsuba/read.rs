@@ -335,7 +335,7 @@ impl Reader<'_, '_> {
             }
         }
         expanded.push_str(rest);
-        self.resources.budget().take(self.report.path(at.file), "", expanded.len())?;
+        self.resources.budget().take(self.report.path(at.file), &self.report.show(at), expanded.len())?;
         Ok(expanded)
     }
 

@@ -58,7 +58,7 @@ impl Shared {
 
 /// A shape in the space of its group.
 #[derive(Clone, Debug)]
-enum Part {
+pub(super) enum Part {
     Mesh(Mesh),
     /// A mesh of the scene that other shapes show as well.
     Shared(u32, DMat4),
@@ -69,7 +69,7 @@ enum Part {
 
 /// An analytic sphere: the unit sphere, transformed.
 #[derive(Clone, Copy, Debug)]
-struct Ball {
+pub(super) struct Ball {
     to_group: DMat4,
     /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
     /// an instance does not count.
@@ -97,7 +97,7 @@ impl Importer<'_> {
             match part {
                 Part::Mesh(mesh) => self.scene.push_surface(mesh),
                 Part::Shared(mesh, matrix) => self.show(mesh, &matrix, self.document.get(id).at)?,
-                Part::Sphere(ball) => self.add_ball(ball)?,
+                Part::Sphere(ball) => self.add_ball(ball, self.document.get(id).at)?,
                 Part::Group(group, matrix) => self.add_instance(group, matrix)?,
             }
         }
@@ -123,6 +123,7 @@ impl Importer<'_> {
             "rectangle" => solids::rectangle(),
             "cube" => solids::cube(),
             "disk" => solids::disk(),
+            "bsplinecurve" | "linearcurve" => return self.curves(object, matrix),
             "cylinder" => return self.cylinder(object, matrix),
             "sphere" => return self.sphere(object, matrix),
             "instance" => return self.instance(object, matrix),
@@ -170,14 +171,14 @@ impl Importer<'_> {
 
     /// Shows a mesh of the scene.
     fn show(&mut self, mesh: u32, matrix: &DMat4, at: Place) -> Result<(), SceneError> {
-        self.resources.budget().take(self.report.path(at.file), "", size_of::<Instance>())?;
+        self.take(at, size_of::<Instance>())?;
         let mirrors = DMat3::from_mat4(*matrix).determinant() < 0.0;
         let (mesh, matrix) = match self.shared.mirrored.get(&mesh) {
             _ if !mirrors => (mesh, *matrix),
             Some(&mirrored) => (mirrored, *matrix * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0))),
             None => {
                 let original = &self.scene.meshes[mesh as usize];
-                self.resources.budget().take(self.report.path(at.file), "", original.memory_bytes())?;
+                self.take(at, original.memory_bytes())?;
                 let copy = original.clone().mirrored();
                 let mirrored = self.scene.push_mesh(copy);
                 self.shared.mirrored.insert(mesh, mirrored);
@@ -218,7 +219,7 @@ impl Importer<'_> {
     }
 
     /// Gives a mesh its material and its place.
-    fn finish(
+    pub(super) fn finish(
         &mut self,
         object: &Object,
         mut mesh: Mesh,
@@ -234,7 +235,7 @@ impl Importer<'_> {
         if mesh.name.is_empty() {
             mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
         }
-        self.resources.budget().take(self.report.path(object.at.file), "", mesh.memory_bytes())?;
+        self.take(object.at, mesh.memory_bytes())?;
         if needs.face_colors {
             mesh = self.with_face_colors(object, mesh)?;
         }
@@ -298,8 +299,8 @@ impl Importer<'_> {
         let object = self.visit(id)?;
         // Groups of groups multiply: what is too much is refused before any of it is made.
         let shapes = self.shape_count(id, &mut BTreeMap::new());
-        let path = self.report.path(object.at.file);
-        self.resources.budget().check(path, shapes.saturating_mul(size_of::<(u32, DMat4)>()))?;
+        let bytes = shapes.saturating_mul(size_of::<(u32, DMat4)>());
+        self.placed(object.at, self.resources.budget().check(self.report.path(object.at.file), bytes))?;
         let mut group = Group::default();
         for child in &object.children {
             if self.document.get(child.object).class != Class::Shape {
@@ -316,7 +317,7 @@ impl Importer<'_> {
                         let Some(inner) = self.groups.get(&inner) else { continue };
                         let bytes =
                             inner.meshes.len() * size_of::<(u32, DMat4)>() + inner.balls.len() * size_of::<Ball>();
-                        self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+                        self.take(object.at, bytes)?;
                         // Groups in groups grow as fast as their depth.
                         let room = group.meshes.try_reserve(inner.meshes.len());
                         if room.and_then(|()| group.balls.try_reserve(inner.balls.len())).is_err() {
@@ -363,16 +364,16 @@ impl Importer<'_> {
             self.show(mesh, &(matrix * inside), at)?;
         }
         let bytes = group.balls.len() * size_of::<Sphere>();
-        self.resources.budget().take(self.report.path(at.file), "", bytes)?;
+        self.take(at, bytes)?;
         for &ball in &group.balls {
-            self.add_ball(Ball { to_group: matrix * ball.to_group, ..ball })?;
+            self.add_ball(Ball { to_group: matrix * ball.to_group, ..ball }, at)?;
         }
         self.groups.insert(id, group);
         Ok(())
     }
 
     /// Shows a sphere of world space: as it is where it is round, else as triangles.
-    fn add_ball(&mut self, ball: Ball) -> Result<(), SceneError> {
+    fn add_ball(&mut self, ball: Ball, at: Place) -> Result<(), SceneError> {
         let linear = DMat3::from_mat4(ball.to_group);
         let center = ball.to_group.w_axis.truncate();
         let determinant = linear.determinant();
@@ -397,8 +398,7 @@ impl Importer<'_> {
         }
         let normals = Normals { flat: false, flipped: ball.inward };
         let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
-        let at = self.report.path(0).to_path_buf();
-        self.resources.budget().take(&at, "", mesh.memory_bytes())?;
+        self.take(at, mesh.memory_bytes())?;
         if let Some(mesh) = place(mesh, &ball.to_group, normals, ball.needs) {
             self.scene.push_surface(mesh);
         }

@@ -65,7 +65,7 @@ impl Importer<'_> {
         // What is painted has +y as its zenith: x of the sky is −z of the picture, y is −x.
         let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
         let bytes = (WIDTH * HEIGHT * 16) as usize;
-        self.resources.budget().take(self.report.path(object.at.file), "", bytes)?;
+        self.take(object.at, bytes)?;
         let sky = Sky::new(sun, turbidity, albedo);
         let image = self.pictures.add(sky.image(&sky_from_picture, sky_scale, sun_scale, aperture));
         let world_from_environment = (world_from_sky * sky_from_picture).as_mat3();

@@ -23,6 +23,7 @@ mod environment;
 mod film;
 mod grid;
 mod light;
+mod mapping;
 mod material;
 mod medium;
 mod movement;

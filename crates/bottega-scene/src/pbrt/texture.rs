@@ -8,10 +8,11 @@ use glam::{Affine2, DVec3, Vec2};
 use super::bake::{Bake, projection_image, scalar_image};
 use super::color::{Color, ColorSpace, Meaning};
 use super::context::{Context, Outcome};
+use super::mapping::{mapping, within_frame};
 use super::params::Params;
 use super::token::Place;
 use super::world::{Entity, World};
-use crate::image::{Encoding, Pictures};
+use crate::image::{Encoding, Framed, Pictures};
 use crate::text::shortened;
 use crate::{Channel, ColorParam, Image, ImageId, ScalarParam, SceneError, Spectrum, TextureMap, Wrap};
 
@@ -412,10 +413,20 @@ impl<'a, 'w> Textures<'a, 'w> {
             }
         };
         let place = context.place(at);
-        let picture = self.pictures.want(file, encoding, &place)?;
+        let is_black = params.text("wrap")? == Some("black");
+        let framed = if is_black { self.pictures.want_framed(file, encoding, &place)? } else { None };
+        let mut picture_from_uv = mapping(context, params)?;
+        let picture = match framed {
+            Some(Framed { id: picture, size }) => {
+                picture_from_uv = within_frame(size) * picture_from_uv;
+                picture
+            }
+            None => self.pictures.want(file, encoding, &place)?,
+        };
         let wrap = match params.text("wrap")?.unwrap_or("repeat") {
             "repeat" => Wrap::Repeat,
-            "clamp" => Wrap::Clamp,
+            // Black is what lies around a picture with a black edge.
+            "clamp" | "black" => Wrap::Clamp,
             other => {
                 let message = format!("the wrap mode \"{}\" is replaced by \"clamp\"", shortened(other));
                 context.unsupported(params.place_of("wrap"), message);
@@ -427,7 +438,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(Node::Picture(PictureNode {
             picture,
             is_scalar,
-            picture_from_uv: mapping(context, params)?,
+            picture_from_uv,
             wrap,
             smooth,
             scale: params.float("scale")?.unwrap_or(1.0),
@@ -435,29 +446,6 @@ impl<'a, 'w> Textures<'a, 'w> {
             gamma,
         }))
     }
-}
-
-/// Where on a picture (v downwards) a point of a surface is.
-fn mapping(context: &mut Context<'_>, params: &Params) -> Outcome<Affine2> {
-    let kind = params.text("mapping")?.unwrap_or("uv");
-    if kind != "uv" {
-        params.ignore(&["v1", "v2"]);
-        let message = format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
-        context.unsupported(params.place_of("mapping"), message);
-    }
-    let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
-    let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
-    let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
-    // t = scale_v · (1 − v) + delta_v, counted upwards; 1 − t, downwards.
-    let mapping = Affine2::from_cols_array(&[
-        scale_u as f32,
-        0.0,
-        0.0,
-        scale_v as f32,
-        delta_u as f32,
-        (1.0 - scale_v - delta_v) as f32,
-    ]);
-    if mapping.is_finite() { Ok(mapping) } else { Err(params.at.fault("the mapping exceeds all bounds").into()) }
 }
 
 /// The value of a tree that is the same everywhere.

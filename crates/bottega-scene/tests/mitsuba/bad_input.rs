@@ -87,6 +87,10 @@ fn nothing_expands_without_limit() {
     for options in [LoadOptions { max_memory_bytes: 64 << 20, ..bare() }, bare()] {
         let error = folder.load(&options).unwrap_err().to_string();
         assert!(error.contains("memory") || error.contains("multiply"), "{error}");
+        // A group within the groups, by its line: they start in the second.
+        let line = error.split_once("scene.xml:").and_then(|(_, rest)| rest.split_once(':')).map(|(line, _)| line);
+        let line: usize = line.and_then(|line| line.parse().ok()).unwrap_or_else(|| panic!("no line: {error}"));
+        assert!((2..=27).contains(&line), "{error}");
     }
     // A chain of references.
     let mut chain = String::from("<bsdf type='diffuse' id='c0'/>");

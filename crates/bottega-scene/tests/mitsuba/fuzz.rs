@@ -237,3 +237,37 @@ fn headers_of_grids_that_cannot_be_true_are_refused() {
         assert!(error.contains(problem), "{at}, {word:?}: {error}");
     }
 }
+
+/// Files of curves that are damaged, by bytes and by numbers that hurt: an error or a sound scene.
+#[test]
+fn damaged_curves_do_no_harm() {
+    const FILE: &str = "-1 0 0 0.1\n1 0 0 0.2\n2 1e-3 0 0.2\n3 0 1 0\n\n0 -2 0 0.2\n0 -1 0 0.2\n0 0 0 0.2\n0 1 0 0.2\n";
+    const NUMBERS: [&str; 8] = ["nan", "1e17", "-1e17", "1e-38", "0", "-0", "inf", "9e9"];
+    for plugin in ["bsplinecurve", "linearcurve"] {
+        let content = format!("<shape type='{plugin}'><string name='filename' value='hair.txt'/></shape>");
+        let folder = Folder::new().scene(&content);
+        let path = folder.path().with_file_name("hair.txt");
+        let options = LoadOptions { max_memory_bytes: 64 << 20, ..bare() };
+        let mutated = |random: &mut Random| {
+            let mut words: Vec<String> = FILE.split_inclusive(char::is_whitespace).map(String::from).collect();
+            for _ in 0..random.below(4) {
+                let at = random.below(words.len());
+                let end = words[at].chars().last().unwrap_or(' ');
+                words[at] = format!("{}{end}", NUMBERS[random.below(NUMBERS.len())]);
+            }
+            let mut file = words.concat().into_bytes();
+            if random.below(2) == 0 {
+                let at = random.below(file.len());
+                damage(&mut file, at, random);
+            }
+            file
+        };
+        let load = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            let loaded = folder.load(&options);
+            loaded.map(|loaded| loaded.scene.validate().unwrap()).is_ok()
+        };
+        let share = survive(plugin, 1500, mutated, load);
+        assert!(share > 0.1 && share < 0.9, "{plugin}: {share}");
+    }
+}

@@ -296,3 +296,60 @@ fn a_mesh_without_triangles_is_left_out() {
     assert_eq!((loaded.scene.instances.len(), loaded.scene.triangle_count()), (1, 2));
     assert!(told(&loaded)[0].contains("has no triangles"), "{:?}", told(&loaded));
 }
+
+/// The file of Mitsuba's documentation for `linearcurve`, made smaller, and one for `bsplinecurve`.
+const CURVES: &str = "-1 0 0 0.1\n1 0 0 0.1\n\n0 -2 0 0.2\n0 -1 0 0.2\n0 0 0 0.2\n0 1 0 0.2\n";
+
+fn curves(plugin: &str, file: &str, inner: &str) -> bottega_scene::Loaded {
+    let content = format!("<shape type='{plugin}'><string name='filename' value='hair.txt'/>{inner}</shape>");
+    let folder = Folder::new().with("hair.txt", file).scene(&content);
+    folder.load(&bare()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn curves_keep_their_radii_whatever_moves_them() {
+    let scaled = "<transform name='to_world'><scale x='3' y='-2'/></transform>";
+    for (inner, x, y) in [("", 1.0, 1.0), (scaled, 3.0, 2.0)] {
+        let loaded = curves("linearcurve", CURVES, inner);
+        assert_eq!(told(&loaded), Vec::<String>::new());
+        // Cylinders between, spheres at the ends.
+        let expected = 2.0 * PI * (0.1 * 2.0 * x + 0.2 * 3.0 * y) + 4.0 * PI * (0.01 + 0.04);
+        assert!((world_area(&loaded.scene) / expected - 1.0).abs() < 5e-3, "{} {expected}", world_area(&loaded.scene));
+        let mesh = &loaded.scene.meshes[0];
+        assert!(mesh.triangles.iter().all(|triangle| {
+            let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+            (b - a).cross(c - a).dot(mesh.normals[triangle[0] as usize]) > 0.0
+        }));
+    }
+    // Of four control points, the one piece between the inner two, open at its ends.
+    let spline = curves("bsplinecurve", CURVES.split_once("\n\n").unwrap().1, "");
+    assert!((world_area(&spline.scene) / (2.0 * PI * 0.2) - 1.0).abs() < 5e-3, "{}", world_area(&spline.scene));
+}
+
+#[test]
+fn instances_scale_curves_as_a_whole() {
+    let group = "<shape type='shapegroup' id='g'><shape type='linearcurve'><string name='filename' value='hair.txt'/>
+        </shape></shape>
+        <shape type='instance'><ref id='g'/><transform name='to_world'><scale value='2'/></transform></shape>";
+    let once = world_area(&curves("linearcurve", CURVES, "").scene);
+    let scene = Folder::new().with("hair.txt", CURVES).scene(group).load(&bare()).unwrap().scene;
+    assert!((world_area(&scene) / once / 4.0 - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn curves_that_cannot_be_are_refused_by_file_and_place() {
+    for (plugin, file, place) in [
+        ("bsplinecurve", CURVES, "line 1, column 1"),
+        ("linearcurve", "0 0 0 1\n0 0 one 1\n", "line 2, column 5"),
+        ("linearcurve", "", "no control points"),
+    ] {
+        let content = format!("<shape type='{plugin}'><string name='filename' value='hair.txt'/></shape>");
+        let folder = Folder::new().with("hair.txt", file).scene(&content);
+        let error = folder.load(&bare()).unwrap_err().to_string();
+        assert!(error.contains("hair.txt") && error.contains(place), "{error}");
+    }
+    let content = "<shape type='linearcurve'><string name='filename' value='hair.txt'/></shape>";
+    let small = bottega_scene::LoadOptions { max_memory_bytes: 10_000, ..bare() };
+    let error = Folder::new().with("hair.txt", CURVES).scene(content).load(&small).unwrap_err().to_string();
+    assert!(error.contains("scene.xml:2:1"), "{error}");
+}

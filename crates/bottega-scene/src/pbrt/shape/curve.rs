@@ -11,6 +11,7 @@ use super::super::token::Place;
 use super::{Geometry, positions};
 use crate::Mesh;
 use crate::text::shortened;
+use crate::tube::bezier_of_bspline;
 
 /// Corners of a tube's cross-section.
 const SIDES: u32 = 5;
@@ -101,10 +102,7 @@ fn bspline_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> 
     }
     let segment = |controls: &[DVec3]| match *controls {
         [a, b, c] => elevated([a.lerp(b, 0.5), b, b.lerp(c, 0.5)]),
-        _ => {
-            let [a, b, c, d] = [controls[0], controls[1], controls[2], controls[3]];
-            [(a + b * 4.0 + c) / 6.0, (b * 2.0 + c) / 3.0, (b + c * 2.0) / 3.0, (b + c * 4.0 + d) / 6.0]
-        }
+        _ => bezier_of_bspline([controls[0], controls[1], controls[2], controls[3]]),
     };
     Some(points.windows(degree + 1).map(segment).collect())
 }

@@ -1,0 +1,135 @@
+//! Tubes around curves, as triangles with the normals of the round surface.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::{Add, Mul};
+
+use glam::{DVec3, Vec2};
+
+use crate::Mesh;
+
+/// A cross-section of a tube.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ring {
+    pub(crate) center: DVec3,
+    /// Where the tube goes, of unit length: the ring is perpendicular to it.
+    pub(crate) axis: DVec3,
+    pub(crate) radius: f64,
+    /// The normals' share along the axis, in [−1, 1]: 0 where the radius stays the same, above 0 where it shrinks.
+    pub(crate) lean: f64,
+    /// Texture coordinate along the tube.
+    pub(crate) v: f64,
+}
+
+/// Control points of a cubic Bézier curve that is a segment of a uniform B-spline.
+pub(crate) fn bezier_of_bspline<V: Copy + Add<Output = V> + Mul<f64, Output = V>>([a, b, c, d]: [V; 4]) -> [V; 4] {
+    let (third, sixth) = (1.0 / 3.0, 1.0 / 6.0);
+    [(a + b * 4.0 + c) * sixth, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * sixth]
+}
+
+/// What the radius of a cross-section with so many corners is multiplied with so that seen from all around it is as wide
+/// as the circle on the average: a convex shape is as wide as its perimeter over π.
+pub(crate) fn widening(sides: u32) -> f64 {
+    PI / (f64::from(sides) * (PI / f64::from(sides)).sin())
+}
+
+/// Bytes that [`add`] makes of so many rings.
+pub(crate) fn memory_bytes(rings: usize, sides: u32) -> usize {
+    let vertex = size_of::<[f32; 8]>();
+    rings.saturating_mul((sides as usize + 1) * vertex + 2 * sides as usize * size_of::<[u32; 3]>())
+}
+
+/// Adds a tube through `rings` to a mesh, front outside. u grows around it, from where `azimuth` says for each axis.
+///
+/// - `azimuth`: where u = 0 for an axis, perpendicular to it. The cross-section itself turns no more than the curve does.
+pub(crate) fn add(mesh: &mut Mesh, rings: &[Ring], sides: u32, azimuth: impl Fn(DVec3) -> DVec3) {
+    let Some(first) = rings.first() else { return };
+    let wider = widening(sides);
+    let start = mesh.positions.len() as u32;
+    let mut x = azimuth(first.axis);
+    let mut turn = 0.0;
+    for ring in rings {
+        x = (x - ring.axis * ring.axis.dot(x)).try_normalize().unwrap_or(ring.axis.any_orthonormal_vector());
+        let y = ring.axis.cross(x);
+        let zero = azimuth(ring.axis);
+        let here = x.dot(ring.axis.cross(zero)).atan2(x.dot(zero)) / TAU;
+        // Whole turns are all the same to a texture that repeats, but not between two rings.
+        turn = here + (turn - here).round();
+        let across = (1.0 - ring.lean * ring.lean).max(0.0).sqrt();
+        for side in 0..=sides {
+            let share = f64::from(side) / f64::from(sides);
+            // The last corner is where the first is, to the bit.
+            let (sin, cos) = (TAU * f64::from(side % sides) / f64::from(sides)).sin_cos();
+            let out = x * cos + y * sin;
+            mesh.positions.push((ring.center + out * (ring.radius * wider)).as_vec3());
+            mesh.normals.push((out * across + ring.axis * ring.lean).as_vec3());
+            mesh.uvs[0].push(Vec2::new((turn + share) as f32, ring.v as f32));
+        }
+    }
+    for (index, pair) in rings.windows(2).enumerate() {
+        let a = start + index as u32 * (sides + 1);
+        let b = a + sides + 1;
+        for side in 0..sides {
+            // Where a ring is a point, one of the two triangles is none.
+            if pair[0].radius > 0.0 {
+                mesh.triangles.push([a + side, a + side + 1, b + side + 1]);
+            }
+            if pair[1].radius > 0.0 {
+                mesh.triangles.push([a + side, b + side + 1, b + side]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec4;
+
+    use super::*;
+
+    /// de Boor's rule for the uniform cubic B-spline, in its power form, beside the Bernstein form.
+    #[test]
+    fn a_segment_is_the_same_in_both_bases() {
+        let points = [
+            DVec4::new(0.0, 1.0, 0.2, 0.1),
+            DVec4::new(1.0, -2.0, 0.5, 0.3),
+            DVec4::new(2.5, 0.3, 1.0, 0.2),
+            DVec4::new(3.0, 4.0, -1.0, 0.05),
+        ];
+        let bezier = bezier_of_bspline(points);
+        for step in 0..=8 {
+            let t = f64::from(step) / 8.0;
+            let s = 1.0 - t;
+            let (t2, t3) = (t * t, t * t * t);
+            let spline = [s * s * s, 3.0 * t3 - 6.0 * t2 + 4.0, -3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0, t3];
+            let bernstein = [s * s * s, 3.0 * s * s * t, 3.0 * s * t2, t3];
+            let sum = |weights: [f64; 4], points: [DVec4; 4]| -> DVec4 {
+                weights.into_iter().zip(points).map(|(weight, point)| point * weight).sum()
+            };
+            assert!((sum(spline, points) / 6.0 - sum(bernstein, bezier)).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_cone_has_its_area_and_its_normals() {
+        // Radius 0.5 → 0.2 over a length of 0.4: slant height 0.5, lateral area π · 0.7 · 0.5.
+        let ring = |x: f64, radius: f64| Ring { center: DVec3::X * x, axis: DVec3::X, radius, lean: 0.6, v: x };
+        let mut mesh = Mesh::default();
+        add(&mut mesh, &[ring(0.0, 0.5), ring(0.4, 0.2)], 64, |axis| axis.any_orthonormal_vector());
+        let area: f64 = mesh.triangles.iter().map(|&triangle| f64::from(mesh.cross(triangle).length()) / 2.0).sum();
+        assert!((area / (PI * 0.35) - 1.0).abs() < 2e-3, "{area}");
+        for &triangle in &mesh.triangles {
+            let cross = mesh.cross(triangle).normalize();
+            assert!(triangle.iter().all(|&vertex| mesh.normals[vertex as usize].dot(cross) > 0.99));
+        }
+    }
+
+    #[test]
+    fn points_make_no_triangles_without_area() {
+        let ring = |x: f64, radius: f64| Ring { center: DVec3::X * x, axis: DVec3::X, radius, lean: 0.0, v: x };
+        let mut mesh = Mesh::default();
+        add(&mut mesh, &[ring(0.0, 0.0), ring(1.0, 1.0), ring(2.0, 0.0)], 8, |axis| axis.any_orthonormal_vector());
+        assert_eq!(mesh.triangles.len(), 16);
+        assert!(mesh.triangles.iter().all(|&triangle| mesh.cross(triangle).length() > 0.0));
+        assert!(memory_bytes(3, 8) >= mesh.memory_bytes());
+    }
+}
