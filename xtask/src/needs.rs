@@ -119,7 +119,9 @@ pub(crate) fn engines(all: bool) {
         let command = command.args(&line[1..]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.status().is_ok_and(|status| status.success())
     };
-    if !answers(&["povray", "--version"]) {
+    // Debian and its kin keep the include files of POV-Ray in a package of their own.
+    let lacks_includes = answers(&["dpkg", "-s", "povray"]) && !answers(&["dpkg", "-s", "povray-includes"]);
+    if lacks_includes || !answers(&["povray", "--version"]) {
         println!("the tests of engines need POV-Ray: installing povray and povray-includes (apt-get)");
         if !apt_install(&["povray", "povray-includes"]) {
             println!("could not install it (no apt-get, or not root): it is not tested");
