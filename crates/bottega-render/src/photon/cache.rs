@@ -26,6 +26,9 @@ pub(crate) use surroundings::Surroundings;
 
 /// Standard errors by which records may differ beyond the error that is borne.
 const NOISE: f32 = 2.0;
+/// Side of the nodes that hold a record, in its reach: in smaller ones fewer that are too far off are asked, and each takes
+/// more places.
+const SIDE_MAX: f32 = 2.0;
 /// Levels of the tree below its root.
 const LEVELS_MAX: u32 = 20;
 
@@ -275,11 +278,10 @@ impl IrradianceCache {
 
     /// Puts a record into all nodes that it reaches, of about its own size.
     fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, number: u32, p: Vec3, reach: f32) {
-        let high = low + side;
-        if (p + reach).cmplt(low).any() || (p - reach).cmpgt(high).any() {
+        if p.distance_squared(p.clamp(low, low + side)) > reach * reach {
             return;
         }
-        if level == LEVELS_MAX || side < 4.0 * reach {
+        if level == LEVELS_MAX || side < SIDE_MAX * reach {
             self.nodes[node].records.push(number);
             self.listed += 1;
             return;

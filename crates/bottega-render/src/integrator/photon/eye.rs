@@ -205,12 +205,16 @@ impl<'a> Eye<'a> {
 
     /// Goes to the next surface. False when the path is at its end.
     fn step(&mut self, walk: &mut Walk) -> bool {
-        let ray = Ray::new(walk.origin, walk.direction);
-        let hit = self.intersect(&ray, walk.vertex);
+        let hit = self.intersect(&Ray::new(walk.origin, walk.direction), walk.vertex);
         if hit.is_none() {
             self.add_environment(walk);
             return false;
         }
+        self.arrive(walk, hit)
+    }
+
+    /// Comes to a surface. False when the path is at its end.
+    fn arrive(&mut self, walk: &mut Walk, hit: Hit) -> bool {
         self.record.vertex_count += 1;
         if walk.absorption != Spectrum::ZERO {
             walk.throughput *= exp(-walk.absorption * hit.t);
@@ -422,7 +426,10 @@ impl<'a> Eye<'a> {
             ..Walk::of_camera(&ray)
         };
         self.radiance = Spectrum::ZERO;
-        while self.step(&mut walk) {}
+        let mut goes_on = self.arrive(&mut walk, hit);
+        while goes_on {
+            goes_on = self.step(&mut walk);
+        }
         let radiance = if self.radiance.is_finite() { self.radiance } else { Spectrum::ZERO };
         cache::Look { radiance, distance: hit.t }
     }

@@ -180,11 +180,16 @@ impl Record {
     }
 
     /// 1 where it was measured, 0 where it counts nothing.
+    #[inline(always)]
     pub(super) fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
-        let cosine = n.dot(self.n);
-        let error = (p - self.p).length() / self.radius + (1.0 - cosine).max(0.0).sqrt();
-        let is_before = (p - self.p).dot(n + self.n) < -0.1 * self.radius;
-        if is_before { 0.0 } else { (1.0 - error / tolerance).max(0.0) }
+        let way = p - self.p;
+        let (distance_squared, reach) = (way.length_squared(), tolerance * self.radius);
+        // Most of those that are asked are too far off: no roots for them.
+        if distance_squared >= reach * reach || way.dot(n + self.n) < -0.1 * self.radius {
+            return 0.0;
+        }
+        let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
+        (1.0 - error / tolerance).max(0.0)
     }
 
     /// What it says of another place.
