@@ -36,7 +36,7 @@ mod texture;
 mod tube;
 mod validate;
 
-pub use camera::{Camera, FovAxis, Projection};
+pub use camera::{Camera, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
 pub use grid::{Blend, Grid, GridError};
 pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};

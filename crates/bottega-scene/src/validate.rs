@@ -64,6 +64,7 @@ impl Scene {
             let is_sound = match camera.projection {
                 Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
                 Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+                Projection::Panorama(_) => true,
             };
             check(is_sound, "its projection shows nothing")
         })
