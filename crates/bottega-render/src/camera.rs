@@ -1,10 +1,11 @@
 //! Rays from the camera into the scene.
 
 use bottega_kernels::math;
-use bottega_scene::{Camera, Projection};
+use bottega_scene::{Camera, Panorama, Projection};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
+use std::f32::consts::PI;
 
-use crate::{flat::Words, sampling::uniform_disk};
+use crate::{flat::Words, lights::direction_of_square, sampling::uniform_disk};
 
 /// What a path can resolve: the width of its beam, after Akenine-Möller et al. 2021, *Improved Shader and Texture
 /// Level of Detail Using Ray Cones*.
@@ -50,19 +51,28 @@ pub struct CameraRays {
     lens_shift: Vec2,
     /// Two over the picture's size in pixels.
     double_pixel: Vec2,
-    parallel: bool,
+    kind: Kind,
     lens_radius: f32,
     focus_distance: f32,
     cone: RayCone,
+}
+
+/// How directions and places belong together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Perspective,
+    Parallel,
+    Panorama(Panorama),
 }
 
 impl CameraRays {
     /// That extent is the camera's which its [`FovAxis`](bottega_scene::FovAxis) names, whatever the shape of the picture.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
-        let (mut half_height, parallel) = match camera.projection {
-            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), false),
-            Projection::Orthographic { height } => (0.5 * height, true),
+        let (mut half_height, kind) = match camera.projection {
+            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), Kind::Perspective),
+            Projection::Orthographic { height } => (0.5 * height, Kind::Parallel),
+            Projection::Panorama(panorama) => (0.0, Kind::Panorama(panorama)),
         };
         // Width over height of what is seen, which is not that of the picture where pixels are not square.
         let shown = size.x / size.y * camera.pixel_aspect;
@@ -72,14 +82,19 @@ impl CameraRays {
         }
         let pixel = 2.0 * half_height / size.y;
         let beam = pixel * BEAM;
-        let cone = if parallel { RayCone { width: beam, spread: 0.0 } } else { RayCone { width: 0.0, spread: beam } };
+        let cone = match kind {
+            Kind::Perspective => RayCone { width: 0.0, spread: beam },
+            Kind::Parallel => RayCone { width: beam, spread: 0.0 },
+            // The square root of the mean solid angle of a pixel.
+            Kind::Panorama(_) => RayCone { width: 0.0, spread: (4.0 * PI / (size.x * size.y)).sqrt() * BEAM },
+        };
         Self {
             world_from_camera: camera.world_from_camera,
             half_extent: Vec2::new(half_height * shown, half_height),
             lens_shift: camera.lens_shift,
             double_pixel: 2.0 / size,
-            parallel,
-            lens_radius: camera.lens_radius,
+            kind,
+            lens_radius: if matches!(kind, Kind::Panorama(_)) { 0.0 } else { camera.lens_radius },
             focus_distance: camera.focus_distance,
             cone,
         }
@@ -92,7 +107,12 @@ impl CameraRays {
         words.vec2(self.half_extent);
         words.vec2(self.lens_shift);
         words.vec2(self.double_pixel);
-        words.flag(self.parallel);
+        words.word(match self.kind {
+            Kind::Perspective => 0,
+            Kind::Parallel => 1,
+            Kind::Panorama(Panorama::Equirectangular) => 2,
+            Kind::Panorama(Panorama::EqualArea) => 3,
+        });
         words.numbers(&[self.lens_radius, self.focus_distance, self.cone.width, self.cone.spread]);
     }
 
@@ -104,8 +124,11 @@ impl CameraRays {
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
-        let (mut origin, mut direction) =
-            if self.parallel { (film.extend(0.0), Vec3::NEG_Z) } else { (Vec3::ZERO, film.extend(-1.0)) };
+        let (mut origin, mut direction) = match self.kind {
+            Kind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
+            Kind::Parallel => (film.extend(0.0), Vec3::NEG_Z),
+            Kind::Panorama(panorama) => (Vec3::ZERO, around(panorama, 0.5 * place * self.double_pixel)),
+        };
         if self.lens_radius > 0.0 {
             // All rays of one place meet in the plane in focus.
             let focus = origin + direction * self.focus_distance;
@@ -117,6 +140,30 @@ impl CameraRays {
             origin: self.world_from_camera.transform_point3(origin),
             direction: self.world_from_camera.transform_vector3(direction).normalize(),
             cone: self.cone,
+        }
+    }
+}
+
+/// The direction at a place of a panorama, both from 0 to 1. Filters ask beyond its edges, where the sphere goes on.
+fn around(panorama: Panorama, place: Vec2) -> Vec3 {
+    match panorama {
+        Panorama::Equirectangular => {
+            let ((sin_theta, cos_theta), (sin_phi, cos_phi)) =
+                (math::sin_cos(PI * place.y), math::sin_cos(2.0 * PI * place.x));
+            Vec3::new(sin_theta * cos_phi, cos_theta, -sin_theta * sin_phi)
+        }
+        Panorama::EqualArea => {
+            let mut place = place;
+            // Beyond an edge lies what is mirrored along it.
+            for (axis, other) in [(0, 1), (1, 0)] {
+                if !(0.0..=1.0).contains(&place[axis]) {
+                    let edge = if place[axis] < 0.0 { 0.0 } else { 2.0 };
+                    place[axis] = edge - place[axis];
+                    place[other] = 1.0 - place[other];
+                }
+            }
+            let square = direction_of_square(place);
+            Vec3::new(square.x, square.z, -square.y)
         }
     }
 }
@@ -194,6 +241,48 @@ mod tests {
         let lower = rays.ray(Vec2::new(10.0, 10.0), [0.0; 2]);
         assert_eq!(upper.direction, lower.direction);
         assert!((upper.origin - lower.origin - Vec3::new(-6.0, 6.0, 0.0)).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_panorama_sees_all_around_as_pbrts_does() {
+        let rays = |panorama| CameraRays::new(&camera(Projection::Panorama(panorama), 0.5), 200, 100);
+        let close = |a: Vec3, b: Vec3| assert!((a - b).length() < 1e-5, "{a} {b}");
+        let round = rays(Panorama::Equirectangular);
+        // pbrt's z is ours turned round.
+        let at = |x, y| round.ray(Vec2::new(x, y), [0.3; 2]);
+        assert_eq!(at(17.0, 33.0).origin, Vec3::new(1.0, 2.0, 3.0));
+        close(at(50.0, 50.0).direction, Vec3::NEG_Z);
+        close(at(0.0, 50.0).direction, Vec3::X);
+        close(at(100.0, 50.0).direction, Vec3::NEG_X);
+        close(at(77.0, 0.0).direction, Vec3::Y);
+        close(at(77.0, 100.0).direction, Vec3::NEG_Y);
+        let square = rays(Panorama::EqualArea);
+        let at = |x, y| square.ray(Vec2::new(x, y), [0.3; 2]).direction;
+        close(at(100.0, 50.0), Vec3::Y);
+        close(at(200.0, 50.0), Vec3::X);
+        close(at(100.0, 100.0), Vec3::NEG_Z);
+        close(at(0.0, 0.0), Vec3::NEG_Y);
+        close(at(200.0, 100.0), Vec3::NEG_Y);
+        // Where a filter looks beyond an edge, the sphere goes on.
+        for (inside, beyond) in [((0.1, 30.0), (-0.1, 70.0)), ((60.0, 99.9), (140.0, 100.1))] {
+            close(at(inside.0, inside.1), at(beyond.0, beyond.1));
+        }
+        close(
+            round.ray(Vec2::new(30.0, -0.5), [0.0; 2]).direction,
+            round.ray(Vec2::new(130.0, 0.5), [0.0; 2]).direction,
+        );
+    }
+
+    #[test]
+    fn a_panorama_of_equal_areas_has_equal_areas() {
+        let rays = CameraRays::new(&camera(Projection::Panorama(Panorama::EqualArea), 0.0), 64, 64);
+        // As much of the sphere on either side of each of its great circles, and second moments of a third.
+        let mut moments = glam::Mat3::ZERO;
+        for i in 0..64 * 64 {
+            let d = rays.ray(Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5), [0.0; 2]).direction;
+            moments += glam::Mat3::from_cols(d * d.x, d * d.y, d * d.z) * (1.0 / 4096.0);
+        }
+        assert!(moments.abs_diff_eq(glam::Mat3::IDENTITY * (1.0 / 3.0), 1e-3), "{moments}");
     }
 
     #[test]

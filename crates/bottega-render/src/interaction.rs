@@ -15,6 +15,7 @@ use relief::{bumped_normal, mapped_normal};
 use crate::{
     bsdf::{Lifted, anisotropy_at},
     camera::RayCone,
+    mapping::{Spot, TexturePlace},
     prepare::{PreparedMaterial, PreparedScene},
     sampling::orthonormal_basis,
 };
@@ -46,7 +47,7 @@ pub(crate) struct Interaction {
     pub(crate) wo: Vec3,
     /// Whether `wo` is on the front side.
     pub(crate) front: bool,
-    /// Texture coordinates.
+    /// Texture coordinates of the surface.
     pub(crate) uvs: [Vec2; 2],
     /// Interpolated vertex color; white where there is none.
     pub(crate) color: Vec4,
@@ -54,6 +55,8 @@ pub(crate) struct Interaction {
     pub(crate) is_colored: bool,
     /// Width of texture lookups.
     pub(crate) footprint: f32,
+    /// Width of the beam in scene units; 0 where nothing is looked up.
+    beam: f32,
     /// Index of the material.
     pub(crate) material: u32,
     /// The hit.
@@ -103,6 +106,7 @@ impl Interaction {
             color: Vec4::ONE,
             is_colored: false,
             footprint,
+            beam: if known.is_textured { cone.width } else { 0.0 },
             material: sphere.material,
             hit: *hit,
         };
@@ -157,11 +161,13 @@ impl Interaction {
             color: interpolate(&mesh.colors, triangle, u, v).unwrap_or(Vec4::ONE),
             is_colored: !mesh.colors.is_empty(),
             footprint: 0.0,
+            beam: 0.0,
             material: mesh.material,
             hit: *hit,
         };
         if known.is_textured {
             point.uvs = uvs_at(mesh, triangle, u, v);
+            point.beam = cone.width;
             point.footprint = footprint(mesh, triangle, area_vector.length(), cone.width, direction.dot(ng));
         }
         let mut ns = ng;
@@ -226,7 +232,7 @@ impl Interaction {
             self.turn_frame(match &layered.anisotropy {
                 None => tangent,
                 Some(anisotropy) => {
-                    let (_, way) = anisotropy_at(scene, anisotropy, self.uvs, self.footprint);
+                    let (_, way) = anisotropy_at(scene, anisotropy, self.texture_place(), self.footprint);
                     let along = (tangent - ns * ns.dot(tangent)).normalize_or_zero();
                     along * way.x + ns.cross(along) * (sign * way.y)
                 }
@@ -290,6 +296,18 @@ impl Interaction {
         self.frame = [s, t, n];
     }
 
+    /// Where it is, as mappings of textures ask.
+    #[inline(always)]
+    pub(crate) fn spot(&self) -> Spot {
+        Spot { p: self.p, normal: self.ng, beam: self.beam, cosine: self.wo.dot(self.ng) }
+    }
+
+    /// Where its textures are looked up.
+    #[inline(always)]
+    pub(crate) fn texture_place(&self) -> TexturePlace {
+        TexturePlace { uvs: self.uvs, spot: self.spot() }
+    }
+
     /// A world-space direction in the shading frame.
     #[inline(always)]
     pub(crate) fn to_local(&self, w: Vec3) -> Vec3 {
@@ -344,10 +362,19 @@ pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)
 
 /// How opaque a triangle is at barycentric coordinates.
 pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)) -> f32 {
-    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
+    let instance = &scene.instances[instance as usize];
+    let mesh = &scene.meshes[instance.mesh as usize];
     let vertices = mesh.triangles[triangle as usize];
     let alpha = interpolate(&mesh.colors, vertices, b.0, b.1).map_or(1.0, |color| color.w);
-    scene.materials[mesh.material as usize].opacity_at(scene, uvs_at(mesh, vertices, b.0, b.1), 0.0, alpha)
+    let material = &scene.materials[mesh.material as usize];
+    let uvs = uvs_at(mesh, vertices, b.0, b.1);
+    let is_mapped = material.opacity.texture.as_ref().is_some_and(|(map, _)| map.mapping(scene).is_some());
+    if !is_mapped {
+        return material.opacity_at(scene, uvs, 0.0, alpha);
+    }
+    let local = interpolate(&mesh.positions, vertices, b.0, b.1).unwrap_or_default();
+    let spot = Spot::sharp(instance.world_from_object.transform_point3(local));
+    material.opacity_at(scene, TexturePlace { uvs, spot }, 0.0, alpha)
 }
 
 /// What a ray that asks whether surfaces are there looks for.
@@ -390,7 +417,9 @@ pub(crate) fn is_there(
         Some(sphere) => {
             let ng = ray.origin + hit.t * ray.direction - sphere.center;
             let uv = if known.is_textured { sphere_uv(sphere, ng.normalize_or(Vec3::Y)) } else { Vec2::ZERO };
-            (material.opacity_at(scene, [uv; 2], 0.0, 1.0), ng.dot(ray.direction) > 0.0)
+            let spot = Spot::sharp(sphere.center + ng);
+            let place = TexturePlace { uvs: [uv; 2], spot };
+            (material.opacity_at(scene, place, 0.0, 1.0), ng.dot(ray.direction) > 0.0)
         }
         None => (opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)), false),
     };

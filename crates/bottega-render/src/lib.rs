@@ -17,6 +17,7 @@ mod error;
 mod guide;
 mod interaction;
 mod lights;
+mod mapping;
 mod media;
 mod prepare;
 mod sampling;

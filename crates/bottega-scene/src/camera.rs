@@ -17,6 +17,20 @@ pub enum Projection {
         /// Distance between the upper and the lower edge of a picture of the camera's aspect, in scene units.
         height: f32,
     },
+    /// All around: the picture is the whole sphere of directions, whatever its shape. Lens, shift, aspects and
+    /// [`Camera::fov_axis`] do not matter.
+    Panorama(Panorama),
+}
+
+/// How directions lie on the picture of a camera that sees all around. Its centre and its edges are as in pbrt: seen from
+/// within, the right is on the left edge of the picture, what is ahead a quarter of its width from there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Panorama {
+    /// Longitude along the rows, from +x over −z; latitude down the columns, from +y.
+    Equirectangular,
+    /// Equal areas of the picture see equal solid angles (Clarberg 2008): +y is the centre, the lower hemisphere folded
+    /// into the corners, +x to the right and −z down.
+    EqualArea,
 }
 
 /// Which extent of the picture a camera's projection is about: it stays as it is in a picture of another shape.

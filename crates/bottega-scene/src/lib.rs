@@ -36,7 +36,7 @@ mod texture;
 mod tube;
 mod validate;
 
-pub use camera::{Camera, FovAxis, Projection};
+pub use camera::{Camera, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
 pub use grid::{Blend, Grid, GridError};
 pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};
@@ -51,7 +51,7 @@ pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
     Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
-pub use texture::{Channel, ImageId, TextureMap, Wrap};
+pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Uvs, Wrap};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.
 pub type Spectrum = glam::Vec3;

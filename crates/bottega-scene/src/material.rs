@@ -1,8 +1,8 @@
 //! What a surface is made of: how it scatters, what it emits, where it is absent, and what it bounds.
 
-use glam::{Vec2, Vec4};
+use glam::Vec4;
 
-use crate::{Channel, Layered, MediumId, Scene, Spectrum, Surface, TextureMap};
+use crate::{Channel, Layered, MediumId, Scene, Spectrum, Surface, TextureMap, Uvs};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,10 +23,10 @@ pub struct ScalarParam {
 }
 
 impl ColorParam {
-    /// The colour at a point with these two sets of texture coordinates; `footprint` as for
+    /// The colour at a point with these texture coordinates; `footprint` as for
     /// [`Image::eval`](crate::Image::eval). Panics when the texture's image is not in the scene, which
     /// [`Scene::validate`] excludes.
-    pub fn eval(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32) -> Spectrum {
+    pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> Spectrum {
         match &self.texture {
             None => self.factor,
             Some(map) => self.factor * look_up(scene, map, uvs, footprint).truncate(),
@@ -36,7 +36,7 @@ impl ColorParam {
 
 impl ScalarParam {
     /// The number at a point; see [`ColorParam::eval`].
-    pub fn eval(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32) -> f32 {
+    pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> f32 {
         match &self.texture {
             None => self.factor,
             Some((map, channel)) => self.factor * look_up(scene, map, uvs, footprint)[*channel as usize],
@@ -44,8 +44,9 @@ impl ScalarParam {
     }
 }
 
-fn look_up(scene: &Scene, map: &TextureMap, uvs: [Vec2; 2], footprint: f32) -> Vec4 {
-    scene.images[map.image.0 as usize].eval(map, uvs[usize::from(map.uv_set & 1)], footprint)
+fn look_up(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Vec4 {
+    let (uv, footprint) = uvs.of(scene, map, footprint);
+    scene.images[map.image.0 as usize].eval(map, uv, footprint)
 }
 
 impl Default for ColorParam {
@@ -244,7 +245,7 @@ impl Material {
     ///
     /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 where there are none.
     /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
-    pub fn opacity_at(&self, scene: &Scene, uvs: [Vec2; 2], footprint: f32, vertex_alpha: f32) -> f32 {
+    pub fn opacity_at(&self, scene: &Scene, uvs: impl Uvs, footprint: f32, vertex_alpha: f32) -> f32 {
         let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,

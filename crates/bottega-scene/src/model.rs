@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Camera, Environment, Grid, Image, Light, Material, Medium, MediumId, Variation};
+use crate::{Camera, Environment, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
 /// Importers leave out texture coordinates and tangents that no texture of the material asks for.
@@ -67,6 +67,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// Pictures that textures and the environment refer to.
     pub images: Vec<Image>,
+    /// Texture coordinates by a place in the world, which textures refer to.
+    pub mappings: Vec<Mapping>,
     /// Lights without extent.
     pub lights: Vec<Light>,
     /// What is seen where there is no surface; `None`: black.

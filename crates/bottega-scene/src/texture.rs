@@ -1,6 +1,8 @@
 //! Pictures on surfaces.
 
-use glam::Affine2;
+use glam::{Affine2, Affine3A, Vec2};
+
+use crate::Scene;
 
 /// Index into [`Scene::images`](crate::Scene::images).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -31,12 +33,52 @@ pub enum Channel {
     A,
 }
 
+/// How many sets of texture coordinates a surface has itself.
+pub const SURFACE_UV_SETS: u8 = 2;
+
+/// Texture coordinates that places of the world have, whatever surface is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mapping {
+    /// How they lie in the mapping's own space.
+    pub kind: MappingKind,
+    /// From world space to that space; may be singular.
+    pub mapping_from_world: Affine3A,
+}
+
+/// How texture coordinates lie in space; v runs downwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MappingKind {
+    /// u = x, v = 1 − y.
+    Planar,
+    /// u = θ / π, the angle from +z; v = 1 − φ / 2π, the one around it, from +x towards +y.
+    Spherical,
+    /// u = ½ + φ / 2π with φ in (−π, π], from +x towards +y; v = 1 − z.
+    Cylindrical,
+}
+
+/// Texture coordinates of a point.
+pub trait Uvs: Copy {
+    /// Those by which a picture is laid, and the width of its lookup in their units.
+    ///
+    /// - `footprint`: that width in the surface's own coordinates.
+    fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32);
+}
+
+/// Both sets of a surface. It knows no others: pictures that are laid by a place get one of these.
+impl Uvs for [Vec2; 2] {
+    #[inline(always)]
+    fn of(&self, _: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
+        (self[usize::from(map.uv_set & 1)], footprint)
+    }
+}
+
 /// How a picture is laid on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
     /// The picture.
     pub image: ImageId,
-    /// Which texture coordinates: 0 or 1.
+    /// Which texture coordinates: 0 or 1, those of the surface; from [`SURFACE_UV_SETS`] on, those of
+    /// [`Scene::mappings`](crate::Scene::mappings).
     pub uv_set: u8,
     /// Applied to the texture coordinates first (KHR_texture_transform).
     pub picture_from_uv: Affine2,
@@ -49,6 +91,13 @@ pub struct TextureMap {
 }
 
 impl TextureMap {
+    /// The mapping that says where its coordinates are; `None`: the surface does.
+    #[inline(always)]
+    pub fn mapping<'a>(&self, scene: &'a Scene) -> Option<&'a Mapping> {
+        let index = self.uv_set.checked_sub(SURFACE_UV_SETS)?;
+        Some(&scene.mappings[usize::from(index)])
+    }
+
     /// The picture as it is: first set of texture coordinates, repeated, interpolated.
     pub fn new(image: ImageId) -> Self {
         Self {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::model::is_placeable;
 use crate::{
     AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Portal, Projection,
-    ReliefSource, Scene, SceneError, Surface,
+    ReliefSource, SURFACE_UV_SETS, Scene, SceneError, Surface,
 };
 
 impl Scene {
@@ -41,6 +41,7 @@ impl Scene {
             self.check_material(sphere.material)
         })?;
         each("materials", &self.materials, |material| self.check_parameters(material))?;
+        each("mappings", &self.mappings, |mapping| check(mapping.mapping_from_world.is_finite(), "it is not finite"))?;
         each("media", &self.media, check_medium)?;
         each("lights", &self.lights, |light| self.check_light(&light.kind))?;
         if let Some(environment) = &self.environment {
@@ -63,6 +64,7 @@ impl Scene {
             let is_sound = match camera.projection {
                 Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
                 Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+                Projection::Panorama(_) => true,
             };
             check(is_sound, "its projection shows nothing")
         })
@@ -93,9 +95,16 @@ impl Scene {
     fn check_parameters(&self, material: &Material) -> Result<(), String> {
         for map in material.textures() {
             check((map.image.0 as usize) < self.images.len(), &format!("there is no image {}", map.image.0))?;
-            check(map.uv_set < 2, "there are only two sets of texture coordinates")?;
+            let sets = usize::from(SURFACE_UV_SETS) + self.mappings.len();
+            check(usize::from(map.uv_set) < sets, "a texture has coordinates that there are not")?;
             check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
         }
+        let emission = material.emission.texture.as_ref();
+        // Lights are measured triangle by triangle.
+        check(
+            emission.is_none_or(|map| map.uv_set < SURFACE_UV_SETS),
+            "its emission has other texture coordinates than those of the surface",
+        )?;
         self.check_surface(&material.surface)?;
         if let Back::Other(back) = &material.back {
             self.check_surface(back)?;

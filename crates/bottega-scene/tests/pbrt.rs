@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use bottega_scene::{
-    AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Projection, Scene, SceneError, Sides,
-    Spectrum, Surface, Wrap, load,
+    AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, Projection, Scene, SceneError,
+    Sides, Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 use mutation::{Random, damage, survive};
@@ -110,6 +110,7 @@ fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
     let place = match camera.projection {
         Projection::Perspective { vertical_fov } => local.truncate() / (-local.z * (0.5 * vertical_fov).tan()),
         Projection::Orthographic { height } => local.truncate() / (0.5 * height),
+        Projection::Panorama(_) => panic!("all around"),
     };
     place / Vec2::new(aspect * camera.pixel_aspect, 1.0) + camera.lens_shift
 }
@@ -140,6 +141,37 @@ fn cameras_see_what_pbrts_see() {
         let scene = camera(&format!(r#"{wide} Camera "perspective" {square}"#));
         assert!((project(&scene, 2.0, Vec3::ONE) - Vec2::ONE).length() < 1e-5, "{square}");
     }
+}
+
+#[test]
+fn spherical_cameras_see_all_around() {
+    let camera = |text: &str| load_text(&format!("{text} WorldBegin {TRIANGLE}"));
+    let one = |text: &str| {
+        let loaded = camera(text).unwrap();
+        assert!(
+            loaded.warnings.iter().all(|warning| warning.to_string().contains("no light")),
+            "{:?}",
+            loaded.warnings
+        );
+        loaded.scene.cameras[0].clone()
+    };
+    assert_eq!(one(r#"Camera "spherical""#).projection, Projection::Panorama(Panorama::EqualArea));
+    // A window, a lens and a scale that is the same along all axes are nothing to it.
+    let text = r#"Scale 2 2 2 LookAt 1 2 3 1 2 4 0 1 0
+        Camera "spherical" "string mapping" "equirectangular" "float screenwindow" [ 1 -1 -1 1 ] "float lensradius" 3"#;
+    let seen = one(text);
+    assert_eq!(seen.projection, Projection::Panorama(Panorama::Equirectangular));
+    assert_eq!((seen.lens_radius, seen.lens_shift), (0.0, Vec2::ZERO));
+    let place = seen.world_from_camera;
+    // pbrt's camera looks along +z with +x on the right; ours along −z.
+    assert!((place.transform_vector3(Vec3::NEG_Z) - Vec3::Z).length() < 1e-6, "{place}");
+    assert!((place.transform_vector3(Vec3::X) - Vec3::X).length() < 1e-6, "{place}");
+    assert!((place.transform_point3(Vec3::ZERO) - Vec3::new(1.0, 2.0, 3.0)).length() < 1e-5, "{place}");
+    let error = camera("\nCamera \"spherical\"\n\"string mapping\" \"mercator\"").unwrap_err().to_string();
+    assert!(error.contains("line 3, ") && error.contains("mercator"), "{error}");
+    assert!(camera(r#"Scale 0 1 1 Camera "spherical""#).unwrap_err().to_string().contains("singular"));
+    let loaded = camera("\nScale 1 2 1\nCamera \"spherical\"").unwrap();
+    assert!(loaded.warnings.iter().any(|warning| warning.to_string().starts_with("scene.pbrt:3:")));
 }
 
 #[test]

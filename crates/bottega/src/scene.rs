@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc, time::Instant};
 
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, View, build_accel};
-use bottega_scene::{Environment, Loaded, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning};
+use bottega_scene::{Environment, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning};
 use glam::Mat3;
 
 use crate::{
@@ -131,7 +131,8 @@ fn default_size(scene: &Scene, camera: usize) -> Size {
     let aspect =
         camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
             Projection::Perspective { .. } => 16.0 / 9.0,
-            Projection::Orthographic { .. } => 1.0,
+            Projection::Orthographic { .. } | Projection::Panorama(Panorama::EqualArea) => 1.0,
+            Projection::Panorama(Panorama::Equirectangular) => 2.0,
         });
     let width = (DEFAULT_HEIGHT as f32 * aspect.clamp(0.05, 20.0)).round() as u32;
     Size { width: width.max(1), height: DEFAULT_HEIGHT }

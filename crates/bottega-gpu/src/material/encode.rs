@@ -71,6 +71,10 @@ impl EncodedMaterials {
         }
         writer.missing.sort();
         writer.missing.dedup();
+        let mut maps = scene.materials.iter().flat_map(Material::textures);
+        if maps.any(|map| map.mapping(scene).is_some()) {
+            writer.missing.push("textures that lie by a place in the world".into());
+        }
         let is_textured = scene.materials.iter().any(|material| !material.textures().is_empty());
         if writer.missing.is_empty() {
             let features = writer.features.with_if(is_textured, Features::TEXTURES);

@@ -9,7 +9,7 @@ use bottega_kernels::Ray;
 use bottega_render::{
     BlockWork, DirectLight, Filter, PathSettings, PrepareOptions, PreparedScene, RenderOutput, RenderWork, View,
 };
-use bottega_scene::Scene;
+use bottega_scene::{Panorama, Projection, Scene};
 use glam::Vec3;
 
 use super::PathOptions;
@@ -163,6 +163,18 @@ fn long_paths_and_wide_filters_are_the_same() {
 #[test]
 fn skies_instances_and_lenses_are_the_same() {
     check(scenes::placed(), &[settings()]);
+}
+
+#[test]
+fn views_all_around_are_the_same() {
+    // Wide enough to ask beyond the edges of the picture.
+    let wide = PathSettings { filter: Filter::Gaussian { radius: 1.5, sigma: 0.5 }, ..settings() };
+    for panorama in [Panorama::Equirectangular, Panorama::EqualArea] {
+        let mut scene = scenes::cornell();
+        scene.cameras[0].projection = Projection::Panorama(panorama);
+        scene.cameras[0].world_from_camera.translation = glam::Vec3A::new(0.1, 0.2, 0.3);
+        check(scene, &[wide]);
+    }
 }
 
 #[test]

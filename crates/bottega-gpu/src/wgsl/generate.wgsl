@@ -4,7 +4,7 @@
 const CAMERA_HALF_EXTENT: u32 = 12u;
 const CAMERA_SHIFT: u32 = 14u;
 const CAMERA_DOUBLE_PIXEL: u32 = 16u;
-const CAMERA_PARALLEL: u32 = 18u;
+const CAMERA_KIND: u32 = 18u;
 const CAMERA_LENS: u32 = 19u;
 const CAMERA_FOCUS: u32 = 20u;
 const CAMERA_CONE: u32 = 21u;
@@ -70,6 +70,30 @@ fn uniform_disk(u: vec2<f32>) -> vec2<f32> {
     return radius * sin_cos(angle).yx;
 }
 
+// The direction at a place of a panorama, both from 0 to 1; beyond its edges the sphere goes on.
+fn around(is_equal_area: bool, place: vec2<f32>) -> vec3<f32> {
+    if !is_equal_area {
+        let theta = sin_cos(PI * place.y);
+        let phi = sin_cos(2.0 * PI * place.x);
+        return vec3(theta.x * phi.y, theta.y, -theta.x * phi.x);
+    }
+    var at = place;
+    if at.x < 0.0 || at.x > 1.0 {
+        at = vec2(select(2.0, 0.0, at.x < 0.0) - at.x, 1.0 - at.y);
+    }
+    if at.y < 0.0 || at.y > 1.0 {
+        at = vec2(1.0 - at.x, select(2.0, 0.0, at.y < 0.0) - at.y);
+    }
+    at = at * 2.0 - 1.0;
+    let flat = abs(at);
+    let from_edge = 1.0 - (flat.x + flat.y);
+    let radius = 1.0 - abs(from_edge);
+    let angle = select(0.0, 0.25 * PI * ((flat.y - flat.x) / max(radius, 1e-30) + 1.0), radius > 0.0);
+    let up = select(1.0 - radius * radius, radius * radius - 1.0, from_edge < 0.0);
+    let turn = sin_cos(angle) * (radius * sqrt(max(2.0 - radius * radius, 0.0)));
+    return vec3(select(turn.y, -turn.y, at.x < 0.0), up, select(-turn.x, turn.x, at.y < 0.0));
+}
+
 fn start_path(path: u32) {
     let number = batch.first_path + path;
     let job = job_of(number, 5u);
@@ -92,9 +116,13 @@ fn start_path(path: u32) {
     let half_extent = vec2(batch_number(camera + CAMERA_HALF_EXTENT), batch_number(camera + CAMERA_HALF_EXTENT + 1u));
     let offset = place * double_pixel - 1.0;
     let film = (vec2(offset.x, -offset.y) - shift) * half_extent;
-    let is_parallel = batch_words[camera + CAMERA_PARALLEL] != 0u;
+    let kind = batch_words[camera + CAMERA_KIND];
+    let is_parallel = kind == 1u;
     var origin = select(vec3<f32>(0.0), vec3(film, 0.0), is_parallel);
     var direction = select(vec3(film, -1.0), vec3(0.0, 0.0, -1.0), is_parallel);
+    if kind > 1u {
+        direction = around(kind == 3u, 0.5 * place * double_pixel);
+    }
     let lens = batch_number(camera + CAMERA_LENS);
     if lens > 0.0 {
         // All rays of one place meet in the plane in focus.

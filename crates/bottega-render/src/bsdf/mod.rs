@@ -56,6 +56,8 @@ pub use params::SurfaceParams;
 pub use scattering::{Bsdf, BsdfAt};
 pub(crate) use surface::anisotropy_at;
 pub use surface::{SurfacePoint, scattering};
+
+pub use crate::mapping::Spot;
 pub use unevenness::Lifted;
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a

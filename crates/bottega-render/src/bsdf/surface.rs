@@ -3,7 +3,7 @@
 use bottega_kernels::math;
 use bottega_scene::{
     Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, InnerReflection, Iridescence, Layered, Material,
-    Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Surface, TextureMap,
+    Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Surface, TextureMap, Uvs,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -18,12 +18,15 @@ use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::split;
 use super::scattering::Other;
 use super::{Bsdf, Lifted, SurfaceParams};
+use crate::mapping::{Spot, TexturePlace};
 
 /// What the lookup of a material needs to know of a point on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
-    /// Both sets of texture coordinates.
+    /// Both sets of texture coordinates of the surface.
     pub uvs: [Vec2; 2],
+    /// Where it is, for textures that are laid by that.
+    pub spot: Spot,
     /// Width of texture lookups in texture coordinates, 0 for sharp ones.
     pub footprint: f32,
     /// Multiplies the base colour; white where a mesh has none.
@@ -43,6 +46,7 @@ impl SurfacePoint {
     pub fn plain(front: bool) -> Self {
         Self {
             uvs: [Vec2::ZERO; 2],
+            spot: Spot::default(),
             footprint: 0.0,
             vertex_color: Vec4::ONE,
             front,
@@ -52,12 +56,16 @@ impl SurfacePoint {
         }
     }
 
+    fn place(&self) -> TexturePlace {
+        TexturePlace { uvs: self.uvs, spot: self.spot }
+    }
+
     fn color(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
-        param.eval(scene, self.uvs, self.footprint)
+        param.eval(scene, self.place(), self.footprint)
     }
 
     fn scalar(&self, scene: &Scene, param: &ScalarParam) -> f32 {
-        param.eval(scene, self.uvs, self.footprint)
+        param.eval(scene, self.place(), self.footprint)
     }
 
     /// A colour that is a share of the light.
@@ -74,7 +82,7 @@ impl SurfacePoint {
         let [least, most] = film.thickness;
         let texture = film.thickness_texture.as_ref();
         let share =
-            texture.map_or(1.0, |(map, channel)| texel(scene, map, self.uvs, self.footprint)[*channel as usize]);
+            texture.map_or(1.0, |(map, channel)| texel(scene, map, self.place(), self.footprint)[*channel as usize]);
         least + (most - least) * share
     }
 
@@ -91,12 +99,13 @@ impl SurfacePoint {
     }
 }
 
-fn texel(scene: &Scene, map: &TextureMap, uvs: [Vec2; 2], footprint: f32) -> Vec4 {
-    scene.images[map.image.0 as usize].eval(map, uvs[usize::from(map.uv_set & 1)], footprint)
+fn texel(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Vec4 {
+    let (uv, footprint) = uvs.of(scene, map, footprint);
+    scene.images[map.image.0 as usize].eval(map, uv, footprint)
 }
 
 /// Strength of an anisotropy at a point, and its direction in the tangent frame (x along u, y up the picture).
-pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: [Vec2; 2], footprint: f32) -> (f32, Vec2) {
+pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: impl Uvs, footprint: f32) -> (f32, Vec2) {
     let (sin, cos) = math::sin_cos(anisotropy.rotation);
     let (direction, strength) = match &anisotropy.texture {
         None => (Vec2::X, 1.0),
@@ -269,7 +278,7 @@ fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> Surface
         anisotropy: layered
             .anisotropy
             .as_ref()
-            .map_or(0.0, |stretch| anisotropy_at(scene, stretch, point.uvs, point.footprint).0),
+            .map_or(0.0, |stretch| anisotropy_at(scene, stretch, point.place(), point.footprint).0),
         ior: layered.ior,
         dispersion: layered.dispersion,
         specular: scalar(&layered.specular),

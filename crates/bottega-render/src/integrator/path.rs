@@ -403,7 +403,7 @@ impl Path<'_> {
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
-            let color = color.eval(prepared.scene(), point.uvs, point.footprint) * point.color.truncate();
+            let color = color.eval(prepared.scene(), point.texture_place(), point.footprint) * point.color.truncate();
             self.radiance += self.throughput * color;
             self.record_albedo(color);
             return false;
@@ -582,6 +582,7 @@ pub(crate) fn bsdf_at<'a>(
     }
     let point = SurfacePoint {
         uvs: point.uvs,
+        spot: point.spot(),
         footprint: point.footprint,
         vertex_color: point.color,
         front: point.front,

@@ -1,9 +1,10 @@
 //! Normals by maps of normals and of heights.
 
-use bottega_scene::{ScalarParam, Scene, TextureMap};
+use bottega_scene::{ScalarParam, Scene, TextureMap, Uvs};
 use glam::Vec3;
 
 use super::Interaction;
+use crate::mapping::gradients;
 
 /// The normal of the surface lifted by `height` along `ns`. Outward like `ns`.
 ///
@@ -18,9 +19,14 @@ pub(super) fn bumped_normal(
     derivatives: impl Fn(u8) -> Option<[Vec3; 2]>,
 ) -> Vec3 {
     let Some((map, channel)) = &height.texture else { return ns };
-    let Some(along) = derivatives(map.uv_set) else { return ns };
-    let uv = point.uvs[usize::from(map.uv_set & 1)];
+    let (uv, footprint) = point.texture_place().of(scene, map, footprint);
     let slopes = scene.images[map.image.0 as usize].slopes(map, uv, footprint);
+    if let Some(mapping) = map.mapping(scene) {
+        let [u, v] = gradients(mapping, point.p);
+        let slope = (u * slopes[0][*channel as usize] + v * slopes[1][*channel as usize]) * height.factor;
+        return (ns - (slope - ns * ns.dot(slope))).normalize_or(ns);
+    }
+    let Some(along) = derivatives(map.uv_set) else { return ns };
     let [u, v] = [0, 1].map(|i| along[i] + ns * (height.factor * slopes[i][*channel as usize] - ns.dot(along[i])));
     let normal = u.cross(v).normalize_or(ns);
     if normal.dot(ns) < 0.0 { -normal } else { normal }
@@ -35,7 +41,7 @@ pub(super) fn mapped_normal(
     ns: Vec3,
     tangent: (Vec3, f32),
 ) -> Vec3 {
-    let uv = point.uvs[usize::from(map.uv_set & 1)];
+    let (uv, footprint) = point.texture_place().of(scene, map, footprint);
     let texel = scene.images[map.image.0 as usize].eval(map, uv, footprint).truncate();
     let bent = (texel * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
     let t = tangent.0 - ns * ns.dot(tangent.0);

@@ -344,7 +344,7 @@ pub(super) fn square_of(direction: Vec3) -> Vec2 {
 }
 
 /// The direction of a place on a picture of equal areas.
-pub(super) fn direction_of_square(place: Vec2) -> Vec3 {
+pub(crate) fn direction_of_square(place: Vec2) -> Vec3 {
     let place = place * 2.0 - 1.0;
     let flat = place.abs();
     // Above 0 in the upper hemisphere, and as far from the edge of its diamond.

@@ -36,6 +36,7 @@ use bounds::LightBounds;
 pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS, Sight};
 pub(crate) use emission::{Emission, Emitted};
 use environment::EnvironmentLight;
+pub(crate) use environment::direction_of_square;
 use surface::{Grid, Panel, Shape, SurfaceLight};
 use tree::LightTree;
 pub(crate) use tree::{Arc, Segment};

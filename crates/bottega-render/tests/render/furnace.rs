@@ -63,6 +63,17 @@ fn clear_glass_vanishes_before_a_white_sky() {
 }
 
 #[test]
+fn glass_that_parts_colours_vanishes_before_a_white_sky() {
+    for dispersion in [1.0, 6.0] {
+        let mut scene = sky(Vec3::ONE);
+        let glass = Layered { dispersion, roughness: 0.0.into(), transmission: 1.0.into(), ..Layered::default() };
+        add_sphere(&mut scene, Vec3::ZERO, 1.0, glass.into());
+        let tile = paint(&prepare(scene), (8, 8), 1024, deep());
+        assert_uniform(&tile, Vec3::ONE, 0.15, 0.01);
+    }
+}
+
+#[test]
 fn white_metal_and_white_plastic_neither_gain_nor_lose() {
     for (metallic, roughness) in [(1.0, 0.0), (1.0, 0.5), (0.0, 0.3)] {
         let mut scene = sky(Vec3::new(1.0, 0.5, 2.0));

@@ -26,6 +26,66 @@ fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
     color(&tile, 0, 0).x * PI / 0.5
 }
 
+/// A prism with a vertical edge of 30°, entered at a right angle, and a sky that shines within half a degree of where the colour
+/// of that index of refraction leaves it.
+fn prism(material: Material, index: f32) -> Vec3 {
+    const COLUMNS: u32 = 720;
+    let apex = PI / 6.0;
+    let deviation = (index * apex.sin()).asin() - apex;
+    let texel = |i: u32| {
+        // The middle column is −z, others are as far to the right of it as the angle around +y.
+        let angle = ((i % COLUMNS) as f32 + 0.5) / COLUMNS as f32 * 2.0 * PI - PI;
+        [f32::from(u8::from((angle - deviation).abs() < 0.5_f32.to_radians())); 3]
+    };
+    let sky = Image::from_linear_rgb("sky", COLUMNS, 2, (0..COLUMNS * 2).map(texel).collect());
+    let mut scene = Scene {
+        cameras: vec![camera(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 1e-4)],
+        images: vec![sky],
+        environment: Some(Environment::picture(ImageId(0), Vec3::ONE, Mat3::IDENTITY)),
+        ..Scene::default()
+    };
+    // Seen from above: the base to the right, the face away from the camera leans towards it on the left.
+    let (left, near, far) = (-1.0, 2.0, 2.0 - 3.0 * apex.tan());
+    let corners = [(left, near), (2.0, near), (2.0, far)];
+    let positions = [-1.0, 1.0].into_iter().flat_map(|y| corners.map(|(x, z)| Vec3::new(x, y, z))).collect();
+    let triangles = vec![[0, 2, 1], [3, 4, 5], [0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]];
+    add_mesh(&mut scene, positions, triangles, material);
+    let settings = PathSettings { max_depth: 8, ..PathSettings::default() };
+    color(&paint(&prepare(scene), (1, 1), 16384, settings), 0, 0)
+}
+
+/// Share of unpolarized light that goes through a boundary from within, whose sine inside is ½.
+fn through(index: f32) -> f32 {
+    let (inside, outside) = (0.75_f32.sqrt(), (1.0 - 0.25 * index * index).sqrt());
+    let s = (index * inside - outside) / (index * inside + outside);
+    let p = (inside - index * outside) / (inside + index * outside);
+    let entered = 1.0 - ((index - 1.0) / (index + 1.0)).powi(2);
+    entered * (1.0 - 0.5 * (s * s + p * p))
+}
+
+#[test]
+fn a_prism_bends_blue_more_than_red() {
+    let glass = |dispersion: f32| -> Material {
+        Layered { dispersion, roughness: 0.0.into(), transmission: 1.0.into(), ..Layered::default() }.into()
+    };
+    // KHR_materials_dispersion: the indices are apart by (n − 1) · 0.025 · dispersion on either side.
+    let indices = [1.45, 1.5, 1.55];
+    for (channel, index) in indices.into_iter().enumerate() {
+        let found = prism(glass(4.0), index);
+        for other in 0..3 {
+            if other == channel {
+                assert!((found[other] - through(index)).abs() < 0.05, "{channel}: {found}, {}", through(index));
+            } else {
+                assert!(found[other] < 0.01, "{channel}: {found}");
+            }
+        }
+        // Without it all colours go as green does.
+        let found = prism(glass(0.0), index);
+        let expected = if index == 1.5 { through(index) } else { 0.0 };
+        assert!((found - expected).abs().max_element() < 0.03, "{channel}: {found}, {expected}");
+    }
+}
+
 fn assert_near(found: f32, exact: f32, tolerance: f32) {
     assert!((found / exact - 1.0).abs() < tolerance, "found {found}, exact {exact}");
 }

@@ -56,6 +56,21 @@ macro_rules! with_pyramid {
 }
 use with_pyramid;
 
+/// An image whose texels are those that a method of the pyramid makes, in the same format.
+macro_rules! rearranged {
+    ($image:expr, $method:ident) => {{
+        let texels = match &$image.texels {
+            Texels::Gray8(pyramid) => Texels::Gray8(pyramid.$method()),
+            Texels::Rgb8(pyramid) => Texels::Rgb8(pyramid.$method()),
+            Texels::Rgba8(pyramid) => Texels::Rgba8(pyramid.$method()),
+            Texels::Rgba16(pyramid) => Texels::Rgba16(pyramid.$method()),
+            Texels::Rgb32(pyramid) => Texels::Rgb32(pyramid.$method()),
+            Texels::Rgba32(pyramid) => Texels::Rgba32(pyramid.$method()),
+        };
+        Self { name: $image.name, texels }
+    }};
+}
+
 impl Image {
     /// A picture of linear RGB without alpha, row-major from the upper row. What is not finite, or negative, becomes 0.
     ///
@@ -138,15 +153,13 @@ impl Image {
 
     /// The picture with an edge of black texels without opacity around it.
     pub(crate) fn framed(self) -> Self {
-        let texels = match &self.texels {
-            Texels::Gray8(pyramid) => Texels::Gray8(pyramid.framed()),
-            Texels::Rgb8(pyramid) => Texels::Rgb8(pyramid.framed()),
-            Texels::Rgba8(pyramid) => Texels::Rgba8(pyramid.framed()),
-            Texels::Rgba16(pyramid) => Texels::Rgba16(pyramid.framed()),
-            Texels::Rgb32(pyramid) => Texels::Rgb32(pyramid.framed()),
-            Texels::Rgba32(pyramid) => Texels::Rgba32(pyramid.framed()),
-        };
-        Self { name: self.name, texels }
+        rearranged!(self, framed)
+    }
+
+    /// Twice as wide and high: itself above on the left and below on the right, and turned by half a turn in the other
+    /// two places.
+    pub(crate) fn octahedral_period(self) -> Self {
+        rearranged!(self, octahedral_period)
     }
 
     /// Columns and rows of the finest level.

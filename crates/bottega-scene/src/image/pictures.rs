@@ -29,6 +29,8 @@ enum Change {
     Gray,
     /// An edge of black texels around it.
     Framed,
+    /// Beside itself turned by half a turn, so that the two repeated go on as an octahedron does.
+    Octahedral,
 }
 
 /// A picture with an edge of black texels around it.
@@ -88,6 +90,18 @@ impl<'a> Pictures<'a> {
         Ok(Some(Framed { id, size: header.size() }))
     }
 
+    /// Asks for one period of what an octahedral picture of a sphere is beyond its edges: itself, and beside and below it
+    /// itself turned by half a turn; see [`want`](Self::want).
+    pub(crate) fn want_octahedral(
+        &mut self,
+        reference: &str,
+        encoding: Encoding,
+        place: &str,
+    ) -> Result<ImageId, SceneError> {
+        let location = self.resources.locate(reference, place)?;
+        Ok(self.want_changed(location, encoding, Change::Octahedral, place))
+    }
+
     fn want_changed(&mut self, location: Location, encoding: Encoding, change: Change, place: &str) -> ImageId {
         let next = ImageId((self.wanted.len() + self.made.len()) as u32);
         let key = (location, encoding == Encoding::Srgb, change);
@@ -121,6 +135,7 @@ impl<'a> Pictures<'a> {
                     Change::None => image,
                     Change::Gray => image.luminance(),
                     Change::Framed => image.framed(),
+                    Change::Octahedral => image.octahedral_period(),
                 })
             })
             .collect();
@@ -155,6 +170,8 @@ impl<'a> Pictures<'a> {
                     Change::Gray => 12,
                     // A single texel becomes nine, beside itself on the way.
                     Change::Framed => 10,
+                    // Four times as many texels, beside itself on the way.
+                    Change::Octahedral => 5,
                 };
                 let bytes = header.memory_bytes().saturating_mul(factor);
                 self.resources.budget().take(wanted.location.path(), "", bytes)?;

@@ -162,6 +162,20 @@ impl<T: Texel> Pyramid<T> {
         Self::new(width + 2, height + 2, framed, self.encoding)
     }
 
+    /// Itself and, beside and below, itself turned by half a turn.
+    pub(super) fn octahedral_period(&self) -> Self {
+        let Level { width, height, texels } = &self.levels[0];
+        let mut period = Vec::with_capacity(4 * texels.len());
+        let rows = || texels.chunks_exact(*width as usize);
+        for (row, turned) in rows().zip(rows().rev()) {
+            period.extend(row.iter().chain(turned.iter().rev()));
+        }
+        for (row, turned) in rows().zip(rows().rev()) {
+            period.extend(turned.iter().rev().chain(row));
+        }
+        Self::new(2 * width, 2 * height, period, self.encoding)
+    }
+
     pub(super) fn table(&self) -> &'static [f32; 256] {
         self.encoding.table()
     }

@@ -66,6 +66,7 @@ impl Importer<'_> {
         let is_sound = match camera.projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0,
             Projection::Orthographic { height } => height.is_finite() && height > 0.0,
+            Projection::Panorama(_) => true,
         };
         if !is_sound {
             return Err(self.report.invalid(object.at, "the sensor sees nothing"));

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use glam::{Affine2, DVec3, Vec2, Vec4};
 
 use super::context::Context;
+use super::mapping::Laid;
 use super::texture::{Node, PictureNode, constant, texel_center};
 use super::token::Place;
 use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
@@ -29,11 +30,11 @@ pub(super) struct Bake {
 #[derive(Clone, Debug, PartialEq)]
 enum Layout {
     /// Two times two cells of a checkerboard of constants.
-    Cells(Affine2),
+    Cells(Laid),
     /// What all its pictures cover in common.
     Picture(PictureNode),
-    /// The unit square of texture coordinates.
-    Square,
+    /// A square of texture coordinates with that edge.
+    Square(f32),
 }
 
 impl Bake {
@@ -46,9 +47,9 @@ impl Bake {
     pub(super) fn picture_from_uv(&self) -> Affine2 {
         match &self.layout {
             // Both count t upwards: row 0 is the lower row of cells.
-            Layout::Cells(mapping) => Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * *mapping,
-            Layout::Picture(node) => node.picture_from_uv,
-            Layout::Square => Affine2::IDENTITY,
+            Layout::Cells(laid) => Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * laid.picture_from_uv,
+            Layout::Picture(node) => node.laid.picture_from_uv,
+            Layout::Square(edge) => Affine2::from_scale(Vec2::splat(1.0 / edge)),
         }
     }
 
@@ -60,27 +61,38 @@ impl Bake {
         match &self.layout {
             Layout::Cells(_) => false,
             Layout::Picture(node) => node.smooth,
-            Layout::Square => true,
+            Layout::Square(_) => true,
         }
     }
 
     /// Whether the picture repeats as the texture does.
     pub(super) fn repeats(&self) -> bool {
-        fn whole(mapping: &Affine2, period: f32) -> bool {
-            [mapping.matrix2.x_axis.x, mapping.matrix2.y_axis.y].iter().all(|scale| (scale / period).fract() == 0.0)
-        }
-        fn all(node: &Node) -> bool {
+        if let Layout::Square(edge) = self.layout { repeats_within(&self.node, edge) } else { true }
+    }
+
+    /// The sets of texture coordinates by which its parts are laid, in the order of the tree.
+    pub(super) fn uv_sets(&self) -> Vec<u8> {
+        fn gather(node: &Node, sets: &mut Vec<u8>) {
+            let mut add = |laid: &Laid| {
+                if !sets.contains(&laid.uv_set) {
+                    sets.push(laid.uv_set);
+                }
+            };
             match node {
-                Node::Constant(_) => true,
-                Node::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.picture_from_uv, 1.0),
-                Node::Scale(a, b) => all(a) && all(b),
-                Node::Mix(a, b, amount) => all(a) && all(b) && all(amount),
-                Node::Checkerboard(mapping, a, b) => whole(mapping, 2.0) && all(a) && all(b),
-                // Beyond the unit square it goes on growing.
-                Node::Bilinear(..) => false,
+                Node::Constant(_) => {}
+                Node::Picture(node) => add(&node.laid),
+                Node::Scale(a, b) => [a, b].into_iter().for_each(|part| gather(part, sets)),
+                Node::Mix(a, b, amount) => [a, b, amount].into_iter().for_each(|part| gather(part, sets)),
+                Node::Checkerboard(laid, a, b) => {
+                    add(laid);
+                    [a, b].into_iter().for_each(|part| gather(part, sets));
+                }
+                Node::Bilinear(laid, _) => add(laid),
             }
         }
-        self.layout != Layout::Square || all(&self.node)
+        let mut sets = Vec::new();
+        gather(&self.node, &mut sets);
+        sets
     }
 
     /// Makes it.
@@ -89,8 +101,10 @@ impl Bake {
     pub(super) fn image(&self, context: &Context<'_>, pictures: &[Image]) -> Result<Image, SceneError> {
         let (width, height) = match &self.layout {
             Layout::Cells(_) => (2, 2),
-            _ => {
-                let size = size(&self.node, pictures, self.layout == Layout::Square).min(Vec2::splat(SIDE_MAX));
+            Layout::Picture(_) | Layout::Square(_) => {
+                let edge = if let Layout::Square(edge) = self.layout { Some(edge) } else { None };
+                let size =
+                    (size(&self.node, pictures, edge.is_some()) * edge.unwrap_or(1.0)).min(Vec2::splat(SIDE_MAX));
                 (size.x.max(1.0) as u32, size.y.max(1.0) as u32)
             }
         };
@@ -104,7 +118,7 @@ impl Bake {
                     _ => DVec3::ZERO,
                 },
                 Layout::Picture(_) => value(&self.node, texel_center(x, y, width, height), true, pictures),
-                Layout::Square => value(&self.node, texel_center(x, y, width, height), false, pictures),
+                Layout::Square(edge) => value(&self.node, texel_center(x, y, width, height) * *edge, false, pictures),
             };
             let value = self.change.map_or(value, |change| change(value));
             let value = if self.is_scalar { DVec3::splat(value.element_sum() / 3.0) } else { value };
@@ -116,20 +130,39 @@ impl Bake {
 }
 
 fn layout(node: &Rc<Node>) -> Layout {
-    if let Node::Checkerboard(mapping, even, odd) = &**node
+    if let Node::Checkerboard(laid, even, odd) = &**node
         && constant(even).is_some()
         && constant(odd).is_some()
     {
-        return Layout::Cells(*mapping);
+        return Layout::Cells(*laid);
     }
     let mut leaves = Vec::new();
     if gather(node, &mut leaves)
         && let Some((first, rest)) = leaves.split_first()
-        && rest.iter().all(|leaf| (leaf.picture_from_uv, leaf.wrap) == (first.picture_from_uv, first.wrap))
+        && rest.iter().all(|leaf| (leaf.laid, leaf.wrap) == (first.laid, first.wrap))
     {
         return Layout::Picture((*first).clone());
     }
-    Layout::Square
+    // Two cells of a checkerboard that has one in a unit.
+    Layout::Square(if !repeats_within(node, 1.0) && repeats_within(node, 2.0) { 2.0 } else { 1.0 })
+}
+
+/// Whether a tree repeats beyond a square with that edge as it is within.
+fn repeats_within(node: &Node, edge: f32) -> bool {
+    let whole = |laid: &Laid, period: f32| {
+        let scale = laid.picture_from_uv.matrix2;
+        [scale.x_axis.x, scale.y_axis.y].iter().all(|scale| (edge * scale / period).fract() == 0.0)
+    };
+    let all = |parts: &[&Node]| parts.iter().all(|part| repeats_within(part, edge));
+    match node {
+        Node::Constant(_) => true,
+        Node::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.laid, 1.0),
+        Node::Scale(a, b) => all(&[a, b]),
+        Node::Mix(a, b, amount) => all(&[a, b, amount]),
+        Node::Checkerboard(laid, a, b) => whole(laid, 2.0) && all(&[a, b]),
+        // Beyond the unit square it goes on growing.
+        Node::Bilinear(..) => false,
+    }
 }
 
 /// Gathers the pictures of a tree. Whether there is nothing else that depends on the place.
@@ -148,20 +181,23 @@ fn gather<'a>(node: &'a Node, leaves: &mut Vec<&'a PictureNode>) -> bool {
 
 /// How many texels show all of a tree: of its pictures, or of the unit square where these may repeat.
 fn size(node: &Node, pictures: &[Image], of_square: bool) -> Vec2 {
-    let scale = |mapping: &Affine2| Vec2::new(mapping.matrix2.x_axis.x, mapping.matrix2.y_axis.y).abs();
+    let scale = |laid: &Laid| {
+        let scale = laid.picture_from_uv.matrix2;
+        Vec2::new(scale.x_axis.x, scale.y_axis.y).abs()
+    };
     match node {
         Node::Constant(_) => Vec2::ONE,
         Node::Picture(node) => {
             let (width, height) = pictures[node.picture.0 as usize].size();
             let size = Vec2::new(width as f32, height as f32);
-            if of_square { (size * scale(&node.picture_from_uv)).ceil() } else { size }
+            if of_square { (size * scale(&node.laid)).ceil() } else { size }
         }
         Node::Scale(a, b) => size(a, pictures, of_square).max(size(b, pictures, of_square)),
         Node::Mix(a, b, amount) => {
             size(a, pictures, of_square).max(size(b, pictures, of_square)).max(size(amount, pictures, of_square))
         }
-        Node::Checkerboard(mapping, a, b) => {
-            let cells = (scale(mapping) * CELL_TEXELS).ceil();
+        Node::Checkerboard(laid, a, b) => {
+            let cells = (scale(laid) * CELL_TEXELS).ceil();
             cells.max(size(a, pictures, of_square)).max(size(b, pictures, of_square))
         }
         Node::Bilinear(..) => Vec2::splat(CELL_TEXELS),
@@ -172,22 +208,22 @@ fn size(node: &Node, pictures: &[Image], of_square: bool) -> Vec2 {
 ///
 /// - `at`: texture coordinates; with `on_picture` those of the pictures themselves.
 fn value(node: &Node, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
-    let place = |mapping: &Affine2| if on_picture { at } else { mapping.transform_point2(at) };
+    let place = |laid: &Laid| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
     match node {
         Node::Constant(value) => *value,
-        Node::Picture(node) => picture_value(node, place(&node.picture_from_uv), pictures),
+        Node::Picture(node) => picture_value(node, place(&node.laid), pictures),
         Node::Scale(a, b) => value(a, at, on_picture, pictures) * value(b, at, on_picture, pictures),
         Node::Mix(a, b, amount) => {
             let (a, b) = (value(a, at, on_picture, pictures), value(b, at, on_picture, pictures));
             a + (b - a) * value(amount, at, on_picture, pictures)
         }
-        Node::Checkerboard(mapping, even, odd) => {
-            let st = place(mapping);
+        Node::Checkerboard(laid, even, odd) => {
+            let st = place(laid);
             let parity = (st.x.floor() + (1.0 - st.y).floor()).rem_euclid(2.0);
             value(if parity == 0.0 { even } else { odd }, at, on_picture, pictures)
         }
-        Node::Bilinear(mapping, [v00, v01, v10, v11]) => {
-            let st = place(mapping);
+        Node::Bilinear(laid, [v00, v01, v10, v11]) => {
+            let st = place(laid);
             let (s, t) = (f64::from(st.x), f64::from(1.0 - st.y));
             (*v00 * (1.0 - s) + *v10 * s) * (1.0 - t) + (*v01 * (1.0 - s) + *v11 * s) * t
         }

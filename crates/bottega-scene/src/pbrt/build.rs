@@ -136,7 +136,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
             self.context.report_unused(&light.params);
         }
         self.scene.media = self.media.list;
-        self.scene.images = self.textures.load(self.context)?;
+        (self.scene.images, self.scene.mappings) = self.textures.load(self.context)?;
         for material in self.by_power {
             let emission = &mut self.scene.materials[material as usize].emission;
             if let Some(map) = &emission.texture {

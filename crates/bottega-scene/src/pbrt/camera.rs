@@ -6,7 +6,7 @@ use super::context::{Context, Outcome};
 use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{Camera, FovAxis, MediumId, Projection};
+use crate::{Camera, FovAxis, MediumId, Panorama, Projection};
 
 impl World {
     /// The camera of the file; pbrt's own where it has none.
@@ -47,9 +47,13 @@ impl World {
         // Scales of the camera's own axes widen what it sees.
         let half = DVec3::new(0.5 * (x1 - x0) * scale.x, 0.5 * (y1 - y0) * scale.y, scale.z);
         let center = DVec3::new(0.5 * (x0 + x1) * scale.x, 0.5 * (y0 + y1) * scale.y, scale.z);
+        let sees_all_around = entity.kind == "spherical";
         // A window that is turned over mirrors the picture.
-        let flip = DVec3::new(half.x.signum(), half.y.signum(), 1.0);
+        let flip = if sees_all_around { DVec3::ONE } else { DVec3::new(half.x.signum(), half.y.signum(), 1.0) };
         let half = half.abs();
+        if sees_all_around && scale.max_element() > scale.min_element() * 1.001 {
+            context.unsupported(at, "the scales of the camera are taken as if they were equal");
+        }
         if half.min_element().is_nan() || half.min_element() <= 0.0 {
             return Err(at.fault("the screen window of the camera is empty").into());
         }
@@ -60,11 +64,20 @@ impl World {
         };
         let projection = match entity.kind.as_str() {
             "orthographic" => Projection::Orthographic { height: (2.0 * half.y) as f32 },
+            "spherical" => Projection::Panorama(match params.text("mapping")?.unwrap_or("equalarea") {
+                "equalarea" => Panorama::EqualArea,
+                "equirectangular" => Panorama::Equirectangular,
+                other => {
+                    let problem =
+                        format!("the mapping \"{}\" is neither equalarea nor equirectangular", shortened(other));
+                    return Err(params.place_of("mapping").fault(problem).into());
+                }
+            }),
             kind => {
                 if kind != "perspective" {
                     let message = format!("the camera \"{}\" is replaced by a perspective one", shortened(kind));
                     context.unsupported(at, message);
-                    params.ignore(&["lensfile", "aperturediameter", "focusdistance", "aperture", "mapping"]);
+                    params.ignore(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
                 }
                 let degrees = params.float("fov")?.unwrap_or(90.0);
                 if !(degrees > 0.0 && degrees < 180.0) {
@@ -89,7 +102,9 @@ impl World {
         let is_sound = match projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+            Projection::Panorama(_) => true,
         };
+        let lens_radius = if sees_all_around { 0.0 } else { lens_radius };
         let lens_shift = Vec2::new((-center.x * flip.x / half.x) as f32, (-center.y * flip.y / half.y) as f32);
         if !is_sound || !lens_shift.is_finite() {
             return Err(at.fault("the camera shows nothing, or everything").into());
@@ -106,7 +121,7 @@ impl World {
             fov_axis,
             lens_radius: lens_radius as f32,
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
-            lens_shift,
+            lens_shift: if sees_all_around { Vec2::ZERO } else { lens_shift },
             medium,
         })
     }

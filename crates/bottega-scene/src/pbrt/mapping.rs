@@ -1,10 +1,24 @@
 //! Where on a picture a point of a surface is.
 
-use glam::{Affine2, Vec2};
+use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
 use super::context::{Context, Outcome};
 use super::params::Params;
+use super::world::Entity;
 use crate::text::shortened;
+use crate::{Mapping, MappingKind, SURFACE_UV_SETS};
+
+/// How a texture is laid: what is applied to which coordinates (v downwards).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Laid {
+    /// As of [`TextureMap`](crate::TextureMap).
+    pub(super) uv_set: u8,
+    pub(super) picture_from_uv: Affine2,
+}
+
+/// The mappings of a scene, each once.
+#[derive(Debug, Default)]
+pub(super) struct Mappings(Vec<Mapping>);
 
 /// From a picture of that size to the same with an edge of one texel around it.
 pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
@@ -12,14 +26,75 @@ pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
     Affine2::from_scale_angle_translation(size / (size + 2.0), 0.0, 1.0 / (size + 2.0))
 }
 
-/// Where on a picture (v downwards) a point of a surface is.
-pub(super) fn mapping(context: &mut Context<'_>, params: &Params) -> Outcome<Affine2> {
-    let kind = params.text("mapping")?.unwrap_or("uv");
-    if kind != "uv" {
-        params.ignore(&["v1", "v2"]);
-        let message = format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
-        context.unsupported(params.place_of("mapping"), message);
+impl Mappings {
+    /// How a texture says that it is laid.
+    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> Outcome<Laid> {
+        let params = &texture.params;
+        let space = match params.text("mapping")?.unwrap_or("uv") {
+            "uv" => return on_surface(params),
+            "planar" => MappingKind::Planar,
+            "spherical" => MappingKind::Spherical,
+            "cylindrical" => MappingKind::Cylindrical,
+            kind => {
+                params.ignore(&["v1", "v2"]);
+                let message =
+                    format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
+                context.unsupported(params.place_of("mapping"), message);
+                return on_surface(params);
+            }
+        };
+        let texture_from_world = texture.ctm.inverse();
+        let place = params.place_of("mapping");
+        if !texture_from_world.is_finite() {
+            return Err(place.fault("the transformation in force at this texture is singular").into());
+        }
+        let (mapping, delta) = match space {
+            MappingKind::Planar => planar(params, texture_from_world)?,
+            MappingKind::Spherical | MappingKind::Cylindrical => (texture_from_world, Vec2::ZERO),
+        };
+        let mapping_from_world = Affine3A {
+            matrix3: Mat3A::from(mapping.matrix3.as_mat3()),
+            translation: Vec3A::from(mapping.translation.as_vec3()),
+        };
+        if !mapping_from_world.is_finite() || !delta.is_finite() {
+            return Err(place.fault("the mapping exceeds all bounds").into());
+        }
+        let picture_from_uv = Affine2::from_translation(delta);
+        match self.set_of(Mapping { kind: space, mapping_from_world }) {
+            Some(uv_set) => Ok(Laid { uv_set, picture_from_uv }),
+            None => {
+                let message = "there are too many mappings: here the surface's own coordinates stand for it";
+                context.unsupported(place, message);
+                Ok(Laid { uv_set: 0, picture_from_uv })
+            }
+        }
     }
+
+    /// For [`Scene::mappings`](crate::Scene::mappings).
+    pub(super) fn into_inner(self) -> Vec<Mapping> {
+        self.0
+    }
+
+    /// How the coordinates of that set lie in space; `None`: they are the surface's own.
+    pub(super) fn kind(&self, uv_set: u8) -> Option<MappingKind> {
+        let index = uv_set.checked_sub(SURFACE_UV_SETS)?;
+        Some(self.0[usize::from(index)].kind)
+    }
+
+    fn set_of(&mut self, mapping: Mapping) -> Option<u8> {
+        let index = self.0.iter().position(|known| *known == mapping).unwrap_or_else(|| {
+            self.0.push(mapping);
+            self.0.len() - 1
+        });
+        let set = u8::try_from(index + usize::from(SURFACE_UV_SETS)).ok();
+        if set.is_none() {
+            self.0.pop();
+        }
+        set
+    }
+}
+
+fn on_surface(params: &Params) -> Outcome<Laid> {
     let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
     let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
     let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
@@ -32,5 +107,20 @@ pub(super) fn mapping(context: &mut Context<'_>, params: &Params) -> Outcome<Aff
         delta_u as f32,
         (1.0 - scale_v - delta_v) as f32,
     ]);
-    if mapping.is_finite() { Ok(mapping) } else { Err(params.at.fault("the mapping exceeds all bounds").into()) }
+    if mapping.is_finite() {
+        Ok(Laid { uv_set: 0, picture_from_uv: mapping })
+    } else {
+        Err(params.at.fault("the mapping exceeds all bounds").into())
+    }
+}
+
+/// To the space whose x and y are the coordinates s and t, and what is to be added to u and v.
+fn planar(params: &Params, texture_from_world: DAffine3) -> Outcome<(DAffine3, Vec2)> {
+    let along_s = params.point3("v1", "vector3")?.unwrap_or(DVec3::X);
+    let along_t = params.point3("v2", "vector3")?.unwrap_or(DVec3::Y);
+    let (delta_s, delta_t) = (params.float("udelta")?.unwrap_or(0.0), params.float("vdelta")?.unwrap_or(0.0));
+    // Nothing is asked of what lies above the plane.
+    let plane_from_texture = DMat3::from_cols(along_s, along_t, DVec3::ZERO).transpose();
+    let mapping = DAffine3::from_mat3(plane_from_texture) * texture_from_world;
+    Ok((mapping, Vec2::new(delta_s as f32, -delta_t as f32)))
 }

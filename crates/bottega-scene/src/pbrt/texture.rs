@@ -8,13 +8,15 @@ use glam::{Affine2, DVec3, Vec2};
 use super::bake::{Bake, projection_image, scalar_image};
 use super::color::{Color, ColorSpace, Meaning};
 use super::context::{Context, Outcome};
-use super::mapping::{mapping, within_frame};
+use super::mapping::{Laid, Mappings, within_frame};
 use super::params::Params;
 use super::token::Place;
 use super::world::{Entity, World};
 use crate::image::{Encoding, Framed, Pictures};
 use crate::text::shortened;
-use crate::{Channel, ColorParam, Image, ImageId, ScalarParam, SceneError, Spectrum, TextureMap, Wrap};
+use crate::{
+    Channel, ColorParam, Image, ImageId, Mapping, MappingKind, ScalarParam, SceneError, Spectrum, TextureMap, Wrap,
+};
 
 /// Trees with more parts are replaced.
 const PARTS_MAX: usize = 64;
@@ -29,9 +31,9 @@ pub(super) enum Node {
     /// From the first to the second by the third.
     Mix(Rc<Node>, Rc<Node>, Rc<Node>),
     /// The first where both coordinates are even, or both odd.
-    Checkerboard(Affine2, Rc<Node>, Rc<Node>),
+    Checkerboard(Laid, Rc<Node>, Rc<Node>),
     /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
-    Bilinear(Affine2, [DVec3; 4]),
+    Bilinear(Laid, [DVec3; 4]),
 }
 
 /// A picture laid on a surface.
@@ -41,7 +43,7 @@ pub(super) struct PictureNode {
     pub(super) picture: ImageId,
     /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
     pub(super) is_scalar: bool,
-    pub(super) picture_from_uv: Affine2,
+    pub(super) laid: Laid,
     pub(super) wrap: Wrap,
     pub(super) smooth: bool,
     pub(super) scale: f64,
@@ -64,6 +66,7 @@ enum Slot {
 pub(super) struct Textures<'a, 'w> {
     world: &'w World,
     pictures: Pictures<'a>,
+    mappings: Mappings,
     /// One for each image of the scene.
     slots: Vec<Slot>,
     slot_of: BTreeMap<(ImageId, bool), ImageId>,
@@ -76,7 +79,15 @@ pub(super) struct Textures<'a, 'w> {
 impl<'a, 'w> Textures<'a, 'w> {
     pub(super) fn new(world: &'w World, context: &Context<'a>) -> Self {
         let pictures = Pictures::new(context.resources, context.options);
-        Self { world, pictures, slots: Vec::new(), slot_of: BTreeMap::new(), nodes: BTreeMap::new(), open: Vec::new() }
+        Self {
+            world,
+            pictures,
+            mappings: Mappings::default(),
+            slots: Vec::new(),
+            slot_of: BTreeMap::new(),
+            nodes: BTreeMap::new(),
+            open: Vec::new(),
+        }
     }
 
     /// A colour parameter, if it is given.
@@ -165,8 +176,8 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(Some(ColorParam { factor: Spectrum::ONE, texture: map }))
     }
 
-    /// The pictures of the scene, decoded and baked.
-    pub(super) fn load(self, context: &mut Context<'_>) -> Outcome<Vec<Image>> {
+    /// The pictures of the scene, decoded and baked, and the mappings by which they are laid.
+    pub(super) fn load(self, context: &mut Context<'_>) -> Outcome<(Vec<Image>, Vec<Mapping>)> {
         let pictures = self.pictures.load(context.warnings())?;
         let mut uses = vec![0usize; pictures.len()];
         for slot in &self.slots {
@@ -193,7 +204,9 @@ impl<'a, 'w> Textures<'a, 'w> {
             Slot::Baked(_) => baked,
         };
         // Every slot has a picture: they were counted above.
-        Ok(self.slots.iter().zip(baked).map(image).map(|image| image.unwrap_or_else(|| Image::missing(""))).collect())
+        let images = self.slots.iter().zip(baked).map(image);
+        let images = images.map(|image| image.unwrap_or_else(|| Image::missing(""))).collect();
+        Ok((images, self.mappings.into_inner()))
     }
 
     fn slot(&mut self, picture: ImageId, is_scalar: bool) -> ImageId {
@@ -222,8 +235,8 @@ impl<'a, 'w> Textures<'a, 'w> {
             Node::Picture(node) if !node.invert && node.gamma.is_none() => {
                 let map = TextureMap {
                     image: self.slot(node.picture, is_scalar),
-                    uv_set: 0,
-                    picture_from_uv: node.picture_from_uv,
+                    uv_set: node.laid.uv_set,
+                    picture_from_uv: node.laid.picture_from_uv,
                     wrap_u: node.wrap,
                     wrap_v: node.wrap,
                     smooth: node.smooth,
@@ -251,14 +264,21 @@ impl<'a, 'w> Textures<'a, 'w> {
         at: Place,
     ) -> Outcome<(DVec3, Option<TextureMap>)> {
         let bake = Bake::new(node.clone(), is_scalar, change, at);
-        if !bake.repeats() {
+        let sets = bake.uv_sets();
+        if sets.len() > 1 {
+            context.unsupported(at, "parts of this texture are laid by different mappings; all are laid by the first");
+        }
+        let uv_set = sets.first().copied().unwrap_or(0);
+        // What a sphere is asked for lies within [0, 1].
+        let is_cut = !bake.repeats() && self.mappings.kind(uv_set) != Some(MappingKind::Spherical);
+        if is_cut {
             context
                 .unsupported(at, "parts of this texture repeat at rates without a common period; it is cut at [0, 1]");
         }
         let image = ImageId(self.slots.len() as u32);
         let map = TextureMap {
             image,
-            uv_set: 0,
+            uv_set,
             picture_from_uv: bake.picture_from_uv(),
             wrap_u: bake.wrap(),
             wrap_v: bake.wrap(),
@@ -325,11 +345,11 @@ impl<'a, 'w> Textures<'a, 'w> {
                 let first = self.part(context, params, "tex1", 1.0, is_float)?;
                 let second = self.part(context, params, "tex2", 0.0, is_float)?;
                 let dimension = params.integer("dimension")?.unwrap_or(2);
-                let mapping = mapping(context, params)?;
+                let laid = self.mappings.laid(context, entity)?;
                 if dimension == 3 {
                     context.unsupported(at, "the checkerboard is one of the surface, not of space");
                 }
-                Node::Checkerboard(mapping, first, second)
+                Node::Checkerboard(laid, first, second)
             }
             "bilerp" => {
                 let mut values = [DVec3::ZERO; 4];
@@ -341,12 +361,12 @@ impl<'a, 'w> Textures<'a, 'w> {
                         false => self.constant_color(context, params, name, default)?,
                     };
                 }
-                Node::Bilinear(mapping(context, params)?, values)
+                Node::Bilinear(self.mappings.laid(context, entity)?, values)
             }
             "dots" => {
                 let inside = self.part(context, params, "inside", 1.0, is_float)?;
                 let outside = self.part(context, params, "outside", 0.0, is_float)?;
-                mapping(context, params)?;
+                self.mappings.laid(context, entity)?;
                 context.unsupported(
                     at,
                     "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
@@ -413,18 +433,24 @@ impl<'a, 'w> Textures<'a, 'w> {
             }
         };
         let place = context.place(at);
-        let is_black = params.text("wrap")? == Some("black");
-        let framed = if is_black { self.pictures.want_framed(file, encoding, &place)? } else { None };
-        let mut picture_from_uv = mapping(context, params)?;
+        let wrap = params.text("wrap")?.unwrap_or("repeat");
+        let framed = if wrap == "black" { self.pictures.want_framed(file, encoding, &place)? } else { None };
+        let mut laid = self.mappings.laid(context, entity)?;
         let picture = match framed {
             Some(Framed { id: picture, size }) => {
-                picture_from_uv = within_frame(size) * picture_from_uv;
+                laid.picture_from_uv = within_frame(size) * laid.picture_from_uv;
                 picture
+            }
+            None if wrap == "octahedralsphere" => {
+                // It is one quarter of its period. pbrt goes on with the second texel at the left and upper edge, and with
+                // the last one at the others; here all edges are as these.
+                laid.picture_from_uv = Affine2::from_scale(Vec2::splat(0.5)) * laid.picture_from_uv;
+                self.pictures.want_octahedral(file, encoding, &place)?
             }
             None => self.pictures.want(file, encoding, &place)?,
         };
-        let wrap = match params.text("wrap")?.unwrap_or("repeat") {
-            "repeat" => Wrap::Repeat,
+        let wrap = match wrap {
+            "repeat" | "octahedralsphere" => Wrap::Repeat,
             // Black is what lies around a picture with a black edge.
             "clamp" | "black" => Wrap::Clamp,
             other => {
@@ -438,7 +464,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(Node::Picture(PictureNode {
             picture,
             is_scalar,
-            picture_from_uv,
+            laid,
             wrap,
             smooth,
             scale: params.float("scale")?.unwrap_or(1.0),

@@ -312,7 +312,9 @@ fn own_view(args: &RenderArgs, title: &str) -> Result<CameraView, CliError> {
         Projection::Perspective { vertical_fov } => {
             Ok(CameraView { world_from_camera: Mat4::from(camera.world_from_camera).to_cols_array(), vertical_fov })
         }
-        Projection::Orthographic { .. } => Err(lacking("that one has no perspective".to_owned())),
+        Projection::Orthographic { .. } | Projection::Panorama(_) => {
+            Err(lacking("that one has no perspective".to_owned()))
+        }
     }
 }
 

@@ -1,0 +1,284 @@
+//! Texture coordinates by a place in the world ([`Scene::mappings`]).
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use bottega_kernels::math;
+use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
+use glam::{Mat3, Vec2, Vec3};
+
+/// Where a point is in the world, and how wide it is seen: what mappings ask.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spot {
+    /// World space.
+    pub p: Vec3,
+    /// Of the surface there, unit length.
+    pub normal: Vec3,
+    /// Width of the beam in scene units; 0 for sharp lookups.
+    pub beam: f32,
+    /// Cosine between the beam and the normal.
+    pub cosine: f32,
+}
+
+impl Spot {
+    /// A point that is looked at sharply.
+    pub(crate) fn sharp(p: Vec3) -> Self {
+        Self { p, ..Self::default() }
+    }
+}
+
+/// A point with the texture coordinates of its surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TexturePlace {
+    /// Both sets of the surface.
+    pub(crate) uvs: [Vec2; 2],
+    /// Where it is.
+    pub(crate) spot: Spot,
+}
+
+impl Uvs for TexturePlace {
+    #[inline(always)]
+    fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
+        match map.mapping(scene) {
+            None => self.uvs.of(scene, map, footprint),
+            Some(mapping) => mapped(mapping, &self.spot, footprint > 0.0),
+        }
+    }
+}
+
+/// The coordinates of a spot, and how wide its beam is in them.
+#[cold]
+fn mapped(mapping: &Mapping, spot: &Spot, is_wide: bool) -> (Vec2, f32) {
+    let uv = uv_of(mapping, spot.p);
+    if !is_wide || spot.beam <= 0.0 {
+        return (uv, 0.0);
+    }
+    // The area of the coordinates that a unit of the surface covers. Between the long and the short axis of the beam's
+    // oblique cut: the geometric mean.
+    let [u, v] = gradients(mapping, spot.p);
+    (uv, spot.beam * (u.cross(v).dot(spot.normal) / spot.cosine.abs().max(0.01)).abs().sqrt())
+}
+
+/// The coordinates of a place. Those without numbers (a pole, the middle of a sphere) are 0.
+fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
+    let q = mapping.mapping_from_world.transform_point3(p);
+    let turns = || 0.5 * FRAC_1_PI * math::atan2(q.y, q.x);
+    let uv = match mapping.kind {
+        MappingKind::Planar => Vec2::new(q.x, 1.0 - q.y),
+        MappingKind::Spherical => {
+            let theta = math::atan2(q.truncate().length(), q.z);
+            let turns = turns();
+            Vec2::new(theta * FRAC_1_PI, 1.0 - if turns < 0.0 { turns + 1.0 } else { turns })
+        }
+        MappingKind::Cylindrical => Vec2::new(0.5 + turns(), 1.0 - q.z),
+    };
+    if uv.is_finite() { uv } else { Vec2::ZERO }
+}
+
+/// How u and v grow in the world. Nothing grows where they jump.
+pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
+    let q = mapping.mapping_from_world.transform_point3(p);
+    let (rho_squared, r_squared) = (q.truncate().length_squared(), q.length_squared());
+    let rho = rho_squared.sqrt();
+    let turn = Vec3::new(-q.y, q.x, 0.0) / (2.0 * PI * rho_squared);
+    let own = match mapping.kind {
+        MappingKind::Planar => [Vec3::X, Vec3::NEG_Y],
+        MappingKind::Spherical => {
+            let theta = Vec3::new(q.x * q.z / rho, q.y * q.z / rho, -rho) / (PI * r_squared);
+            [theta, -turn]
+        }
+        MappingKind::Cylindrical => [turn, Vec3::NEG_Z],
+    };
+    let world_from_gradient = Mat3::from(mapping.mapping_from_world.matrix3).transpose();
+    own.map(|own| world_from_gradient * own).map(|it| if it.is_finite() { it } else { Vec3::ZERO })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bottega_kernels::Ray;
+    use bottega_scene::{
+        AlphaMode, Channel, Image, ImageId, Material, Mesh, Relief, ScalarParam, Spectrum, Surface, TextureMap,
+    };
+    use glam::{Affine3A, Quat};
+
+    use super::*;
+    use crate::camera::RayCone;
+    use crate::interaction::{Asks, Interaction, is_there};
+    use crate::{PrepareOptions, PreparedScene};
+
+    const KINDS: [MappingKind; 3] = [MappingKind::Planar, MappingKind::Spherical, MappingKind::Cylindrical];
+
+    fn plain(kind: MappingKind) -> Mapping {
+        Mapping { kind, mapping_from_world: Affine3A::IDENTITY }
+    }
+
+    #[test]
+    fn coordinates_are_those_that_pbrt_gives() {
+        // s and t at points of which both are known.
+        let cases = [
+            (MappingKind::Planar, Vec3::new(0.25, -2.0, 7.0), Vec2::new(0.25, -2.0)),
+            (MappingKind::Spherical, Vec3::new(0.0, 0.0, 3.0), Vec2::new(0.0, 0.0)),
+            (MappingKind::Spherical, Vec3::new(0.0, 2.0, 0.0), Vec2::new(0.5, 0.25)),
+            (MappingKind::Spherical, Vec3::new(0.0, -1.0, -1.0), Vec2::new(0.75, 0.75)),
+            (MappingKind::Cylindrical, Vec3::new(5.0, 0.0, 4.0), Vec2::new(0.5, 4.0)),
+            (MappingKind::Cylindrical, Vec3::new(0.0, -5.0, -1.5), Vec2::new(0.25, -1.5)),
+        ];
+        for (kind, p, st) in cases {
+            let uv = uv_of(&plain(kind), p);
+            assert!((uv - Vec2::new(st.x, 1.0 - st.y)).length() < 1e-6, "{kind:?} {p}: {uv}");
+        }
+    }
+
+    #[test]
+    fn coordinates_grow_as_their_gradients_say() {
+        let place = Affine3A::from_scale_rotation_translation(
+            Vec3::new(0.5, 2.0, 1.5),
+            Quat::from_rotation_x(0.7),
+            Vec3::new(0.3, -0.2, 0.1),
+        );
+        for kind in KINDS {
+            let mapping = Mapping { kind, mapping_from_world: place };
+            for p in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-2.0, 0.5, 0.7), Vec3::new(0.4, -3.0, -1.0)] {
+                let [u, v] = gradients(&mapping, p);
+                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                    const STEP: f32 = 1e-2;
+                    let grown = (uv_of(&mapping, p + axis * STEP) - uv_of(&mapping, p - axis * STEP)) / (2.0 * STEP);
+                    let told = Vec2::new(u.dot(axis), v.dot(axis));
+                    assert!((grown - told).length() < 2e-3, "{kind:?} {p} {axis}: {grown} {told}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_beam_covers_as_much_of_a_picture_as_of_the_surface() {
+        // On a sphere of radius 2, at its equator: once around in v, from pole to pole in u.
+        let spot = Spot { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::X, beam: 0.1, cosine: 0.25 };
+        let (_, width) = mapped(&plain(MappingKind::Spherical), &spot, true);
+        let expected = 0.2 / (2.0 * PI * 2.0 * PI * 2.0).sqrt();
+        assert!((width / expected - 1.0).abs() < 1e-5, "{width} {expected}");
+        assert_eq!(mapped(&plain(MappingKind::Spherical), &spot, false).1, 0.0);
+    }
+
+    /// A material with a picture that a mapping lays, on a square of four units in the plane z = 0 without coordinates of its own, or
+    /// on a sphere of radius 2 around the origin.
+    fn laid(
+        mapping: Mapping,
+        image: Image,
+        on_sphere: bool,
+        material: impl Fn(ScalarParam) -> Material,
+    ) -> PreparedScene {
+        let map = TextureMap { uv_set: bottega_scene::SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
+        let param = ScalarParam { factor: 1.0, texture: Some((map, Channel::R)) };
+        let mut scene = Scene {
+            images: vec![image],
+            mappings: vec![mapping],
+            materials: vec![material(param)],
+            ..Scene::default()
+        };
+        if on_sphere {
+            scene.push_sphere(Vec3::ZERO, 2.0, 0);
+        } else {
+            let quad = Mesh::quad(Vec3::new(-2.0, -2.0, 0.0), 4.0 * Vec3::X, 4.0 * Vec3::Y);
+            scene.push_surface(Mesh { uvs: Default::default(), ..quad });
+        }
+        PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap()
+    }
+
+    /// Heights that rise by one from edge to edge of the picture, along u.
+    fn slope() -> Image {
+        let texels = (0..64 * 64).map(|i| [(i % 64) as f32 / 64.0; 3]).collect();
+        Image::from_linear_rgb("slope", 64, 64, texels)
+    }
+
+    fn point(prepared: &PreparedScene, origin: Vec3, direction: Vec3) -> Interaction {
+        let hit = prepared.accel().intersect(&Ray::new(origin, direction));
+        Interaction::new(prepared, &hit, origin, direction, RayCone { width: 0.0, spread: 0.0 })
+    }
+
+    #[test]
+    fn a_bump_leans_away_from_where_it_rises_in_space() {
+        let bumped = |height: ScalarParam| Material { relief: Some(Relief::heights(height)), ..Material::default() };
+        // u grows by one over two units along (3, 4) / 5.
+        let along = Quat::from_rotation_z(-(0.8_f32).asin());
+        let mapping = Mapping {
+            kind: MappingKind::Planar,
+            mapping_from_world: Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), along, Vec3::splat(0.2)),
+        };
+        let prepared = laid(mapping, slope(), false, bumped);
+        let normal = point(&prepared, Vec3::new(0.1, 0.2, 3.0), Vec3::NEG_Z).frame[2];
+        let expected = Vec3::new(-0.3, -0.4, 1.0).normalize();
+        assert!((normal - expected).length() < 1e-3, "{normal}");
+        // On a sphere θ grows by π over π radii, so u by 1 / 2π a unit at its equator, downwards.
+        let prepared = laid(plain(MappingKind::Spherical), slope(), true, bumped);
+        let normal = point(&prepared, Vec3::new(5.0, 0.0, 0.0), Vec3::NEG_X).frame[2];
+        let expected = Vec3::new(1.0, 0.0, 0.5 * FRAC_1_PI).normalize();
+        assert!((normal - expected).length() < 1e-3, "{normal}");
+    }
+
+    #[test]
+    fn a_surface_is_there_where_a_picture_in_space_says() {
+        // Left half clear.
+        let half = || Image::from_linear_rgb("half", 2, 1, vec![[0.0; 3], [1.0; 3]]);
+        let masked = |opacity: ScalarParam| Material { opacity, alpha_mode: AlphaMode::Blend, ..Material::default() };
+        for (kind, on_sphere, origin, there) in [
+            (MappingKind::Planar, false, Vec3::new(0.25, 0.3, 5.0), false),
+            (MappingKind::Planar, false, Vec3::new(0.75, 0.3, 5.0), true),
+            // Above the equator θ is below π / 2.
+            (MappingKind::Spherical, true, Vec3::new(0.3, 0.3, 5.0), false),
+            (MappingKind::Spherical, true, Vec3::new(0.3, 0.3, -5.0), true),
+            // φ above 0 is the right half.
+            (MappingKind::Cylindrical, true, Vec3::new(0.3, -5.0, 0.1), false),
+            (MappingKind::Cylindrical, true, Vec3::new(0.3, 5.0, 0.1), true),
+        ] {
+            let prepared = laid(plain(kind), half(), on_sphere, masked);
+            let axis = if origin.y.abs() > 1.0 { Vec3::Y } else { Vec3::Z };
+            // Longer than a unit, as shadow rays are.
+            let ray = Ray::new(origin, -2.0 * axis * origin.dot(axis).signum());
+            let hit = prepared.accel().intersect(&ray);
+            assert!(!hit.is_none());
+            assert_eq!(is_there(&prepared, &ray, &hit, Asks::Path, |_| 0.5), there, "{kind:?} {origin}");
+        }
+    }
+
+    #[test]
+    fn what_shines_has_the_coordinates_of_its_surface() {
+        let mut scene = Scene {
+            images: vec![slope()],
+            mappings: vec![plain(MappingKind::Planar)],
+            materials: vec![Material::lamp(Spectrum::ONE)],
+            ..Scene::default()
+        };
+        let map = |uv_set| TextureMap { uv_set, ..TextureMap::new(ImageId(0)) };
+        scene.materials[0].emission.texture = Some(map(2));
+        assert!(scene.validate().unwrap_err().to_string().contains("emission"));
+        // An unlit surface is no light.
+        let color = bottega_scene::ColorParam { factor: Spectrum::ONE, texture: Some(map(2)) };
+        scene.materials[0] = Surface::Unlit(color).into();
+        scene.validate().unwrap();
+        let color = bottega_scene::ColorParam { factor: Spectrum::ONE, texture: Some(map(3)) };
+        scene.materials[0] = Surface::Unlit(color).into();
+        assert!(scene.validate().unwrap_err().to_string().contains("coordinates"));
+        scene.materials.clear();
+        scene.mappings[0].mapping_from_world.translation.x = f32::NAN;
+        assert!(scene.validate().unwrap_err().to_string().contains("mappings[0]"));
+    }
+
+    #[test]
+    fn everything_has_coordinates() {
+        let singular = Affine3A { matrix3: glam::Mat3A::ZERO, translation: glam::Vec3A::ZERO };
+        let huge = Affine3A::from_scale(Vec3::splat(1e30));
+        for kind in KINDS {
+            for mapping_from_world in [Affine3A::IDENTITY, singular, huge] {
+                let mapping = Mapping { kind, mapping_from_world };
+                for p in [Vec3::ZERO, Vec3::Z, Vec3::NEG_Z, Vec3::splat(1e18), Vec3::splat(-1e-30)] {
+                    let spot = Spot { p, normal: Vec3::Y, beam: 1.0, cosine: 0.0 };
+                    let (uv, width) = mapped(&mapping, &spot, true);
+                    let color = slope().eval(&TextureMap::new(ImageId(0)), uv, width);
+                    assert!(uv.is_finite() && color.is_finite(), "{kind:?} {p}: {uv} {width} {color}");
+                }
+            }
+        }
+    }
+}
