@@ -183,7 +183,7 @@ impl Place {
         let file = match self {
             Self::Checks(name) => root.join("engines/tests/scenes").join(name),
             Self::Own(name) => root.join("scenes").join(name),
-            Self::Large(name) => match env::var_os("BOTTEGA_SCENES") {
+            Self::Large(name) => match env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()) {
                 Some(folder) => Path::new(&folder).join(name),
                 None => return Ok(None),
             },

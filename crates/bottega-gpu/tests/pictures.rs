@@ -163,7 +163,7 @@ fn the_scenes_of_the_repository_are_the_same() {
 #[ignore = "takes minutes"]
 fn larger_scenes_are_the_same() {
     let Some(options) = options() else { return };
-    let Some(folder) = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from) else {
+    let Some(folder) = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from) else {
         eprintln!("skipped: BOTTEGA_SCENES names no folder");
         return;
     };

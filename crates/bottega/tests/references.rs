@@ -15,7 +15,7 @@ const BLOCK: u32 = 32;
 const MEAN_MARGIN: f64 = 0.002;
 
 fn reference(name: &str) -> Option<Picture> {
-    let Some(folder) = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from) else {
+    let Some(folder) = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from) else {
         eprintln!("skipped: set BOTTEGA_SCENES to the folder of the reference pictures");
         return None;
     };

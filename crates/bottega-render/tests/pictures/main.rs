@@ -114,7 +114,7 @@ impl Place {
 
 /// The folder of larger scenes; `None`: there is none, and `wanted` is skipped.
 fn scenes_folder(wanted: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from);
+    let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
     if folder.is_none() {
         eprintln!("skipped {wanted}: set BOTTEGA_SCENES to the folder of the scenes");
     }

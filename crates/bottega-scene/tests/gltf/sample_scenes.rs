@@ -8,7 +8,7 @@ use glam::{Mat4, Vec3};
 use serde_json::Value;
 
 pub(crate) fn scenes() -> Option<PathBuf> {
-    let folder = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from);
+    let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
     if folder.is_none() {
         eprintln!("skipped: set BOTTEGA_SCENES to the folder of the sample scenes");
     }

@@ -88,7 +88,7 @@ fn missing_files_are_warned_of_and_foreign_ones_refused() {
 
 /// The folder of real scenes, where the environment names one.
 pub(crate) fn real_scenes() -> Option<PathBuf> {
-    let folder = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from);
+    let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
     if folder.is_none() {
         eprintln!("BOTTEGA_SCENES is not set: meshes of others are not read");
     }

@@ -7,7 +7,7 @@ use bottega_scene::LoadOptions;
 use crate::support::told;
 
 fn scenes() -> Option<PathBuf> {
-    let folder = std::env::var_os("BOTTEGA_SCENES").map(PathBuf::from);
+    let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
     if folder.is_none() {
         eprintln!("SKIPPED: BOTTEGA_SCENES does not name the folder of the scenes");
     }
