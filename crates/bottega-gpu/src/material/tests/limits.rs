@@ -2,10 +2,10 @@
 
 use bottega_render::bsdf::{SurfacePoint, scattering};
 use bottega_scene::{
-    Channel, Coated, CoatedBase, Diffuse, Facets, Image, ImageId, Material, ScalarParam, Scene, Spectrum, Surface,
-    TextureMap,
+    Channel, Coated, CoatedBase, ColorParam, Diffuse, Facets, Image, ImageId, Mapping, MappingKind, Material,
+    SURFACE_UV_SETS, ScalarParam, Scene, Spectrum, Surface, TextureMap,
 };
-use glam::{Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 
 use super::device::Bench;
 use crate::material::{EncodedMaterials, Features};
@@ -73,6 +73,12 @@ fn what_devices_do_not_have_is_told_by_name() {
     rough.roughness[0].texture = Some((TextureMap::new(ImageId(0)), Channel::G));
     let unsupported = EncodedMaterials::new(&scene(coat(rough, 1.0)), &[]).unwrap_err();
     assert_eq!(unsupported.to_string(), "not for a GPU: clear coats whose thickness and roughness are both textures");
+    let mapping = Mapping { kind: MappingKind::Planar, mapping_from_world: Affine3A::IDENTITY };
+    let in_space = TextureMap { uv_set: SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
+    let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };
+    let scene = Scene { mappings: vec![mapping], ..scene(Surface::Unlit(color)) };
+    let unsupported = EncodedMaterials::new(&scene, &[]).unwrap_err();
+    assert_eq!(unsupported.to_string(), "not for a GPU: textures that lie by a place in the world");
 }
 
 #[test]
