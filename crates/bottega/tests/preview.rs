@@ -51,7 +51,7 @@ fn the_preview_is_complete_at_once_and_in_the_end_the_picture() {
     });
     let flat = Picture::from_fn(SIZE.0, SIZE.1, |_, _| mean);
     let error = |seen| rmse(seen, &painted).expect("pictures of one size");
-    assert!(error(&first) < 0.7 * error(&flat), "{} and {}", error(&first), error(&flat));
+    assert!(error(&first) < 0.75 * error(&flat), "{} and {}", error(&first), error(&flat));
     // The last one is the picture but for rounding: that is dithered.
     assert!(error(&last) < 0.01, "{}", error(&last));
 

@@ -74,6 +74,24 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
     }
 }
 
+/// The sky over a floor, as the lower half of a ball sees it: by light that came back once.
+#[test]
+fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::Y * 0.5, 0.25)], ..Scene::default() };
+    let grey = matte(Vec3::splat(0.5));
+    add_quad(&mut scene, Vec3::new(-10.0, 0.0, 10.0), Vec3::X * 20.0, Vec3::Z * -20.0, grey.clone());
+    add_sphere(&mut scene, Vec3::Y, 1.0, grey);
+    scene.environment = Some(Environment::uniform(Vec3::ONE));
+    let scene = prepare(scene);
+    let expected =
+        mean_color(&paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() }));
+    for oracle in ORACLES {
+        let settings = by(AgentSettings { cast: 20_000, ..few(oracle) }, 1);
+        let found = mean_color(&paint(&scene, SIZE, 64, settings));
+        assert!(((found - expected) / expected).abs().max_element() < 0.03, "{oracle:?} {found} {expected}");
+    }
+}
+
 #[test]
 fn glossy_surfaces_are_told_where_light_comes_from() {
     let scene = prepare(glossy_room());

@@ -26,6 +26,7 @@ use crate::{
     sampler::{DimensionSet, PixelSampler},
 };
 
+use light::LightShare;
 pub(crate) use surroundings::is_broad;
 use surroundings::is_broad_sample;
 
@@ -294,23 +295,28 @@ impl<'a> Eye<'a> {
                 return false;
             }
         }
-        self.add_direct_light(walk, place);
+        let is_known = !is_first && has_agents && {
+            *surroundings = self.surroundings(place, bsdf);
+            surroundings.is_none() && self.add_interpolated(walk, place, bsdf)
+        };
+        // Where the path ends nothing is left that might run into lights.
+        let share = if is_known { LightShare::All } else { LightShare::Mis };
+        self.add_direct_light(walk, place, share);
         if walk.depth + 2 <= self.integrator.base.settings().max_depth {
             self.add_photons(walk, place, is_gathered);
         }
-        if is_first {
-            let known = self.surroundings(place, bsdf);
-            if let Some(known) = &known {
-                self.add_surroundings(walk, place, known);
-            }
-            let is_cached = known.is_none() && self.add_interpolated(walk, place, bsdf);
-            let is_short = is_cached || !is_gathered;
-            let count = if is_short { 1 } else { photons.final_rays.max(1) };
-            self.gather(walk, place, count, is_short, known.is_some());
-            return true;
+        if !is_first {
+            return !is_known;
         }
-        *surroundings = self.surroundings(place, bsdf);
-        surroundings.is_some() || !(has_agents && self.add_interpolated(walk, place, bsdf))
+        let known = self.surroundings(place, bsdf);
+        if let Some(known) = &known {
+            self.add_surroundings(walk, place, known);
+        }
+        let is_cached = known.is_none() && self.add_interpolated(walk, place, bsdf);
+        let is_short = is_cached || !is_gathered;
+        let count = if is_short { 1 } else { photons.final_rays.max(1) };
+        self.gather(walk, place, count, is_short, known.is_some());
+        true
     }
 
     /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.

@@ -12,6 +12,15 @@ use crate::{
     sampler::{DimensionSet, Quad},
 };
 
+/// How much of the light of lamps is found by looking for them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LightShare {
+    /// All of it: the path ends here.
+    All,
+    /// The share that is left by those paths that go on and run into them.
+    Mis,
+}
+
 impl Eye<'_> {
     /// The weight of light that the path ran into.
     fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
@@ -57,7 +66,7 @@ impl Eye<'_> {
     }
 
     /// Next-event estimation.
-    pub(super) fn add_direct_light(&mut self, walk: &Walk, place: &Place<'_>) {
+    pub(super) fn add_direct_light(&mut self, walk: &Walk, place: &Place<'_>, share: LightShare) {
         let prepared = self.prepared;
         if prepared.lights().is_empty() {
             return;
@@ -72,7 +81,8 @@ impl Eye<'_> {
             }
             let (value, bsdf_pdf) = place.bsdf.eval_pdf(wi);
             let expected = count as f32 * light.pdf;
-            let weight = if light.is_delta { 1.0 } else { power_heuristic(expected, bsdf_pdf) };
+            let is_whole = light.is_delta || share == LightShare::All;
+            let weight = if is_whole { 1.0 } else { power_heuristic(expected, bsdf_pdf) };
             let contribution = value * light.radiance * (wi.z.abs() * weight / expected);
             if contribution == Spectrum::ZERO {
                 continue;
