@@ -29,6 +29,8 @@ pub(crate) struct EnvironmentLight {
     table: Table,
     /// Luminance integrated over the sphere: that part of it which the table stands for.
     integral: f32,
+    /// Whether the table leaves a part to BSDF sampling.
+    is_compensated: bool,
     /// The windows through which it is seen, if not from everywhere. The table is then not asked.
     portals: Option<Portals>,
 }
@@ -93,6 +95,7 @@ impl EnvironmentLight {
             world_from_environment: environment.world_from_environment,
             table: if compensate { Table::None } else { Table::Uniform },
             integral: 4.0 * PI * luminance(environment.factor),
+            is_compensated: compensate && environment.portals.is_empty(),
             portals: None,
         };
         if !environment.portals.is_empty() {
@@ -199,6 +202,11 @@ impl EnvironmentLight {
         words.words(&table);
         words.numbers(&[self.rows.scale, self.rows.offset]);
         place
+    }
+
+    /// Whether light sampling alone finds all of it.
+    pub(crate) fn is_found(&self) -> bool {
+        !self.is_compensated
     }
 
     /// Whether light sampling draws directions of it at all.

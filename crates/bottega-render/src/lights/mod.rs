@@ -225,6 +225,11 @@ impl Lights {
         self.lights.is_empty() && !self.has_far()
     }
 
+    /// Whether light sampling alone finds all light: it does not where a part of the sky is left to BSDF sampling.
+    pub(crate) fn are_all_found(&self) -> bool {
+        self.environment.as_ref().is_none_or(EnvironmentLight::is_found)
+    }
+
     /// Whether light comes from infinitely far away.
     fn has_far(&self) -> bool {
         !self.parallel.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)

@@ -6,8 +6,9 @@ use bottega_hra::HraClient;
 use bottega_kernels::compiled;
 
 use super::{
+    irradiance::{IrradianceAt, irradiance_count},
     map::PhotonMap,
-    maps::{Estimator, IrradianceAt, PhotonMaps, caustic_tracer, irradiance_count, photon_counts, tracer},
+    maps::{Estimator, PhotonMaps, caustic_tracer, photon_counts, tracer},
     record::Photon,
     trace::{Traced, Tracing},
 };
@@ -59,7 +60,8 @@ impl PhotonWork {
 impl IrradianceWork {
     /// Computes it on the calling thread.
     pub fn perform(self) -> Vec<Photon> {
-        compiled::run(IrradianceAt { estimator: self.estimator, all: &self.all, points: self.points })
+        let (prepared, all) = (&*self.scene, &*self.all);
+        compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })
     }
 }
 

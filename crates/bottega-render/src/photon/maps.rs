@@ -1,14 +1,15 @@
 //! The maps of a picture: made once, on all processors, the same whoever makes them.
 
-use std::{f32::consts::PI, ops::Range};
+use std::f32::consts::PI;
 
-use bottega_kernels::compiled::{self, Task};
+use bottega_kernels::compiled;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
     bytes::{Reader, Writer},
+    irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
     projection::SHARE,
     record::Photon,
@@ -20,15 +21,13 @@ use crate::{PhotonSettings, prepare::PreparedScene, settings::PhotonFilter};
 const BATCH: u32 = 4096;
 /// Points at which one processor computes irradiance in a row.
 const POINTS: usize = 1024;
-/// Of so many photons one knows the irradiance where it is (Christensen 1999: one of four makes no visible difference).
-const IRRADIANCE_STEP: u32 = 4;
 /// How far photons that mirrors and glass brought together may be, as a share of how far others may.
 const CAUSTIC_REACH: f32 = 0.5;
 /// How far photons may be that tell whether a light is seen, as a share of how far others may, and how many must agree.
 const VISIBILITY_REACH: f32 = 0.5;
 const VISIBILITY_COUNT: u32 = 12;
 /// How far off the plane of a surface photons count that lie on it, as a share of how far they may be in all.
-const FLATNESS: f32 = 0.25;
+pub(super) const FLATNESS: f32 = 0.25;
 /// Radius of the first pass of a progressive picture, as a share of how far photons may be where they are counted.
 const FIRST_RADIUS: f32 = 0.2;
 /// How the radius shrinks from pass to pass (Hachisuka et al. 2008, eq. 9): 0 not at all, 1 never to be seen.
@@ -121,7 +120,7 @@ impl PhotonMaps {
             let points: Vec<u32> = (0..irradiance_count(&all)).collect();
             let known = points.par_chunks(POINTS).map(|points| {
                 let points = points[0]..points[points.len() - 1] + 1;
-                compiled::run(IrradianceAt { estimator: maps.estimator, all: &all, points })
+                compiled::run(IrradianceAt { prepared, estimator: maps.estimator, all: &all, points })
             });
             maps.irradiance = PhotonMap::new(known.collect::<Vec<_>>().concat());
         }
@@ -183,11 +182,19 @@ impl PhotonMaps {
         self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
     }
 
-    /// Irradiance on a surface near a point; `None`: nothing is known there.
+    /// Irradiance on a surface near a point; `None`: nothing is known there. What lies beside the plane of the surface belongs to
+    /// another one, such as the floor below a shelf.
     #[inline(always)]
     pub(crate) fn irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
         let reach = self.irradiance_reach;
-        let accept = |index: u32| is_alike(self.irradiance.mark(index).normal(), normal);
+        let accept = |index: u32| {
+            let photon = self.irradiance.photon(index);
+            let away = photon.p - p;
+            let off_plane = away.dot(normal);
+            let is_flat =
+                off_plane * off_plane <= FLATNESS * FLATNESS * (reach * reach).min(4.0 * away.length_squared());
+            is_flat && is_alike(photon.mark().normal(), normal)
+        };
         let index = self.irradiance.nearest_where(p, reach * reach, accept)?;
         Some(self.irradiance.mark(index).power())
     }
@@ -214,16 +221,16 @@ impl PhotonMaps {
     }
 }
 
-/// At how many places the irradiance is computed from so many photons.
-pub(crate) fn irradiance_count(all: &PhotonMap) -> u32 {
-    (all.len() as u32).div_ceil(IRRADIANCE_STEP)
-}
-
 impl Estimator {
     /// - `reach`: how far photons may be.
     pub(crate) fn new(settings: &PhotonSettings, reach: f32) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;
         Self { scale, filter: settings.filter, gather: settings.gather, reach }
+    }
+
+    /// How many photons are looked for.
+    pub(super) fn gathered(&self) -> usize {
+        self.gather as usize
     }
 
     /// Irradiance on the side of a surface where a photon arrived, by those near it.
@@ -318,29 +325,4 @@ const CONE: f32 = 1.1;
 fn shrunk(pass: u32) -> f32 {
     let squared: f64 = (1..=pass).map(|i| (f64::from(i) + f64::from(SHRINKING)) / (f64::from(i) + 1.0)).product();
     squared.sqrt() as f32
-}
-
-/// Irradiance to be computed at the places of some photons.
-pub(crate) struct IrradianceAt<'a> {
-    pub(crate) estimator: Estimator,
-    pub(crate) all: &'a PhotonMap,
-    /// Which of the places: below [`irradiance_count`].
-    pub(crate) points: Range<u32>,
-}
-
-impl Task for IrradianceAt<'_> {
-    type Output = Vec<Photon>;
-
-    #[inline(always)]
-    fn run(self) -> Vec<Photon> {
-        let Self { estimator, all, points } = self;
-        let mut found = Nearest::new(estimator.gather as usize);
-        let mut known = Vec::with_capacity(points.len());
-        for point in points {
-            // Numbers in the tree go from place to place, so that each step takes one photon of a neighbourhood.
-            let photon = all.photon(point * IRRADIANCE_STEP);
-            known.push(photon.with_power(estimator.irradiance(all, &photon, &mut found)));
-        }
-        known
-    }
 }

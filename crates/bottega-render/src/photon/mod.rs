@@ -7,6 +7,7 @@ mod around;
 pub(crate) mod bytes;
 pub(crate) mod cache;
 mod cast;
+mod irradiance;
 mod map;
 mod maps;
 mod projection;

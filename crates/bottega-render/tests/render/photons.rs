@@ -14,6 +14,7 @@ use glam::Vec3;
 
 use crate::scenes::{
     add_quad, add_room, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
+    room_under_sky,
 };
 
 const SIZE: (u32, u32) = (24, 24);
@@ -97,6 +98,7 @@ fn gathered_light_is_that_of_paths() {
         ("many things", many_things(), 0.01),
         ("sky", outside(false), 0.006),
         ("sun", outside(true), 0.006),
+        ("room under a sky", room_under_sky(), 0.006),
     ] {
         let scene = prepare(scene);
         let expected = by_paths(&scene);
@@ -238,6 +240,11 @@ fn hard_cases_end_in_the_right_picture() {
         closed.lights.push(Light { name: String::new(), kind });
         let inside = is_sound("light inside a closed object", closed, photons);
         // A map that is as wide as the room knows no inside.
+        assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
+        let mut shade = room(&grey);
+        add_sphere(&mut shade, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
+        add_sphere(&mut shade, Vec3::new(0.5, 0.0, -0.5), 0.12, lamp(Vec3::ONE));
+        let inside = is_sound("lamp close to what hides it", shade, photons);
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
         let mut mirrors = room(&mirror());
         add_sphere(&mut mirrors, Vec3::new(0.5, 0.0, -0.5), 0.2, lamp(Vec3::ONE));

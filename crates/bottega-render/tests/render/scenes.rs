@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, View};
-use bottega_scene::{Camera, Instance, Layered, Material, Mesh, Projection, Scene, Spectrum};
+use bottega_scene::{
+    Camera, Environment, Image, ImageId, Instance, Layered, Material, Mesh, Projection, Scene, Spectrum,
+};
 use glam::{Affine3A, Vec3};
 
 /// A matte surface: Lambert's, nothing else.
@@ -80,6 +82,18 @@ pub(crate) fn cornell() -> Scene {
     add_quad(&mut scene, Vec3::new(-0.25, 0.99, -0.2), Vec3::X * 0.5, Vec3::Z * 0.4, light);
     add_sphere(&mut scene, Vec3::new(-0.4, -0.55, -0.3), 0.45, white);
     add_sphere(&mut scene, Vec3::new(0.4, -0.65, 0.3), 0.35, glass());
+    scene
+}
+
+/// The Cornell box without its lamp, lit by a sky that is bright above and not black below.
+pub(crate) fn room_under_sky() -> Scene {
+    let mut scene = cornell();
+    scene.meshes.pop();
+    scene.instances.pop();
+    let texels = [[1.5, 1.5, 1.6], [0.5, 0.5, 0.5]].map(|texel| [texel; 4]).concat();
+    scene.images.push(Image::from_linear_rgb("sky", 4, 2, texels));
+    let image = Some(ImageId(scene.images.len() as u32 - 1));
+    scene.environment = Some(Environment { image, ..Environment::uniform(Vec3::ONE) });
     scene
 }
 

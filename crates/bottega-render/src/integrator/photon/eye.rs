@@ -113,6 +113,16 @@ impl Walk {
     }
 }
 
+/// What a path that comes to a surface has left to find.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Left {
+    Nothing,
+    /// What shines straight at the surface.
+    Lamps,
+    /// All the rest.
+    Light,
+}
+
 /// What goes on at a surface.
 struct Place<'b> {
     point: &'b Interaction,
@@ -256,8 +266,12 @@ impl<'a> Eye<'a> {
         let receiver = Receiver { p: point.p_outside, n };
         let place = Place { point: &point, bsdf: &bsdf.at_carrying(wo, walk.throughput), receiver, wo };
         let mut surroundings = None;
-        if bsdf.has_non_delta() && !self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
-            return false;
+        if bsdf.has_non_delta() {
+            match self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
+                Left::Nothing => return false,
+                Left::Lamps => walk.is_short = true,
+                Left::Light => {}
+            }
         }
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
         // What is left for a path that comes to a surface from the camera is to go on over its mirrors.
@@ -274,7 +288,7 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Adds the light that a surface spreads. Whether there is more to be had by going on.
+    /// Adds the light that a surface spreads. What there is more to be had by going on.
     ///
     /// - `surroundings`: take what is known of light from all sides, for the path to go on with.
     fn meet(
@@ -284,15 +298,14 @@ impl<'a> Eye<'a> {
         bsdf: &Bsdf,
         distance: f32,
         surroundings: &mut Option<Surroundings<'a>>,
-    ) -> bool {
+    ) -> Left {
         let photons = &self.integrator.photons;
         let is_first = matches!(walk.comes, Comes::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
             let is_near = distance < NEAR * self.maps.irradiance_reach;
-            if is_gathered && is_matte(bsdf) && !is_near {
-                self.add_known(walk, place, bsdf);
-                return false;
+            if is_gathered && is_matte(bsdf) && !is_near && self.add_known(walk, place, bsdf) {
+                return Left::Nothing;
             }
         }
         let is_known = !is_first && has_agents && {
@@ -300,13 +313,18 @@ impl<'a> Eye<'a> {
             surroundings.is_none() && self.add_interpolated(walk, place, bsdf)
         };
         // Where the path ends nothing is left that might run into lights.
-        let share = if is_known { LightShare::All } else { LightShare::Mis };
+        let is_end = is_known && self.prepared.lights().are_all_found();
+        let share = if is_end { LightShare::All } else { LightShare::Mis };
         self.add_direct_light(walk, place, share);
         if walk.depth + 2 <= self.integrator.base.settings().max_depth {
             self.add_photons(walk, place, is_gathered);
         }
         if !is_first {
-            return !is_known;
+            return match (is_end, is_known) {
+                (true, _) => Left::Nothing,
+                (false, true) => Left::Lamps,
+                (false, false) => Left::Light,
+            };
         }
         let known = self.surroundings(place, bsdf);
         if let Some(known) = &known {
@@ -316,7 +334,7 @@ impl<'a> Eye<'a> {
         let is_short = is_cached || !is_gathered;
         let count = if is_short { 1 } else { photons.final_rays.max(1) };
         self.gather(walk, place, count, is_short, known.is_some());
-        true
+        Left::Light
     }
 
     /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
@@ -356,13 +374,13 @@ impl<'a> Eye<'a> {
         self.radiance += walk.throughput * light;
     }
 
-    /// Adds what a matte surface sends back of all the light that the map knows there.
-    fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) {
+    /// Adds what a matte surface sends back of all the light that the map knows there, if it knows any.
+    fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let point = place.point;
         let normal = if point.front { point.ng } else { -point.ng };
-        if let Some(irradiance) = self.maps.irradiance_at(point.p, normal) {
-            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
-        }
+        let Some(irradiance) = self.maps.irradiance_at(point.p, normal) else { return false };
+        self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        true
     }
 
     /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
