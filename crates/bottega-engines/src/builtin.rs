@@ -21,7 +21,9 @@ use bottega_render::{
     photon::{MapBytes, cast_photons},
 };
 
-use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, TaskProgress, ZoneTask};
+use crate::{
+    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, TaskProgress, ZoneTask,
+};
 
 pub(crate) const NAME: &str = "builtin";
 
@@ -156,6 +158,16 @@ impl BuiltinEngine {
     pub fn report(&self) -> HraReport {
         self.hra.report()
     }
+
+    fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
+        // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
+        let options = &self.shared.options;
+        let prepared = match options.settings.photons {
+            None => PathIntegrator::new(&self.shared.scene, options.view, &options.settings).map(|_| ()),
+            Some(_) => cast_photons(&self.shared.scene, options.view, &options.settings, &self.hra.client(), others),
+        };
+        prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
+    }
 }
 
 /// Where the devices do all, a processor is there for what they know nothing of: the rays of a look at the scene.
@@ -185,13 +197,12 @@ impl RenderEngine for BuiltinEngine {
     }
 
     fn prepare(&self) -> Result<(), EngineError> {
-        // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
-        let options = &self.shared.options;
-        let prepared = match options.settings.photons {
-            None => PathIntegrator::new(&self.shared.scene, options.view, &options.settings).map(|_| ()),
-            Some(_) => cast_photons(&self.shared.scene, options.view, &options.settings, &self.hra.client()),
-        };
-        prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
+        self.prepared(None)
+    }
+
+    fn prepare_with(&self, others: &dyn Sharing) -> Result<(), EngineError> {
+        // What guides paths is learnt by one, and told.
+        if self.shared.options.settings.photons.is_some() { self.prepared(Some(others)) } else { Ok(()) }
     }
 
     fn learnt(&self) -> Option<Vec<u8>> {

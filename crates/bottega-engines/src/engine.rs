@@ -11,7 +11,7 @@ use std::{
 
 use bottega_image::{Rect, Tile};
 
-use crate::Survey;
+use crate::{Sharing, Survey};
 
 /// The settings that the farm may choose for a zone, in the farm's own words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -155,6 +155,14 @@ pub trait RenderEngine: Send + Sync {
     /// Makes what all zones need, before the first of them is started: what is learnt of a scene, say. Blocks. Whoever
     /// does not call this gets the same pictures, and the first zone seems dearer than it is.
     fn prepare(&self) -> Result<(), EngineError> {
+        Ok(())
+    }
+
+    /// Makes that part of it which can be shared out among all who paint the picture. Blocks.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare); or it was left before its end, and is made when it is needed.
+    fn prepare_with(&self, _others: &dyn Sharing) -> Result<(), EngineError> {
         Ok(())
     }
 

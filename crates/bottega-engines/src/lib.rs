@@ -8,7 +8,10 @@ mod engine;
 pub mod external;
 mod mixed;
 
-pub use bottega_render::survey::{Survey, SurveyPixel};
+pub use bottega_render::{
+    RenderError, Sharing,
+    survey::{Survey, SurveyPixel},
+};
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};
 pub use engine::{
     CancelSwitch, EngineDescription, EngineError, Leaning, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,

@@ -31,6 +31,7 @@ mod partition;
 mod prediction;
 mod render_agent;
 mod settings;
+mod shared_work;
 mod short_map;
 pub mod simulate;
 mod technique;
@@ -65,6 +66,7 @@ pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, Unk
 pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, Goal, Optimization, UnknownOptimization, WorkSettings};
+pub use shared_work::{NextPart, SharedPart, next_part};
 pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
 pub use wire::{FarmCodec, WireError, digest};

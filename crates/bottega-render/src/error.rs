@@ -39,6 +39,9 @@ pub enum RenderError {
     /// A unit of work met one of the other errors.
     #[error(transparent)]
     Refused(std::sync::Arc<RenderError>),
+    /// Work that is shared out with others was left before its end.
+    #[error("the work that is shared out with others was left before its end")]
+    Left,
     /// A resource gave an answer to another question, or none.
     #[error("a unit of work was not answered as asked")]
     Unanswered,

@@ -22,6 +22,7 @@ mod media;
 mod prepare;
 mod sampling;
 mod settings;
+mod sharing;
 mod work;
 
 pub use error::RenderError;
@@ -29,6 +30,7 @@ pub use filter::Filter;
 pub use guide::UnreadGuide;
 pub use prepare::{PrepareOptions, PreparedScene, SceneGeometry, build_accel};
 pub use settings::{AgentSettings, AgentUse, DirectLight, Oracle, PathSettings, PhotonFilter, PhotonSettings, View};
+pub use sharing::Sharing;
 pub use survey::survey;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_agents::{AgentId, Time};
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneTask};
 use bottega_image::Rect;
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
@@ -132,6 +132,10 @@ impl RenderEngine for Recorder {
 
     fn prepare(&self) -> Result<(), EngineError> {
         self.engine.prepare()
+    }
+
+    fn prepare_with(&self, others: &dyn Sharing) -> Result<(), EngineError> {
+        self.engine.prepare_with(others)
     }
 
     fn learnt(&self) -> Option<Vec<u8>> {

@@ -3,18 +3,71 @@
 use std::{sync::Arc, time::Duration};
 
 use super::{
+    agent::Agent,
     map::{Agents, Indirect},
     paper::Fitted,
     report::{AgentReport, Tallies, Tally},
+    sensing::{Discovery, Sensed},
     visibility::Visibility,
 };
 use crate::{
     AgentSettings, Oracle,
     photon::{
         bytes::{Reader, Writer},
-        cache::IrradianceCache,
+        cache::{IrradianceCache, Record},
     },
+    sharing::Told,
 };
+
+impl Told for Vec<Agent> {
+    fn write(&self, to: &mut Writer) {
+        to.number(self.len() as u32);
+        for Agent { p, normal, to_light, light, distance, gap, cast, clone, is_matte, is_glossy } in self {
+            [p, normal, to_light].into_iter().for_each(|&vector| to.vector(vector));
+            // Lights may be infinitely far away.
+            [*light, distance.to_bits(), gap.to_bits(), *cast, *clone].into_iter().for_each(|number| to.number(number));
+            to.number(u32::from(*is_matte) | u32::from(*is_glossy) << 1);
+        }
+    }
+
+    fn read(from: &mut Reader<'_>) -> Option<Self> {
+        const AGENT_BYTES: usize = 4 * 15;
+        let count = from.count(AGENT_BYTES)?;
+        let read = |_| {
+            let [p, normal, to_light] = [from.vector()?, from.vector()?, from.vector()?];
+            let [light, distance, gap, cast, clone, kind] =
+                [from.number()?, from.number()?, from.number()?, from.number()?, from.number()?, from.number()?];
+            let [distance, gap] = [distance, gap].map(f32::from_bits);
+            let (is_matte, is_glossy) = (kind & 1 != 0, kind & 2 != 0);
+            (kind < 4).then_some(Agent { p, normal, to_light, light, distance, gap, cast, clone, is_matte, is_glossy })
+        };
+        (0..count).map(read).collect()
+    }
+}
+
+impl Told for Sensed {
+    fn write(&self, to: &mut Writer) {
+        to.number(self.discoveries.len() as u32);
+        let numbers = self.discoveries.iter().flat_map(|&Discovery { lit, shaded, lost }| [lit, shaded, lost]);
+        numbers.for_each(|number| to.number(number));
+        to.photons(&self.irradiance);
+        to.number(self.records.len() as u32);
+        self.records.iter().for_each(|record| record.write(to));
+        self.sensors.into_iter().for_each(|count| to.long(count));
+    }
+
+    fn read(from: &mut Reader<'_>) -> Option<Self> {
+        const DISCOVERY_BYTES: usize = 4 * 3;
+        let count = from.count(DISCOVERY_BYTES)?;
+        let mut discovery = || Some(Discovery { lit: from.number()?, shaded: from.number()?, lost: from.number()? });
+        let discoveries = (0..count).map(|_| discovery()).collect::<Option<_>>()?;
+        let irradiance = from.photons()?;
+        let count = from.count(Record::BYTES_MIN)?;
+        let records = (0..count).map(|_| Record::read(from)).collect::<Option<_>>()?;
+        let sensors = [from.long()?, from.long()?, from.long()?, from.long()?];
+        Some(Self { discoveries, irradiance, records, sensors })
+    }
+}
 
 impl Agents {
     pub(crate) fn write(&self, to: &mut Writer) {

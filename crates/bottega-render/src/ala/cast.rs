@@ -2,7 +2,6 @@
 
 use std::{ops::Range, sync::Arc, time::Instant};
 
-use bottega_hra::HraClient;
 use bottega_kernels::compiled;
 
 use super::{
@@ -16,7 +15,7 @@ use crate::{
     PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork,
     integrator::{PhotonIntegrator, sensing_settings},
     photon::{Passes, parts},
-    survey::run,
+    sharing::Hands,
 };
 
 /// Agents that one unit of work casts: some milliseconds.
@@ -83,18 +82,15 @@ pub(crate) fn cast_agents(
     photons: PhotonSettings,
     seed: u64,
     passes: &Arc<Passes>,
-    client: &HraClient<RenderWork>,
+    hands: &Hands<'_>,
 ) -> Result<Agents, RenderError> {
     let settings = photons.agents.unwrap_or_default();
     let begun = Instant::now();
     let works = parts(settings.cast, AGENTS)
         .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), seed, indices }));
-    let mut agents = Vec::new();
-    for output in run(client, works.collect())? {
-        let RenderOutput::Agents(mut part) = output else { return Err(RenderError::Unanswered) };
-        agents.append(&mut part);
-    }
-    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents, &settings)));
+    let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
+    let agents = hands.run(works.collect(), answer)?;
+    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents.concat(), &settings)));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
     let work = |errand| {
@@ -103,12 +99,8 @@ pub(crate) fn cast_agents(
         RenderWork::Sensors(Box::new(SensorWork { scene, photons, seed, passes, swarm, network, errand }))
     };
     let run = |errands: Vec<Errand>| {
-        let mut found = Vec::new();
-        for output in run(client, errands.into_iter().map(work).collect())? {
-            let RenderOutput::Sensors(part) = output else { return Err(RenderError::Unanswered) };
-            found.push(part);
-        }
-        Ok(joined(found))
+        let answer = |output| if let RenderOutput::Sensors(part) = output { Some(part) } else { None };
+        hands.run(errands.into_iter().map(work).collect(), answer).map(joined)
     };
     Agents::sense(scene, settings, &swarm, &network, run, [casting, begun.elapsed() - casting])
 }

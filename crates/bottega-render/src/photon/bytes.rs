@@ -2,7 +2,10 @@
 
 use glam::Vec3;
 
-use super::map::PhotonMap;
+use super::{
+    map::PhotonMap,
+    record::{Mark, Photon},
+};
 
 /// Bytes that are written.
 #[derive(Debug, Default)]
@@ -36,12 +39,23 @@ impl Writer {
             self.value(plane);
             self.number(axis);
         }
-        for photon in map.iter() {
-            self.vector(photon.p);
-            photon.mark().to_numbers().into_iter().for_each(|number| self.number(number));
-        }
+        map.iter().for_each(|photon| self.photon(&photon));
+    }
+
+    fn photon(&mut self, photon: &Photon) {
+        self.vector(photon.p);
+        photon.mark().to_numbers().into_iter().for_each(|number| self.number(number));
+    }
+
+    /// How many there are, and all of them.
+    pub(crate) fn photons(&mut self, photons: &[Photon]) {
+        self.number(photons.len() as u32);
+        photons.iter().for_each(|photon| self.photon(photon));
     }
 }
+
+/// Bytes of a photon.
+const PHOTON_BYTES: usize = 20;
 
 impl Reader<'_> {
     pub(crate) fn number(&mut self) -> Option<u32> {
@@ -73,13 +87,20 @@ impl Reader<'_> {
         (count.checked_mul(size)? <= self.0.len()).then_some(count)
     }
 
+    fn photon(&mut self) -> Option<(Vec3, [u32; 2])> {
+        Some((self.vector()?, [self.number()?, self.number()?]))
+    }
+
+    pub(crate) fn photons(&mut self) -> Option<Vec<Photon>> {
+        let count = self.count(PHOTON_BYTES)?;
+        (0..count).map(|_| self.photon().map(|(p, numbers)| Photon::of(p, Mark::from_numbers(numbers)))).collect()
+    }
+
     pub(crate) fn map(&mut self) -> Option<PhotonMap> {
-        const PHOTON_BYTES: usize = 20;
         let count = self.count(PHOTON_BYTES)?;
         let planes =
             (0..PhotonMap::plane_count(count)).map(|_| Some((self.value()?, self.number()?))).collect::<Option<_>>()?;
-        let photons =
-            (0..count).map(|_| Some((self.vector()?, [self.number()?, self.number()?]))).collect::<Option<_>>()?;
+        let photons = (0..count).map(|_| self.photon()).collect::<Option<_>>()?;
         PhotonMap::from_parts(planes, photons)
     }
 }

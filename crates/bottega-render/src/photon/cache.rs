@@ -7,13 +7,11 @@ mod noise;
 mod record;
 mod surroundings;
 
-use std::sync::Arc;
-
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
-    around::{Around, CELLS},
+    around::Around,
     bytes::{Reader, Writer},
     record::Photon,
 };
@@ -224,44 +222,16 @@ impl IrradianceCache {
         to.vector(self.low);
         to.value(self.side);
         to.number(self.records.len() as u32);
-        for Record { p, n, irradiance, turning, moving, radius, effort, variance, noise, around } in &self.records {
-            [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
-            to.value(*radius);
-            to.number(*effort);
-            to.value(*variance);
-            to.value(*noise);
-            to.number(u32::from(around.is_some()));
-            around.iter().flat_map(|around| around.to_numbers()).for_each(|number| to.number(number));
-        }
+        self.records.iter().for_each(|record| record.write(to));
     }
 
     /// One that is [settled](Self::settled).
     pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
-        const RECORD_BYTES: usize = 4 * 31;
         let (low, side) = (from.vector()?, from.value()?);
-        let count = from.count(RECORD_BYTES)?;
+        let count = from.count(Record::BYTES_MIN)?;
         let mut cache = Self::new(low, side.max(0.0), tolerance);
         for _ in 0..count {
-            let mut vector = || from.vector();
-            let [p, n, irradiance] = [vector()?, vector()?, vector()?];
-            let turning = [vector()?, vector()?, vector()?];
-            let moving = [vector()?, vector()?, vector()?];
-            let (radius, effort, variance, noise) = (from.value()?, from.number()?, from.value()?, from.value()?);
-            if radius < 0.0 || variance < 0.0 || noise < 0.0 || !(1..=EFFORT_MAX).contains(&effort) {
-                return None;
-            }
-            let around = match from.number()? {
-                0 => None,
-                1 => {
-                    let mut numbers = [0; CELLS];
-                    for number in &mut numbers {
-                        *number = from.number()?;
-                    }
-                    Some(Arc::new(Around::from_numbers(numbers)))
-                }
-                _ => return None,
-            };
-            cache.put(Record { p, n, irradiance, turning, moving, radius, effort, variance, noise, around });
+            cache.put(Record::read(from)?);
         }
         Some(cache)
     }

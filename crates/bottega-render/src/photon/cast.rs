@@ -6,6 +6,7 @@ use bottega_hra::HraClient;
 use bottega_kernels::compiled;
 
 use super::{
+    bytes::{Reader, Writer},
     irradiance::{IrradianceAt, irradiance_count},
     map::PhotonMap,
     maps::{Estimator, PhotonMaps, caustic_tracer, photon_counts, tracer},
@@ -13,8 +14,10 @@ use super::{
     trace::{Traced, Tracing},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View, ala::cast_agents,
-    integrator::PhotonIntegrator, survey::run,
+    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    ala::cast_agents,
+    integrator::PhotonIntegrator,
+    sharing::{Hands, Sharing, Told},
 };
 
 /// Photons of one unit of work: some milliseconds.
@@ -65,28 +68,40 @@ impl IrradianceWork {
     }
 }
 
+impl Told for Vec<Photon> {
+    fn write(&self, to: &mut Writer) {
+        to.photons(self);
+    }
+
+    fn read(from: &mut Reader<'_>) -> Option<Self> {
+        from.photons()
+    }
+}
+
 /// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
-/// of work. A progressive picture makes the maps of each pass when a sample needs them. Does nothing for other pictures.
+/// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does nothing for other pictures.
 ///
 /// # Errors
-/// The scene has media, or the allocator did not do the work.
+/// The scene has media, the allocator did not do the work, or it was left before its end.
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
     view: View,
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
+    others: Option<&dyn Sharing>,
 ) -> Result<(), RenderError> {
     let Some(photons) = settings.photons else { return Ok(()) };
+    let hands = Hands::new(client, others);
     let integrator = PhotonIntegrator::new(scene, view, settings, photons)?;
     if photons.progressive {
         return Ok(());
     }
     let passes = scene.photons().passes(photons, settings.seed, 1);
     if !passes.is_made() {
-        passes.put(maps(scene, photons, settings.seed, client)?);
+        passes.put(maps(scene, photons, settings.seed, &hands)?);
     }
     if photons.agents.is_some() && !passes.has_agents() {
-        passes.put_agents(cast_agents(scene, photons, settings.seed, &passes, client)?);
+        passes.put_agents(cast_agents(scene, photons, settings.seed, &passes, &hands)?);
     }
     integrator.cast(0..1);
     Ok(())
@@ -97,16 +112,17 @@ fn maps(
     scene: &Arc<PreparedScene>,
     photons: PhotonSettings,
     seed: u64,
-    client: &HraClient<RenderWork>,
+    hands: &Hands<'_>,
 ) -> Result<PhotonMaps, RenderError> {
     let trace = |count: u32, only_caustics: bool| {
         let work = |indices| PhotonWork { scene: Arc::clone(scene), settings: photons, only_caustics, seed, indices };
-        let mut traced = Traced::default();
-        for output in run(client, parts(count, PHOTONS).map(work).map(RenderWork::Photons).collect())? {
-            let RenderOutput::Photons(part) = output else { return Err(RenderError::Unanswered) };
-            traced.append(part);
-        }
-        Ok(traced)
+        let works = parts(count, PHOTONS).map(work).map(RenderWork::Photons).collect();
+        let found =
+            hands.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
+        Ok::<_, RenderError>(found.into_iter().fold(Traced::default(), |mut all, part| {
+            all.append(part);
+            all
+        }))
     };
     let [count, sent] = photon_counts(scene, &photons);
     let (traced, caustics) = (trace(count, false)?, trace(sent, true)?.caustic);
@@ -116,12 +132,9 @@ fn maps(
             let (scene, all) = (Arc::clone(scene), Arc::clone(&all));
             RenderWork::Irradiance(IrradianceWork { scene, all, estimator: maps.estimator, points })
         });
-        let mut known = Vec::new();
-        for output in run(client, works.collect())? {
-            let RenderOutput::Irradiance(mut part) = output else { return Err(RenderError::Unanswered) };
-            known.append(&mut part);
-        }
-        maps.irradiance = scene.on_threads(|| PhotonMap::new(known));
+        let answer = |output| if let RenderOutput::Irradiance(part) = output { Some(part) } else { None };
+        let known = hands.run(works.collect(), answer)?;
+        maps.irradiance = scene.on_threads(|| PhotonMap::new(known.concat()));
     }
     Ok(maps)
 }

@@ -6,7 +6,11 @@ use bottega_kernels::{Hit, Ray, compiled::Task};
 use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
 
-use super::{projection::Projection, record::Photon};
+use super::{
+    bytes::{Reader, Writer},
+    projection::Projection,
+    record::Photon,
+};
 use crate::{
     bsdf::TransportMode,
     camera::RayCone,
@@ -15,6 +19,7 @@ use crate::{
     lights::{Emission, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
+    sharing::Told,
 };
 
 /// Sets the numbers of photons apart from those of pixels.
@@ -68,6 +73,17 @@ impl Traced {
         self.caustic.append(&mut later.caustic);
         self.indirect.append(&mut later.indirect);
         self.visibility.append(&mut later.visibility);
+    }
+}
+
+impl Told for Traced {
+    fn write(&self, to: &mut Writer) {
+        [&self.direct, &self.caustic, &self.indirect, &self.visibility].into_iter().for_each(|kind| to.photons(kind));
+    }
+
+    fn read(from: &mut Reader<'_>) -> Option<Self> {
+        let mut photons = || from.photons();
+        Some(Self { direct: photons()?, caustic: photons()?, indirect: photons()?, visibility: photons()? })
     }
 }
 

@@ -192,7 +192,7 @@ fn does_not_depend_on_who_works(oracle: Oracle) {
         let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
         if lanes > 0 {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
-            cast_photons(&scene, view, &settings, &hra.client()).unwrap();
+            cast_photons(&scene, view, &settings, &hra.client(), None).unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 6);
         }
         let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));

@@ -311,7 +311,8 @@ fn maps_made_by_the_allocator_are_the_same() {
         let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
         if cast {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, RenderWork::perform));
-            cast_photons(&scene, View { camera: 0, width: SIZE.0, height: SIZE.1 }, &settings, &hra.client()).unwrap();
+            cast_photons(&scene, View { camera: 0, width: SIZE.0, height: SIZE.1 }, &settings, &hra.client(), None)
+                .unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 3);
         }
         let before = scene.memory_bytes();

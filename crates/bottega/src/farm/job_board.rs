@@ -19,6 +19,7 @@ use super::{
     chunks,
     job::{Job, JobState, Order},
     machine::{Standing, order_name},
+    together,
 };
 use crate::error::CliError;
 
@@ -113,6 +114,7 @@ impl JobBoard {
         for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
             self.forget_zones(job.work);
             self.forget_learnt(job.work);
+            together::forget(self, job.work);
         }
         let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
         // What a job needs whose order cannot be read just now is not known.
@@ -192,6 +194,7 @@ impl JobBoard {
         self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
         self.forget_zones(job.work);
+        together::forget(self, job.work);
         let prefix = format!("job-{}/", job.work);
         self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
         Ok(())

@@ -26,6 +26,7 @@ mod scene_files;
 mod server;
 mod shares;
 mod studio;
+mod together;
 mod up;
 mod view;
 mod worker;

@@ -18,6 +18,7 @@ use bottega_farm::{
 use super::{
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Lease, RENEW_EVERY, Seat},
+    together::{self, Together},
 };
 use crate::error::CliError;
 
@@ -90,6 +91,9 @@ pub(crate) fn take_part(
         is_silent: false,
     };
     let watch = Watch::begin(guard)?;
+    if !prepare_together(member, number, job, tools, &this) {
+        return Ok(Part::Left(None));
+    }
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
     let (settings, engine) = (&tools.settings, Arc::clone(&tools.engine));
     if leads {
@@ -104,6 +108,25 @@ pub(crate) fn take_part(
     }
     let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(CliError::Job)?;
     Ok(if helped { Part::Helped } else { Part::Left(None) })
+}
+
+/// Makes what all zones need with the other machines of the job, as far as it can be shared out. False where somebody wants
+/// something else.
+fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this: &StopSwitch) -> bool {
+    let Member { board, name, .. } = member;
+    // One who may only paint is trusted in nothing else, and where machines are compared none is.
+    if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
+        return true;
+    }
+    let together = Together::new(board, name, job.work, this);
+    if let Err(error) = tools.engine.prepare_with(&together) {
+        tracing::debug!(%error, "it is made when it is needed");
+    }
+    let [here, all] = together.shares();
+    if all > 0 {
+        board.log(number, &format!("{name} did {here} of {all} parts of the work before the first zone"));
+    }
+    !this.is_requested()
 }
 
 /// Takes what the engine of another machine has learnt of the picture, where there is something.
@@ -139,6 +162,7 @@ impl Leading {
         })?;
         self.link.forget();
         board.forget_learnt(self.link.work.0);
+        together::forget(board, self.link.work.0);
         Ok(())
     }
 }

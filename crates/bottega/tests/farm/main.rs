@@ -63,6 +63,44 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
 }
 
 #[test]
+fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_of_one() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let ways: [&[&str]; 2] =
+        [&["--integrator", "photon", "--photons", "400000"], &["--integrator", "ala", "--lighting-agents", "30000"]];
+    let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+    for (number, way) in (1..).zip(ways) {
+        let path = farm.path("alone.exr");
+        farm.succeed(&[&["render", "goblets.glb", "-o", text(&path), FEW], &PICTURE[..], way].concat());
+        let mut asker = farm.render("a.exr", way);
+        if number == 2 {
+            let uplink = link(&farm);
+            let has_begun = |name: &str| {
+                let mut parts = uplink.notices().all("cast/").into_iter();
+                parts.any(|part| String::from_utf8_lossy(&part.text).contains(name))
+            };
+            let said = farm.said("two");
+            let process =
+                said.split_once(" as ").and_then(|(_, rest)| rest.split(';').next()).expect("a name").to_owned();
+            farm.until("the second machine takes a part", || has_begun(&process));
+            two.kill();
+        }
+        assert!(asker.wait(), "{}", farm.logs());
+        assert!(bits(&farm.path("a.exr")) == bits(&path), "{way:?}: {}", farm.logs());
+        let log = farm.log_of(number);
+        let shares: Vec<u32> = log
+            .lines()
+            .filter_map(|line| line.split_once(" did ")?.1.split_once(" of ")?.0.parse().ok())
+            .filter(|&share| share > 0)
+            .collect();
+        assert!(shares.len() >= 2, "{way:?}: {log}");
+        // What was kept for it has gone.
+        assert!(link(&farm).notices().all("cast/").is_empty());
+    }
+    assert!(one.end(), "{}", farm.logs());
+}
+
+#[test]
 fn a_machine_that_is_killed_costs_time_and_no_pixel() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);

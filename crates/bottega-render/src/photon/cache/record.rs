@@ -6,7 +6,10 @@ use bottega_kernels::math;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::super::around::Around;
+use super::super::{
+    around::{Around, CELLS},
+    bytes::{Reader, Writer},
+};
 use crate::{luminance, sampling::orthonormal_basis};
 
 /// Rings of directions, from the normal to the horizon, and directions in each.
@@ -169,6 +172,43 @@ impl Record {
     /// The same with where the light comes from.
     pub(crate) fn with_directions(self, found: &Measurement) -> Self {
         Self { around: Some(Arc::new(Around::new(found.cells()))), ..self }
+    }
+
+    /// Bytes of one that knows no directions.
+    pub(crate) const BYTES_MIN: usize = 4 * 32;
+
+    pub(crate) fn write(&self, to: &mut Writer) {
+        let Self { p, n, irradiance, turning, moving, radius, effort, variance, noise, around } = self;
+        [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
+        to.value(*radius);
+        to.number(*effort);
+        to.value(*variance);
+        to.value(*noise);
+        to.number(u32::from(around.is_some()));
+        around.iter().flat_map(|around| around.to_numbers()).for_each(|number| to.number(number));
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
+        let mut vector = || from.vector();
+        let [p, n, irradiance] = [vector()?, vector()?, vector()?];
+        let turning = [vector()?, vector()?, vector()?];
+        let moving = [vector()?, vector()?, vector()?];
+        let (radius, effort, variance, noise) = (from.value()?, from.number()?, from.value()?, from.value()?);
+        if radius < 0.0 || variance < 0.0 || noise < 0.0 || !(1..=EFFORT_MAX).contains(&effort) {
+            return None;
+        }
+        let around = match from.number()? {
+            0 => None,
+            1 => {
+                let mut numbers = [0; CELLS];
+                for number in &mut numbers {
+                    *number = from.number()?;
+                }
+                Some(Arc::new(Around::from_numbers(numbers)))
+            }
+            _ => return None,
+        };
+        Some(Self { p, n, irradiance, turning, moving, radius, effort, variance, noise, around })
     }
 
     /// How much it counts at another place; nothing where it is too far off, or before that place.

@@ -1,0 +1,93 @@
+//! Work before a picture that those who paint it share out among them: maps of photons, lighting agents.
+
+use std::cell::Cell;
+
+use bottega_hra::HraClient;
+
+use crate::{
+    RenderError, RenderOutput, RenderWork,
+    photon::bytes::{Reader, Writer},
+    survey::run,
+};
+
+/// Units of work from which on they are shared out.
+const SHARED_MIN: usize = 32;
+/// Parts of a stage at most.
+const PARTS_MAX: usize = 32;
+
+/// Others who paint the same picture of the same scene, by the same version of this program.
+pub trait Sharing: Send + Sync {
+    /// Has the parts of a stage of the work done, each by one of those who take part. Returns what came of each, in order. Blocks.
+    ///
+    /// - `stage`: its number. All come to the same stages in the same order, with as many parts.
+    /// - `perform`: does one part here. What comes of it depends on stage and part alone.
+    ///
+    /// # Errors
+    /// What `perform` says; [`RenderError::Left`].
+    fn share(
+        &self,
+        stage: u32,
+        parts: u32,
+        perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
+    ) -> Result<Vec<Vec<u8>>, RenderError>;
+}
+
+/// What can be told to others.
+pub(crate) trait Told: Sized {
+    fn write(&self, to: &mut Writer);
+
+    /// `None`: it is nothing of the kind.
+    fn read(from: &mut Reader<'_>) -> Option<Self>;
+}
+
+/// All who work for one picture: the processors here, and perhaps others.
+pub(crate) struct Hands<'a> {
+    client: &'a HraClient<RenderWork>,
+    others: Option<&'a dyn Sharing>,
+    /// How many stages there were.
+    stage: Cell<u32>,
+}
+
+impl<'a> Hands<'a> {
+    pub(crate) fn new(client: &'a HraClient<RenderWork>, others: Option<&'a dyn Sharing>) -> Self {
+        Self { client, others, stage: Cell::new(0) }
+    }
+
+    /// Has units of work done. Returns what came of each, in order.
+    ///
+    /// - `answer`: takes it out of an output; `None`: it is the answer to something else.
+    pub(crate) fn run<T: Told>(
+        &self,
+        works: Vec<RenderWork>,
+        answer: impl Fn(RenderOutput) -> Option<T>,
+    ) -> Result<Vec<T>, RenderError> {
+        let here = |works: Vec<RenderWork>| {
+            let outputs = run(self.client, works)?.into_iter();
+            outputs.map(|output| answer(output).ok_or(RenderError::Unanswered)).collect::<Result<Vec<T>, _>>()
+        };
+        let Some(others) = self.others.filter(|_| works.len() >= SHARED_MIN) else { return here(works) };
+        let parts: Vec<&[RenderWork]> = works.chunks(works.len().div_ceil(PARTS_MAX)).collect();
+        let stage = self.stage.replace(self.stage.get() + 1);
+        let told = others.share(stage, parts.len() as u32, &mut |part| {
+            let mut to = Writer::default();
+            here(parts[part as usize].to_vec())?.iter().for_each(|found| found.write(&mut to));
+            Ok(to.0)
+        })?;
+        let mut all = Vec::with_capacity(works.len());
+        for (part, bytes) in parts.iter().zip(&told) {
+            // What cannot be read is found here.
+            match found(bytes, part.len()) {
+                Some(mut found) => all.append(&mut found),
+                None => all.append(&mut here(part.to_vec())?),
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// What others have told of so many units of work.
+fn found<T: Told>(bytes: &[u8], count: usize) -> Option<Vec<T>> {
+    let mut from = Reader(bytes);
+    let found = (0..count).map(|_| T::read(&mut from)).collect::<Option<Vec<T>>>()?;
+    from.0.is_empty().then_some(found)
+}
