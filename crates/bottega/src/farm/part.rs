@@ -11,8 +11,8 @@ use std::{
 
 use bottega_engines::{RenderEngine, Survey};
 use bottega_farm::{
-    FarmMessage, ImportanceMap, JobReport, JobSettings, Kept, Link, Observer, Partition, Progress, StopSwitch, WorkId,
-    ZoneRow, ZoneStore,
+    FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Kept, Link, Observer, Partition, Progress, StopSwitch,
+    WorkId, ZoneRow, ZoneStore,
 };
 
 use super::{
@@ -91,15 +91,20 @@ pub(crate) fn take_part(
         is_silent: false,
     };
     let watch = Watch::begin(guard)?;
-    if !prepare_together(member, number, job, tools, &this) {
+    let begun = Instant::now();
+    prepare_together(member, number, job, tools, &this);
+    let prepared = begun.elapsed();
+    if this.is_requested() {
         return Ok(Part::Left(None));
     }
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
-    let (settings, engine) = (&tools.settings, Arc::clone(&tools.engine));
+    let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
     if leads {
         let (store, kept) = (tools.store.take(), tools.kept.take());
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
-        let report = Box::new(report.map_err(CliError::Job)?);
+        let mut report = Box::new(report.map_err(CliError::Job)?);
+        report.times.total += prepared;
+        report.times.preparation += prepared;
         return Ok(if report.stopped {
             Part::Left(Some(report))
         } else {
@@ -110,13 +115,23 @@ pub(crate) fn take_part(
     Ok(if helped { Part::Helped } else { Part::Left(None) })
 }
 
-/// Makes what all zones need with the other machines of the job, as far as it can be shared out. False where somebody wants
-/// something else.
-fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this: &StopSwitch) -> bool {
+/// The same with less time, if there is only so much.
+fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
+    /// There is no picture in no time.
+    const LEAST: Duration = Duration::from_millis(1);
+    let goal = match settings.goal {
+        Goal::Time(time) => Goal::Time(time.saturating_sub(spent).max(LEAST)),
+        goal => goal,
+    };
+    JobSettings { goal, ..settings.clone() }
+}
+
+/// Makes what all zones need with the other machines of the job, as far as it can be shared out.
+fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this: &StopSwitch) {
     let Member { board, name, .. } = member;
     // One who may only paint is trusted in nothing else, and where machines are compared none is.
     if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
-        return true;
+        return;
     }
     let together = Together::new(board, name, job.work, this);
     if let Err(error) = tools.engine.prepare_with(&together) {
@@ -126,7 +141,6 @@ fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this
     if all > 0 {
         board.log(number, &format!("{name} did {here} of {all} parts of the work before the first zone"));
     }
-    !this.is_requested()
 }
 
 /// Takes what the engine of another machine has learnt of the picture, where there is something.
