@@ -140,19 +140,15 @@ fn table(filter: Filter) -> Table {
     const STEPS: usize = 8 * INTERVALS;
     let at = |step: usize| 2.0 * step as f64 / STEPS as f64 - 1.0;
     let mut integral = vec![0.0; STEPS + 1];
-    let (mut signed, mut sign_change) = (0.0, f32::INFINITY);
+    let mut signed = 0.0;
     for step in 0..STEPS {
         let (low, high) = (value(filter, at(step)), value(filter, at(step + 1)));
         integral[step + 1] = integral[step] + 0.5 * (low.abs() + high.abs());
         signed += 0.5 * (low + high);
-        // Some are 0 where they turn negative, and some at their ends.
-        if at(step) > 0.0 && low >= 0.0 && high < 0.0 {
-            sign_change = (at(step) + low / (low - high) * (at(step + 1) - at(step))) as f32;
-        }
     }
     let total = integral[STEPS];
     let mut step = 0;
-    let quantiles = std::array::from_fn(|i| {
+    let quantiles: [f32; INTERVALS + 1] = std::array::from_fn(|i| {
         let target = total * i as f64 / INTERVALS as f64;
         while step + 1 < STEPS && integral[step + 1] < target {
             step += 1;
@@ -161,6 +157,12 @@ fn table(filter: Filter) -> Table {
         let part = if gain > 0.0 { ((target - integral[step]) / gain).clamp(0.0, 1.0) } else { 0.0 };
         (at(step) + part * (at(step + 1) - at(step))) as f32
     });
+    // Where as much counts positively as should, by the offsets as they are drawn: samples then count 1 on the mean.
+    let turn = INTERVALS as f64 * (0.5 + 0.25 * (1.0 + signed / total));
+    let sign_change = match quantiles.get(turn as usize..) {
+        Some([low, high, ..]) => low + turn.fract() as f32 * (high - low),
+        _ => f32::INFINITY,
+    };
     Table { quantiles, excess: (total / signed) as f32, sign_change }
 }
 
@@ -223,6 +225,18 @@ mod tests {
                 let expected = fine(bin) / total;
                 assert!((share - expected).abs() < 1.5e-3, "{filter:?} bin {bin}: {share} {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn samples_count_one_on_the_mean() {
+        for (b, c) in [(1.0 / 3.0, 1.0 / 3.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0)] {
+            let sampler = FilterSampler::new(Filter::Mitchell { radius: 2.0, b, c });
+            let count = 100_000;
+            let factor = |i: i32| f64::from(sampler.sample([(i as f32 + 0.5) / count as f32, 0.5]).1);
+            let middle = f64::from(sampler.sample([0.5, 0.5]).1).sqrt();
+            let mean = (0..count).map(factor).sum::<f64>() / f64::from(count) / middle;
+            assert!((mean - 1.0).abs() < 1e-4, "{b} {c}: {mean}");
         }
     }
 
