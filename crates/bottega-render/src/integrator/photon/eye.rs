@@ -2,6 +2,7 @@
 
 mod light;
 mod surroundings;
+mod walk;
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
@@ -9,13 +10,13 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 use super::{
-    super::path::{BLEND, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, bsdf_at, exp},
+    super::path::{BLEND, PathRecord, SCATTERED_SPREAD, bsdf_at, exp},
     PhotonIntegrator,
 };
 use crate::{
     PreparedScene,
     ala::{Agents, Tally},
-    bsdf::{Bsdf, BsdfAt, BsdfSample},
+    bsdf::Bsdf,
     camera::{CameraRay, RayCone},
     interaction::{Asks, Interaction, is_there},
     lights::Receiver,
@@ -29,6 +30,7 @@ use crate::{
 use light::LightShare;
 pub(crate) use surroundings::is_broad;
 use surroundings::is_broad_sample;
+use walk::{Comes, Left, Place, Walk, is_sharp, scatter, survives};
 
 /// Bounces of a path that have numbers of their own before those of a gathering ray begin.
 const VERTICES: u32 = 64;
@@ -39,37 +41,6 @@ const NEAR: f32 = 0.35;
 /// Cost of a surface that a path comes to, and of a shadow ray, in traversal steps.
 const VERTEX_STEPS: f32 = 16.0;
 const SHADOW_STEPS: f32 = 8.0;
-
-/// What is known of the light that a path may run into.
-#[derive(Clone, Copy)]
-enum Comes {
-    /// From the camera, over mirrors and glass at most: all that shines is seen.
-    Camera,
-    /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
-    Spread(Receiver, f32),
-    /// From such a point over mirrors and glass: photons stand for what shines, unless the point scattered sharply.
-    Mirrored { sharply: bool },
-}
-
-/// A path under way.
-#[derive(Clone, Copy)]
-struct Walk {
-    origin: Vec3,
-    direction: Vec3,
-    cone: RayCone,
-    throughput: Spectrum,
-    /// Of the solid that it is in.
-    absorption: Spectrum,
-    /// By how much radiance was squeezed into denser solids.
-    squeezed: f32,
-    /// Surfaces that it has left.
-    depth: u32,
-    /// Which numbers it takes: beyond all those of the path that it split from.
-    vertex: u32,
-    comes: Comes,
-    /// Whether only what shines is looked for, at the next surface.
-    is_short: bool,
-}
 
 /// Where irradiance may be kept: a matte surface that is seen.
 pub(super) struct Spot {
@@ -94,41 +65,6 @@ impl Spot {
     pub(super) fn width(&self) -> f32 {
         self.width
     }
-}
-
-impl Walk {
-    fn of_camera(ray: &CameraRay) -> Self {
-        Self {
-            origin: ray.origin,
-            direction: ray.direction,
-            cone: ray.cone,
-            throughput: Spectrum::ONE,
-            absorption: Spectrum::ZERO,
-            squeezed: 1.0,
-            depth: 0,
-            vertex: 0,
-            comes: Comes::Camera,
-            is_short: false,
-        }
-    }
-}
-
-/// What a path that comes to a surface has left to find.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Left {
-    Nothing,
-    /// What shines straight at the surface.
-    Lamps,
-    /// All the rest.
-    Light,
-}
-
-/// What goes on at a surface.
-struct Place<'b> {
-    point: &'b Interaction,
-    bsdf: &'b BsdfAt<'b>,
-    receiver: Receiver,
-    wo: Vec3,
 }
 
 /// What is known of the light in the scene.
@@ -516,62 +452,4 @@ impl<'a> Eye<'a> {
 /// Whether light leaves a surface the same in all directions, and on one side.
 pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
     bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
-}
-
-/// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within
-/// so narrow a lobe: each direction by one of the two.
-///
-/// - `pdf`: of the direction in sr⁻¹, as the surface draws it.
-#[inline(always)]
-fn is_sharp(prepared: &PreparedScene, pdf: f32) -> bool {
-    /// A lobe that covers a sixtieth of the hemisphere: of fifty photons, less than one.
-    const SHARP: f32 = 10.0;
-    // Nobody runs into a light that is a point.
-    pdf >= SHARP && prepared.scene().lights.is_empty()
-}
-
-/// Goes on in a direction that was drawn. False where that leads nowhere.
-fn scatter(prepared: &PreparedScene, walk: &mut Walk, place: &Place<'_>, sample: &BsdfSample, part: f32) -> bool {
-    let point = place.point;
-    let wi = point.to_world(sample.wi);
-    let is_reflection = point.is_reflection(wi);
-    if (sample.wi.z > 0.0) != is_reflection {
-        return false;
-    }
-    walk.throughput *= sample.weight() * part;
-    if !is_reflection {
-        let (material, known) = prepared.material(point.material);
-        if !material.surface.is_thin() {
-            walk.absorption = known.absorption[usize::from(point.front)];
-        }
-        walk.squeezed *= sample.eta * sample.eta;
-    }
-    if sample.is_delta() {
-        if let Comes::Spread(_, pdf) = walk.comes {
-            walk.comes = Comes::Mirrored { sharply: is_sharp(prepared, pdf) };
-        }
-    } else {
-        walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
-        walk.comes = Comes::Spread(place.receiver, sample.pdf);
-    }
-    (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
-    walk.depth += 1;
-    walk.vertex += 1;
-    true
-}
-
-/// Russian roulette, as paths have it.
-fn survives(walk: &mut Walk, u: f32) -> bool {
-    /// Bounces before it.
-    const SURE: u32 = 3;
-    let carried = walk.throughput.max_element() * walk.squeezed;
-    if carried <= 0.0 || carried.is_nan() {
-        return false;
-    }
-    if walk.depth <= SURE {
-        return true;
-    }
-    let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
-    walk.throughput /= survival;
-    u < survival
 }

@@ -1,0 +1,143 @@
+//! A path under way: where it is, what it carries, and how it goes on.
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::super::super::path::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
+use crate::{
+    PreparedScene,
+    bsdf::{BsdfAt, BsdfSample},
+    camera::{CameraRay, RayCone},
+    interaction::Interaction,
+    lights::Receiver,
+};
+
+/// What is known of the light that a path may run into.
+#[derive(Clone, Copy)]
+pub(super) enum Comes {
+    /// From the camera, over mirrors and glass at most: all that shines is seen.
+    Camera,
+    /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
+    Spread(Receiver, f32),
+    /// From such a point over mirrors and glass: photons stand for what shines, unless the point scattered sharply.
+    Mirrored { sharply: bool },
+}
+
+/// A path under way.
+#[derive(Clone, Copy)]
+pub(super) struct Walk {
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    pub(super) cone: RayCone,
+    pub(super) throughput: Spectrum,
+    /// Of the solid that it is in.
+    pub(super) absorption: Spectrum,
+    /// By how much radiance was squeezed into denser solids.
+    pub(super) squeezed: f32,
+    /// Surfaces that it has left.
+    pub(super) depth: u32,
+    /// Which numbers it takes: beyond all those of the path that it split from.
+    pub(super) vertex: u32,
+    pub(super) comes: Comes,
+    /// Whether only what shines is looked for, at the next surface.
+    pub(super) is_short: bool,
+}
+
+impl Walk {
+    pub(super) fn of_camera(ray: &CameraRay) -> Self {
+        Self {
+            origin: ray.origin,
+            direction: ray.direction,
+            cone: ray.cone,
+            throughput: Spectrum::ONE,
+            absorption: Spectrum::ZERO,
+            squeezed: 1.0,
+            depth: 0,
+            vertex: 0,
+            comes: Comes::Camera,
+            is_short: false,
+        }
+    }
+}
+
+/// What a path that comes to a surface has left to find.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Left {
+    Nothing,
+    /// What shines straight at the surface.
+    Lamps,
+    /// All the rest.
+    Light,
+}
+
+/// What goes on at a surface.
+pub(super) struct Place<'b> {
+    pub(super) point: &'b Interaction,
+    pub(super) bsdf: &'b BsdfAt<'b>,
+    pub(super) receiver: Receiver,
+    pub(super) wo: Vec3,
+}
+
+/// Goes on in a direction that was drawn. False where that leads nowhere.
+pub(super) fn scatter(
+    prepared: &PreparedScene,
+    walk: &mut Walk,
+    place: &Place<'_>,
+    sample: &BsdfSample,
+    part: f32,
+) -> bool {
+    let point = place.point;
+    let wi = point.to_world(sample.wi);
+    let is_reflection = point.is_reflection(wi);
+    if (sample.wi.z > 0.0) != is_reflection {
+        return false;
+    }
+    walk.throughput *= sample.weight() * part;
+    if !is_reflection {
+        let (material, known) = prepared.material(point.material);
+        if !material.surface.is_thin() {
+            walk.absorption = known.absorption[usize::from(point.front)];
+        }
+        walk.squeezed *= sample.eta * sample.eta;
+    }
+    if sample.is_delta() {
+        if let Comes::Spread(_, pdf) = walk.comes {
+            walk.comes = Comes::Mirrored { sharply: is_sharp(prepared, pdf) };
+        }
+    } else {
+        walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+        walk.comes = Comes::Spread(place.receiver, sample.pdf);
+    }
+    (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
+    walk.depth += 1;
+    walk.vertex += 1;
+    true
+}
+
+/// Russian roulette, as paths have it.
+pub(super) fn survives(walk: &mut Walk, u: f32) -> bool {
+    /// Bounces before it.
+    const SURE: u32 = 3;
+    let carried = walk.throughput.max_element() * walk.squeezed;
+    if carried <= 0.0 || carried.is_nan() {
+        return false;
+    }
+    if walk.depth <= SURE {
+        return true;
+    }
+    let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
+    walk.throughput /= survival;
+    u < survival
+}
+
+/// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within
+/// so narrow a lobe: each direction by one of the two.
+///
+/// - `pdf`: of the direction in sr⁻¹, as the surface draws it.
+#[inline(always)]
+pub(super) fn is_sharp(prepared: &PreparedScene, pdf: f32) -> bool {
+    /// A lobe that covers a sixtieth of the hemisphere: of fifty photons, less than one.
+    const SHARP: f32 = 10.0;
+    // Nobody runs into a light that is a point.
+    pdf >= SHARP && prepared.scene().lights.is_empty()
+}
