@@ -27,7 +27,7 @@ fn check(name: &str, samples: u32, photons: PhotonSettings, mean_margin: f64, re
 
 #[test]
 fn gathered_light_of_the_glass_ball() {
-    check("ala by final gathering", 64, PhotonSettings { count: 200_000, ..PhotonSettings::default() }, 0.003, 0.05);
+    check("ala by final gathering", 96, PhotonSettings { count: 400_000, ..PhotonSettings::default() }, 0.003, 0.05);
 }
 
 #[test]
