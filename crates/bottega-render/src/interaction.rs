@@ -403,6 +403,12 @@ pub(crate) fn is_there(
     asks: Asks,
     chance: impl FnOnce(u64) -> f32,
 ) -> bool {
+    let (opacity, is_left) = opacity_of(prepared, ray, hit);
+    opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
+}
+
+/// The probability with which a candidate hit is there, and whether it is where a ray leaves a ball.
+pub(crate) fn opacity_of(prepared: &PreparedScene, ray: &Ray, hit: &Hit) -> (f32, bool) {
     let scene = &**prepared.scene();
     let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);
     let material = match sphere {
@@ -411,9 +417,9 @@ pub(crate) fn is_there(
     };
     let (material, known) = prepared.material(material);
     if !known.has_opacity || known.is_null {
-        return !known.is_null;
+        return (if known.is_null { 0.0 } else { 1.0 }, false);
     }
-    let (opacity, is_left) = match sphere {
+    match sphere {
         Some(sphere) => {
             let ng = ray.origin + hit.t * ray.direction - sphere.center;
             let uv = if known.is_textured { sphere_uv(sphere, ng.normalize_or(Vec3::Y)) } else { Vec2::ZERO };
@@ -422,8 +428,7 @@ pub(crate) fn is_there(
             (material.opacity_at(scene, place, 0.0, 1.0), ng.dot(ray.direction) > 0.0)
         }
         None => (opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)), false),
-    };
-    opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
+    }
 }
 
 #[cfg(test)]

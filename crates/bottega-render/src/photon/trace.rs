@@ -15,7 +15,7 @@ use crate::{
     bsdf::TransportMode,
     camera::RayCone,
     integrator::{BLEND, bsdf_at, exp},
-    interaction::{Asks, Interaction, is_there},
+    interaction::{Asks, Interaction, is_there, opacity_of},
     lights::{Emission, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
@@ -159,7 +159,7 @@ impl Tracer<'_> {
             let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
             if bsdf.has_non_delta() {
                 let normal = if point.front { point.ng } else { -point.ng };
-                let photon = Photon::new(point.p, point.wo, normal, power * arriving);
+                let photon = Photon::new(point.p, point.wo, normal, power * (arriving / self.opacity(&ray, &hit)));
                 match (is_direct, is_specular) {
                     (true, _) if self.only_caustics => {}
                     (true, _) => traced.direct.push(photon),
@@ -207,6 +207,15 @@ impl Tracer<'_> {
         self.prepared.accel().intersect_filtered(ray, |hit| {
             is_there(self.prepared, ray, hit, Asks::Path, |surface| sampler.hashed(surface ^ u64::from(depth) << 56))
         })
+    }
+
+    /// The share of all photons that do not pass through a surface where one was stopped: those that are kept there stand for all,
+    /// for who sees the surface has not passed through it either.
+    #[inline(always)]
+    fn opacity(&self, ray: &Ray, hit: &Hit) -> f32 {
+        /// What is nearly nothing is seldom seen: no photon becomes stronger for it without bounds.
+        const OPACITY_MIN: f32 = 1.0 / 64.0;
+        if self.prepared.has_opacity() { opacity_of(self.prepared, ray, hit).0.max(OPACITY_MIN) } else { 1.0 }
     }
 
     /// Goes straight through all surfaces, and tells of each whether it is the first.

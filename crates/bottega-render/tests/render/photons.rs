@@ -112,6 +112,24 @@ fn gathered_light_is_that_of_paths() {
 }
 
 #[test]
+fn a_veil_is_as_bright_as_paths_find_it() {
+    // Nothing else is seen, and half of its light comes by way of the floor.
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 2.5), Vec3::ZERO, 0.4)], ..Scene::default() };
+    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.3.into(), ..matte(Vec3::splat(0.8)) };
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, veil);
+    add_quad(&mut scene, Vec3::new(-1.0, -1.0, 2.0), Vec3::Z * -2.0, Vec3::X * 2.0, matte(Vec3::splat(0.8)));
+    let kind = LightKind::Point { position: Vec3::new(0.0, -0.9, 0.8), intensity: Vec3::ONE };
+    scene.lights.push(Light { name: String::new(), kind });
+    let scene = prepare(scene);
+    let expected = by_paths(&scene);
+    for photons in [few(), PhotonSettings { progressive: true, ..few() }] {
+        let found = mean_of_seeds(&scene, 32, |seed| by_photons(photons, seed, 32));
+        let distance = distance(found, expected, 0.02);
+        assert!(distance < 4.0, "{photons:?}: {found:?} {expected:?}, {distance}");
+    }
+}
+
+#[test]
 fn a_progressive_picture_comes_nearer_to_that_of_paths_the_more_passes_it_has() {
     for (name, scene) in [("cornell", cornell()), ("many things", many_things()), ("sky", outside(false))] {
         let scene = prepare(scene);
