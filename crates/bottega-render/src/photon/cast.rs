@@ -79,7 +79,8 @@ impl Told for Vec<Photon> {
 }
 
 /// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
-/// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does nothing for other pictures.
+/// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does
+/// nothing for other pictures.
 ///
 /// # Errors
 /// The scene has media, the allocator did not do the work, or it was left before its end.

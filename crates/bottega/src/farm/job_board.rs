@@ -114,8 +114,8 @@ impl JobBoard {
         for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
             self.forget_zones(job.work);
             self.forget_learnt(job.work);
-            together::forget(self, job.work);
         }
+        together::works(self).into_iter().filter(|&work| !is_live(work)).for_each(|work| together::forget(self, work));
         let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
         // What a job needs whose order cannot be read just now is not known.
         let Ok(orders) = live.map(|(_, job)| self.order(job)).collect::<Result<Vec<_>, _>>() else { return };

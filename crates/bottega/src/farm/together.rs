@@ -4,6 +4,7 @@
 //! - blob `job-WORK/cast/STAGE/PART`: what came of it. All read it, and join the parts by their numbers.
 
 use std::{
+    collections::BTreeSet,
     sync::atomic::{AtomicU32, Ordering},
     thread,
     time::{Duration, Instant},
@@ -172,6 +173,12 @@ impl Sharing for Together<'_> {
         }
         Ok(all)
     }
+}
+
+/// The works of which something is kept here. What a machine was at when the picture was done comes after its end.
+pub(super) fn works(board: &JobBoard) -> BTreeSet<u64> {
+    let notices = board.uplink.notices().all("cast/");
+    notices.iter().filter_map(|notice| notice.name.split('/').nth(1)?.parse().ok()).collect()
 }
 
 /// The picture is painted: what was done together goes.
