@@ -116,8 +116,10 @@ impl<'a> World<'a> {
     }
 
     /// Refuses triangles that their transform moved out of the range of numbers.
-    fn check(&self, items: &[Item]) -> Result<(), BuildError> {
-        match items.iter().find(|item| !item.is_finite()) {
+    fn check(&self, items: &[Item], parallel: bool) -> Result<(), BuildError> {
+        let bad = |item: &&Item| !item.is_finite();
+        let bad = if parallel { items.par_iter().find_first(bad) } else { items.iter().find(bad) };
+        match bad {
             Some(bad) => Err(BuildError::TransformNotFinite { instance: self.starts[self.find(bad.id())].1 as usize }),
             None => Ok(()),
         }
@@ -201,33 +203,30 @@ impl Builder<'_> {
         let world = World::new(self.meshes, self.instances, flat.iter().copied())?;
         self.tree.flat.clone_from(&world.starts);
         let items = self.items(world.count, &|id| world.corners(id));
-        world.check(&items)?;
+        world.check(&items, self.parallel)?;
         self.triangle_tree(items, |id| world.corners(id))
     }
 
-    /// The triangles that have an area.
+    /// The triangles that have an area, with room for those that are cut.
     fn items(&self, count: u32, corners: &(impl Fn(u32) -> [[f32; 3]; 3] + Sync)) -> Vec<Item> {
         let item = |id: u32| {
             let corners = corners(id);
             let [a, b, c] = corners.map(Vec3::from);
-            (!is_flat(&corners)).then(|| Item::new(&Aabb::EMPTY.with(a).with(b).with(c), id))
+            let bounds = if is_flat(&corners) { Aabb::EMPTY } else { Aabb::EMPTY.with(a).with(b).with(c) };
+            Item::new(&bounds, id)
         };
-        if !self.parallel {
-            return (0..count).filter_map(item).collect();
+        let mut items = Vec::with_capacity(count as usize + count as usize / SPLIT_BUDGET);
+        let flat = if self.parallel {
+            (0..count).into_par_iter().with_min_len(1024).map(item).collect_into_vec(&mut items);
+            items.par_iter().any(Item::is_empty)
+        } else {
+            items.extend((0..count).map(item));
+            true
+        };
+        if flat {
+            items.retain(|item| !item.is_empty());
         }
-        const CHUNK: u32 = 1 << 16;
-        let chunks: Vec<Vec<Item>> = (0..count.div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                let first = chunk * CHUNK;
-                (first..first.saturating_add(CHUNK).min(count)).filter_map(item).collect()
-            })
-            .collect();
-        let mut all = Vec::with_capacity(chunks.iter().map(Vec::len).sum());
-        for chunk in chunks {
-            all.extend_from_slice(&chunk);
-        }
-        all
+        items
     }
 
     fn triangle_tree(

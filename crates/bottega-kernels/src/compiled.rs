@@ -1,6 +1,11 @@
 //! Work that is compiled for each vector unit of the processor, and done by the best that is there.
 #![cfg_attr(target_arch = "x86_64", allow(unsafe_code))]
 
+#[cfg(target_arch = "x86_64")]
+use crate::traverse::avx2::Avx2;
+use crate::traverse::lanes::Lanes;
+use crate::traverse::portable::Portable;
+
 /// Something to do. Whatever of it is to be compiled for each vector unit must be `#[inline(always)]`, all the way down
 /// from [`Task::run`]; what is not is the same code for all.
 ///
@@ -21,7 +26,7 @@ pub fn run<T: Task>(task: T) -> T::Output {
     fn compiled<T: Task>(task: T) -> T::Output {
         task.run()
     }
-    match crate::traverse::avx2::Avx2::detect() {
+    match Avx2::detect() {
         // SAFETY: that there is an `Avx2` proves that the processor has these features.
         Some(_) => unsafe { compiled(task) },
         None => task.run(),
@@ -33,6 +38,28 @@ pub fn run<T: Task>(task: T) -> T::Output {
 #[inline]
 pub fn run<T: Task>(task: T) -> T::Output {
     task.run()
+}
+
+/// As a [`Task`], but written for eight lanes.
+pub(crate) trait LaneTask {
+    type Output;
+
+    /// Does it; to be marked `inline(always)`.
+    fn run<S: Lanes>(self, unit: S) -> Self::Output;
+}
+
+/// Does a task with the best vector unit of this processor.
+pub(crate) fn run_in_lanes<T: LaneTask>(task: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(unit) = Avx2::detect() {
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn compiled<T: LaneTask>(task: T, unit: Avx2) -> T::Output {
+            task.run(unit)
+        }
+        // SAFETY: that there is an `Avx2` proves that the processor has these features.
+        return unsafe { compiled(task, unit) };
+    }
+    task.run(Portable)
 }
 
 #[cfg(test)]

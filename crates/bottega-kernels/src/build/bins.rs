@@ -5,15 +5,47 @@
 //! are taken, and the partition of one node is serial.
 
 use crate::Aabb;
+use crate::compiled::{self, LaneTask};
+use crate::memory::prefetch;
+use crate::traverse::lanes::Lanes;
 use crate::tree::MAX_DEPTH;
-use glam::Vec4;
+use glam::Vec3;
+use rayon::prelude::*;
 
-/// A primitive while the tree is built: its box, and its number in the bits of `lower.w` (see [`NUMBER`]).
+/// A box by its least coordinates and, turned over, its greatest: what is smaller is wider, in all lanes alike. The fourth of each half
+/// is free.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Item {
-    lower: Vec4,
-    upper: Vec4,
+#[repr(align(32))]
+struct Span([f32; 8]);
+
+impl Span {
+    const EMPTY: Self = Self([f32::INFINITY; 8]);
+
+    fn lower(&self, axis: usize) -> f32 {
+        self.0[axis]
+    }
+
+    fn upper(&self, axis: usize) -> f32 {
+        -self.0[axis + 4]
+    }
+
+    fn bounds(&self) -> Aabb {
+        let [a, b, c, _, d, e, f, _] = self.0;
+        Aabb { min: Vec3::new(a, b, c), max: -Vec3::new(d, e, f) }
+    }
 }
+
+/// Half the surface of a [`Span`].
+#[inline(always)]
+fn half_area<S: Lanes>(s: S, span: S::F) -> f32 {
+    // Sides turned over, as factors of products of two.
+    let [x, y, z, ..] = s.store(s.add(span, s.swap_halves(span)));
+    x * y + y * z + z * x
+}
+
+/// A primitive while the tree is built: its box, and its number in the bits of the free lane (see [`NUMBER`]).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Item(Span);
 
 /// Turned over in a number that lies in the fourth lane, which takes part in all that is computed: makes it a float between 1 and 2.
 /// By itself a small number would be a denormal float, and each product with one would take a hundred times as long.
@@ -21,25 +53,39 @@ const NUMBER: u32 = 1f32.to_bits();
 
 impl Item {
     pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
-        Self { lower: bounds.min.extend(f32::from_bits(id ^ NUMBER)), upper: bounds.max.extend(0.0) }
+        let (low, high) = (bounds.min, -bounds.max);
+        Self(Span([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
     }
 
     pub(super) fn id(&self) -> u32 {
-        self.lower.w.to_bits() ^ NUMBER
+        self.0.0[3].to_bits() ^ NUMBER
     }
 
     pub(super) fn bounds(&self) -> Aabb {
-        Aabb { min: self.lower.truncate(), max: self.upper.truncate() }
+        self.0.bounds()
+    }
+
+    /// Whether it is a box around nothing.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.lower(0) > self.0.upper(0)
     }
 
     pub(super) fn is_finite(&self) -> bool {
-        self.lower.truncate().is_finite() && self.upper.truncate().is_finite()
+        let bounds = self.bounds();
+        bounds.min.is_finite() && bounds.max.is_finite()
     }
 
-    /// Twice its center.
+    /// Twice its center on an axis.
     #[inline(always)]
-    fn center(&self) -> Vec4 {
-        self.lower + self.upper
+    fn center(&self, axis: usize) -> f32 {
+        self.0.0[axis] - self.0.0[axis + 4]
+    }
+
+    /// Twice its center, as a [`Span`] of no extent.
+    #[inline(always)]
+    fn centers<S: Lanes>(&self, s: S) -> S::F {
+        let span = s.load(&self.0.0);
+        s.sub(span, s.swap_halves(span))
     }
 }
 
@@ -59,8 +105,9 @@ pub struct Binary {
 /// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.
 const SAH_DEPTH: usize = MAX_DEPTH - 32;
 const BINS: usize = 16;
-/// Smaller nodes are not worth another thread, nor are those with less than a part of all that many threads would share: each
-/// joint copies the nodes below it.
+/// So many items ahead memory is asked for: the processor does not look beyond a page of its own accord.
+const AHEAD: usize = 16;
+/// Smaller nodes are not worth another thread, nor are those with less than a part of all that many threads would share.
 const PARALLEL_ITEMS: usize = 16 * 1024;
 const PARALLEL_SHARE: usize = 8;
 
@@ -69,74 +116,65 @@ const PARALLEL_SHARE: usize = 8;
 /// - `leaf_size`: nodes of at most so many items are not divided.
 /// - `parallel`: whether to use the threads of the current pool.
 pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec<Binary> {
-    let mut nodes = Vec::new();
+    if items.is_empty() {
+        return Vec::new();
+    }
     let share = items.len() / (PARALLEL_SHARE * rayon::current_num_threads());
     let builder = Builder { leaf_size, parallel_items: if parallel { share.max(PARALLEL_ITEMS) } else { usize::MAX } };
-    if !items.is_empty() {
-        nodes.reserve(items.len().min(PARALLEL_ITEMS));
-        builder.node(items, &Extent::of(items), 0, 0, &mut nodes);
+    let extent = Extent::of(items);
+    joined(builder.pieces(items, &extent, 0, 0))
+}
+
+/// One sequence of all.
+fn joined(mut pieces: Vec<Vec<Binary>>) -> Vec<Binary> {
+    if pieces.len() == 1 {
+        return pieces.swap_remove(0);
     }
-    nodes
+    let (mut starts, mut count) = (Vec::with_capacity(pieces.len()), 0);
+    for piece in &pieces {
+        starts.push(count);
+        count += piece.len();
+    }
+    let at = |index: usize| {
+        let piece = starts.partition_point(|&start| start <= index) - 1;
+        pieces[piece][index - starts[piece]]
+    };
+    (0..count).into_par_iter().with_min_len(4096).map(at).collect()
 }
 
 /// A box over items and one over (doubled) centers.
 #[derive(Clone, Copy)]
 struct Extent {
-    lower: Vec4,
-    upper: Vec4,
-    center_lower: Vec4,
-    center_upper: Vec4,
+    items: Span,
+    centers: Span,
 }
 
 impl Extent {
-    const EMPTY: Self = {
-        let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        Self { lower: low, upper: high, center_lower: low, center_upper: high }
-    };
-
     fn of(items: &[Item]) -> Self {
-        let mut all = Self::EMPTY;
-        for item in items {
-            all.add(item);
+        struct Of<'a>(&'a [Item]);
+        impl LaneTask for Of<'_> {
+            type Output = Extent;
+
+            #[inline(always)]
+            fn run<S: Lanes>(self, s: S) -> Extent {
+                let (mut all, mut centers) = (s.load(&Span::EMPTY.0), s.load(&Span::EMPTY.0));
+                for item in self.0 {
+                    all = s.min(s.load(&item.0.0), all);
+                    centers = s.min(item.centers(s), centers);
+                }
+                Extent { items: Span(s.store(all)), centers: Span(s.store(centers)) }
+            }
         }
-        all
+        compiled::run_in_lanes(Of(items))
     }
-
-    #[inline(always)]
-    fn add(&mut self, item: &Item) {
-        self.lower = self.lower.min(item.lower);
-        self.upper = self.upper.max(item.upper);
-        let center = item.center();
-        self.center_lower = self.center_lower.min(center);
-        self.center_upper = self.center_upper.max(center);
-    }
-
-    fn bounds(&self) -> Aabb {
-        Aabb { min: self.lower.truncate(), max: self.upper.truncate() }
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Bin {
-    lower: Vec4,
-    upper: Vec4,
-    count: u32,
-}
-
-const EMPTY_BIN: Bin = Bin { lower: Vec4::INFINITY, upper: Vec4::NEG_INFINITY, count: 0 };
-
-#[inline(always)]
-fn half_area(lower: Vec4, upper: Vec4) -> f32 {
-    let d = upper - lower;
-    d.x * d.y + d.y * d.z + d.z * d.x
 }
 
 /// Which bin a center falls into.
 #[derive(Clone, Copy)]
 struct Binning {
     /// Where the first bin has its middle.
-    base: Vec4,
-    scale: Vec4,
+    base: [f32; 8],
+    scale: [f32; 8],
     bins: usize,
 }
 
@@ -144,31 +182,42 @@ impl Binning {
     /// Added to a small number, leaves its integral part, rounded, in the lowest bits: cheaper than a conversion.
     const ROUND: f32 = 12_582_912.0;
 
-    fn new(extent: &Extent, count: usize) -> Self {
+    fn new(centers: &Span, count: usize) -> Self {
         let bins = (4 + count / 2).min(BINS);
-        let size = extent.center_upper - extent.center_lower;
-        let scale = |d: f32| if d > 0.0 { (bins as f32 * 0.9999 / d).min(f32::MAX) } else { 0.0 };
-        let scale = Vec4::new(scale(size.x), scale(size.y), scale(size.z), 0.0);
-        // Beyond the scale of floats an axis is as good as flat.
-        let half = |scale: f32| if scale > f32::MIN_POSITIVE { 0.5 / scale } else { 0.0 };
-        let half = Vec4::new(half(scale.x), half(scale.y), half(scale.z), 0.0);
-        Self { base: extent.center_lower + half, scale, bins }
+        let (mut base, mut scale) = ([0.0; 8], [0.0; 8]);
+        for axis in 0..3 {
+            let size = centers.upper(axis) - centers.lower(axis);
+            scale[axis] = if size > 0.0 { (bins as f32 * 0.9999 / size).min(f32::MAX) } else { 0.0 };
+            // Beyond the scale of floats an axis is as good as flat.
+            let half = if scale[axis] > f32::MIN_POSITIVE { 0.5 / scale[axis] } else { 0.0 };
+            base[axis] = centers.lower(axis) + half;
+        }
+        Self { base, scale, bins }
     }
 
+    /// The bins of items on each axis, which are less than `LIMIT`, a power of two.
     #[inline(always)]
-    fn of(&self, center: Vec4) -> [usize; 3] {
-        let b = (center - self.base) * self.scale + Vec4::splat(Self::ROUND);
-        let last = self.bins as i32 - 1;
-        [b.x, b.y, b.z].map(|b| (b.to_bits() as i32 - Self::ROUND.to_bits() as i32).min(last).max(0) as usize)
+    fn of<S: Lanes, const LIMIT: usize>(&self, s: S) -> impl Fn(&Item) -> [usize; 3] {
+        let (base, scale) = (s.load(&self.base), s.load(&self.scale));
+        let first = s.splat(Self::ROUND);
+        let last = s.splat(Self::ROUND + (self.bins - 1) as f32);
+        move |item| {
+            let at = s.add(s.mul(s.sub(item.centers(s), base), scale), first);
+            let [x, y, z, ..] = s.store(s.max_bits(s.min_bits(at, last), first));
+            [x, y, z].map(|at| at.to_bits() as usize & (LIMIT - 1))
+        }
     }
 
     /// Whether an item falls into a bin before `bin`, which is neither the first nor beyond the last, on one axis.
     #[inline(always)]
-    fn before(axis: usize, bin: usize, base: f32, scale: f32) -> impl Fn(&Item) -> bool {
+    fn before(&self, axis: usize, bin: usize) -> impl Fn(&Item) -> bool {
         let bin = bin as i32 + Self::ROUND.to_bits() as i32;
-        move |item| (((item.lower[axis] + item.upper[axis] - base) * scale + Self::ROUND).to_bits() as i32) < bin
+        let (base, scale) = (self.base[axis], self.scale[axis]);
+        move |item| (((item.center(axis) - base) * scale + Self::ROUND).to_bits() as i32) < bin
     }
 }
+
+const _: () = assert!(Binning::ROUND.to_bits().is_multiple_of(BINS as u32));
 
 struct Builder {
     leaf_size: usize,
@@ -177,131 +226,157 @@ struct Builder {
 }
 
 impl Builder {
+    /// A subtree in consecutive pieces: single nodes where threads share what is below.
+    fn pieces(&self, items: &mut [Item], extent: &Extent, first: u32, depth: usize) -> Vec<Vec<Binary>> {
+        let count = items.len();
+        if count < self.parallel_items {
+            let mut nodes = Vec::with_capacity(2 * count / self.leaf_size + 1);
+            self.node(items, extent, first, depth, &mut nodes);
+            return vec![nodes];
+        }
+        let (middle, extents) = self.divide(items, extent, depth);
+        let (left, right) = items.split_at_mut(middle);
+        let (left, right) = rayon::join(
+            || self.pieces(left, &extents[0], first, depth + 1),
+            || self.pieces(right, &extents[1], first + middle as u32, depth + 1),
+        );
+        let second = 1 + left.iter().map(Vec::len).sum::<usize>() as u32;
+        let top = vec![Binary { bounds: extent.items.bounds(), first, count: count as u32, second }];
+        std::iter::once(top).chain(left).chain(right).collect()
+    }
+
     fn node(&self, items: &mut [Item], extent: &Extent, first: u32, depth: usize, nodes: &mut Vec<Binary>) {
         let this = nodes.len();
         let count = items.len() as u32;
-        nodes.push(Binary { bounds: extent.bounds(), first, count, second: 0 });
+        nodes.push(Binary { bounds: extent.items.bounds(), first, count, second: 0 });
         if items.len() <= self.leaf_size {
             return;
         }
         let (middle, extents) = self.divide(items, extent, depth);
         let (left, right) = items.split_at_mut(middle);
-        let first_right = first + middle as u32;
-        if count as usize >= self.parallel_items {
-            let subtree = |items: &mut [Item], extent: &Extent, first| {
-                let mut nodes = Vec::with_capacity(items.len() * 2 / self.leaf_size);
-                self.node(items, extent, first, depth + 1, &mut nodes);
-                nodes
-            };
-            let (left, right) =
-                rayon::join(|| subtree(left, &extents[0], first), || subtree(right, &extents[1], first_right));
-            nodes.reserve_exact(left.len() + right.len());
-            nodes.extend_from_slice(&left);
-            drop(left); // What is touched next takes its memory.
-            nodes[this].second = (nodes.len() - this) as u32;
-            nodes.extend_from_slice(&right);
-        } else {
-            self.node(left, &extents[0], first, depth + 1, nodes);
-            nodes[this].second = (nodes.len() - this) as u32;
-            self.node(right, &extents[1], first_right, depth + 1, nodes);
-        }
+        self.node(left, &extents[0], first, depth + 1, nodes);
+        nodes[this].second = (nodes.len() - this) as u32;
+        self.node(right, &extents[1], first + middle as u32, depth + 1, nodes);
     }
 
     /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all, and what both fill.
     fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
-        if depth < SAH_DEPTH {
-            let binning = Binning::new(extent, items.len());
-            // Most nodes are small, and clearing bins takes time.
-            let split = if binning.bins <= BINS / 2 {
-                best_split::<{ BINS / 2 }>(items, &binning)
-            } else {
-                best_split::<BINS>(items, &binning)
-            };
-            if let Some((axis, bin)) = split {
-                let (middle, extents) =
-                    partition(items, Binning::before(axis, bin, binning.base[axis], binning.scale[axis]));
-                if middle != 0 && middle != items.len() {
-                    return (middle, extents);
-                }
-            }
+        if depth < SAH_DEPTH
+            && let Some(parts) = compiled::run_in_lanes(Divide { items, centers: &extent.centers })
+        {
+            return parts;
         }
-        let size = extent.center_upper - extent.center_lower;
-        let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+        let size = |axis: usize| extent.centers.upper(axis) - extent.centers.lower(axis);
+        let axis = if size(0) >= size(1) && size(0) >= size(2) { 0 } else { 1 + usize::from(size(2) > size(1)) };
         let middle = items.len() / 2;
-        items.select_nth_unstable_by(middle, |a, b| {
-            a.center()[axis].total_cmp(&b.center()[axis]).then(a.id().cmp(&b.id()))
-        });
+        items
+            .select_nth_unstable_by(middle, |a, b| a.center(axis).total_cmp(&b.center(axis)).then(a.id().cmp(&b.id())));
         (middle, [Extent::of(&items[..middle]), Extent::of(&items[middle..])])
     }
 }
 
-/// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
-fn best_split<const BINS: usize>(items: &[Item], binning: &Binning) -> Option<(usize, usize)> {
-    let mut bins = [[EMPTY_BIN; 3]; BINS];
-    for item in items {
-        let at = binning.of(item.center());
-        for axis in 0..3 {
-            let bin = &mut bins[at[axis] & (BINS - 1)][axis];
-            bin.lower = bin.lower.min(item.lower);
-            bin.upper = bin.upper.max(item.upper);
-            bin.count += 1;
+/// A division by bins; comes to nothing when all centers coincide.
+struct Divide<'a> {
+    items: &'a mut [Item],
+    centers: &'a Span,
+}
+
+impl LaneTask for Divide<'_> {
+    type Output = Option<(usize, [Extent; 2])>;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, unit: S) -> Self::Output {
+        let binning = Binning::new(self.centers, self.items.len());
+        // Most nodes are small, and clearing bins takes time.
+        if binning.bins <= BINS / 2 {
+            divide::<S, { BINS / 2 }>(unit, self.items, &binning)
+        } else {
+            divide::<S, BINS>(unit, self.items, &binning)
         }
     }
-    let mut best = (f32::INFINITY, 0, 0);
-    for axis in 0..3 {
-        if binning.scale[axis] == 0.0 {
-            continue;
-        }
-        let bins = |i: usize| &bins[i][axis];
-        let mut right_cost = [0.0; BINS];
-        let mut right = EMPTY_BIN;
-        for i in (1..binning.bins).rev() {
-            right.lower = right.lower.min(bins(i).lower);
-            right.upper = right.upper.max(bins(i).upper);
-            right.count += bins(i).count;
-            right_cost[i] = if right.count == 0 { f32::INFINITY } else { cost(&right) };
-        }
-        let mut left = EMPTY_BIN;
-        for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
-            left.lower = left.lower.min(bins(i - 1).lower);
-            left.upper = left.upper.max(bins(i - 1).upper);
-            left.count += bins(i - 1).count;
-            if left.count != 0 {
-                let total = cost(&left) + right_cost;
-                if total < best.0 {
-                    best = (total, axis, i);
-                }
-            }
-        }
-    }
-    (best.0 < f32::INFINITY).then_some((best.1, best.2))
 }
 
 #[inline(always)]
-fn cost(bin: &Bin) -> f32 {
-    half_area(bin.lower, bin.upper) * bin.count as f32
+fn divide<S: Lanes, const BINS: usize>(s: S, items: &mut [Item], binning: &Binning) -> Option<(usize, [Extent; 2])> {
+    let mut bins = Bins::<BINS> { boxes: [[Span::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
+    bins.fill(s, items, binning);
+    let (axis, bin) = bins.best_split(s, binning)?;
+    let (middle, centers) = partition(s, items, binning.before(axis, bin));
+    let boxes = [0..bin, bin..binning.bins].map(|part| {
+        let union = |all, boxes: &[Span; 3]| s.min(s.load(&boxes[axis].0), all);
+        Span(s.store(bins.boxes[part].iter().fold(s.load(&Span::EMPTY.0), union)))
+    });
+    let [left, right] = std::array::from_fn(|part| Extent { items: boxes[part], centers: centers[part] });
+    (middle != 0 && middle != items.len()).then_some((middle, [left, right]))
 }
 
-/// Moves the items for which `first` holds to the front; returns how many there are, and what both parts fill.
-fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> (usize, [Extent; 2]) {
-    let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
-    let (mut i, mut j) = (0, items.len());
-    loop {
-        while i < j && first(&items[i]) {
-            left.add(&items[i]);
-            i += 1;
+struct Bins<const BINS: usize> {
+    boxes: [[Span; 3]; BINS],
+    counts: [[u32; 3]; BINS],
+}
+
+impl<const BINS: usize> Bins<BINS> {
+    #[inline(always)]
+    fn fill<S: Lanes>(&mut self, s: S, items: &[Item], binning: &Binning) {
+        let find = binning.of::<S, BINS>(s);
+        for (i, item) in items.iter().enumerate() {
+            prefetch(items, i + AHEAD);
+            let (at, span) = (find(item), s.load(&item.0.0));
+            for axis in 0..3 {
+                let bin = &mut self.boxes[at[axis]][axis].0;
+                *bin = s.store(s.min(span, s.load(bin)));
+                self.counts[at[axis]][axis] += 1;
+            }
         }
-        while i < j && !first(&items[j - 1]) {
-            right.add(&items[j - 1]);
-            j -= 1;
-        }
-        if i >= j {
-            return (i, [left, right]);
-        }
-        items.swap(i, j - 1);
-        left.add(&items[i]);
-        right.add(&items[j - 1]);
-        i += 1;
-        j -= 1;
     }
+
+    /// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
+    #[inline(always)]
+    fn best_split<S: Lanes>(&self, s: S, binning: &Binning) -> Option<(usize, usize)> {
+        let mut best = (f32::INFINITY, 0, 0);
+        for axis in 0..3 {
+            if binning.scale[axis] == 0.0 {
+                continue;
+            }
+            let union = |all, bin: usize| s.min(s.load(&self.boxes[bin][axis].0), all);
+            let mut right_cost = [0.0; BINS];
+            let (mut right, mut count) = (s.load(&Span::EMPTY.0), 0);
+            for i in (1..binning.bins).rev() {
+                right = union(right, i);
+                count += self.counts[i][axis];
+                right_cost[i] = if count == 0 { f32::INFINITY } else { half_area(s, right) * count as f32 };
+            }
+            let (mut left, mut count) = (s.load(&Span::EMPTY.0), 0);
+            for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
+                left = union(left, i - 1);
+                count += self.counts[i - 1][axis];
+                if count != 0 {
+                    let total = half_area(s, left) * count as f32 + right_cost;
+                    if total < best.0 {
+                        best = (total, axis, i);
+                    }
+                }
+            }
+        }
+        (best.0 < f32::INFINITY).then_some((best.1, best.2))
+    }
+}
+
+/// Moves the items for which `first` holds to the front; returns how many there are, and what the centers of both parts fill.
+#[inline(always)]
+fn partition<S: Lanes>(s: S, items: &mut [Item], first: impl Fn(&Item) -> bool) -> (usize, [Span; 2]) {
+    // Which part an item belongs to is as good as random: nothing here branches on it.
+    const OTHER: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
+    let (mut left, mut right) = (s.load(&Span::EMPTY.0), s.load(&Span::EMPTY.0));
+    let mut middle = 0;
+    for i in 0..items.len() {
+        prefetch(items, i + AHEAD);
+        let part = usize::from(first(&items[i]));
+        let center = items[i].centers(s);
+        left = s.min(s.add(center, s.load(&OTHER[part])), left);
+        right = s.min(s.add(center, s.load(&OTHER[1 - part])), right);
+        items.swap(i, middle);
+        middle += part;
+    }
+    (middle, [Span(s.store(left)), Span(s.store(right))])
 }

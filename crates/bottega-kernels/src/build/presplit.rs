@@ -65,14 +65,15 @@ pub(super) fn presplit(
             return None;
         }
         let halves = cut(&bounds, &scene)?;
-        let area = |b: &Aabb| thickness(&clipped(b, &parallelogram(&corners)));
-        let saved = most - area(&halves[0]) - area(&halves[1]);
+        let halves = clipped(&bounds, &halves, &parallelogram(&corners));
+        let saved = most - thickness(&halves[0]) - thickness(&halves[1]);
         (saved > least).then_some(Cut { saved, index })
     };
     let parts = |items: &[Item], made: &Cut| {
         let item = &items[made.index as usize];
-        let corners = corners(item.id());
-        cut(&item.bounds(), &scene).map(|halves| halves.map(|half| Item::new(&clipped(&half, &corners), item.id())))
+        let bounds = item.bounds();
+        let halves = cut(&bounds, &scene)?;
+        Some(clipped(&bounds, &halves, &corners(item.id())).map(|half| Item::new(&half, item.id())))
     };
     let mut left = budget.min((u32::MAX as usize).saturating_sub(items.len()));
     let mut cuts = collect(0..items.len() as u32, parallel, |index| consider(items, index, true));
@@ -194,30 +195,52 @@ fn grid_plane(low: f32, high: f32, scene_low: f32, scene_high: f32) -> f32 {
     if middle - quarter <= plane && plane <= middle + quarter { plane } else { middle }
 }
 
-/// A box around the part of a convex polygon inside `bounds`, never too small.
-fn clipped(bounds: &Aabb, corners: &[[f32; 3]]) -> Aabb {
-    let mut polygon = Polygon::new(corners);
+/// Boxes around the parts of a convex polygon in both halves of `bounds`, never too small.
+fn clipped(bounds: &Aabb, halves: &[Aabb; 2], corners: &[[f32; 3]]) -> [Aabb; 2] {
+    let (mut polygon, mut other) = (Polygon::new(corners), Polygon::EMPTY);
+    let (mut polygon, mut other) = (&mut polygon, &mut other);
+    let (low, high) = polygon.extent();
     for axis in 0..3 {
-        for (sign, limit) in [(1.0, bounds.min[axis]), (-1.0, bounds.max[axis])] {
-            polygon.clip(axis, sign, f64::from(limit));
+        for (sign, limit, beyond) in [
+            (1.0, f64::from(bounds.min[axis]), low[axis] < f64::from(bounds.min[axis])),
+            (-1.0, f64::from(bounds.max[axis]), high[axis] > f64::from(bounds.max[axis])),
+        ] {
+            if beyond {
+                polygon.clip(axis, sign, limit, other);
+                std::mem::swap(&mut polygon, &mut other);
+            }
         }
     }
-    if polygon.count == 0 {
-        return *bounds;
-    }
-    let mut out = Aabb::EMPTY;
-    for axis in 0..3 {
-        let points = polygon.points();
-        let low = points.iter().fold(f64::INFINITY, |m, p| m.min(p[axis]));
-        let high = points.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[axis]));
-        out.min[axis] = (low as f32).next_down().clamp(bounds.min[axis], bounds.max[axis]);
-        out.max[axis] = (high as f32).next_up().clamp(bounds.min[axis], bounds.max[axis]);
-    }
-    out
+    let axis = if halves[0].max.x < bounds.max.x { 0 } else { 1 + usize::from(halves[0].max.z < bounds.max.z) };
+    let parts = polygon.divided(axis, f64::from(halves[0].max[axis]));
+    std::array::from_fn(|half| {
+        let (low, high) = parts[half];
+        let around = &halves[half];
+        if low[0] > high[0] {
+            return *around;
+        }
+        let limit = |x: f32, axis: usize| x.clamp(around.min[axis], around.max[axis]);
+        Aabb {
+            min: Vec3::from_array(std::array::from_fn(|axis| limit((low[axis] as f32).next_down(), axis))),
+            max: Vec3::from_array(std::array::from_fn(|axis| limit((high[axis] as f32).next_up(), axis))),
+        }
+    })
 }
 
 /// Four corners, and two more for each of six planes, though a polygon that is exactly convex gains no more than one.
 const CORNERS: usize = 16;
+
+/// The least and the greatest of some points' coordinates.
+type Span = ([f64; 3], [f64; 3]);
+
+const NOTHING: Span = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+
+fn widen(span: &mut Span, point: &[f64; 3]) {
+    for axis in 0..3 {
+        span.0[axis] = span.0[axis].min(point[axis]);
+        span.1[axis] = span.1[axis].max(point[axis]);
+    }
+}
 
 /// A convex polygon.
 struct Polygon {
@@ -226,18 +249,29 @@ struct Polygon {
 }
 
 impl Polygon {
+    const EMPTY: Self = Self { points: [[0.0; 3]; CORNERS], count: 0 };
+
     fn new(corners: &[[f32; 3]]) -> Self {
-        let mut points = [[0.0; 3]; CORNERS];
-        for (point, corner) in points.iter_mut().zip(corners) {
-            *point = corner.map(f64::from);
+        let mut polygon = Self::EMPTY;
+        for corner in corners {
+            polygon.push(corner.map(f64::from));
         }
-        Self { points, count: corners.len() }
+        polygon
     }
 
     fn points(&self) -> &[[f64; 3]] {
         &self.points[..self.count]
     }
 
+    fn extent(&self) -> Span {
+        let mut all = NOTHING;
+        for point in self.points() {
+            widen(&mut all, point);
+        }
+        all
+    }
+
+    #[inline(always)]
     fn push(&mut self, point: [f64; 3]) {
         if let Some(slot) = self.points.get_mut(self.count) {
             *slot = point;
@@ -245,28 +279,52 @@ impl Polygon {
         }
     }
 
-    /// Sutherland and Hodgman 1974: keeps the part where `sign · (p − limit) >= 0` on an axis.
-    fn clip(&mut self, axis: usize, sign: f64, limit: f64) {
+    /// Sutherland and Hodgman 1974: the part where `sign · (p − limit) >= 0` on an axis.
+    fn clip(&self, axis: usize, sign: f64, limit: f64, out: &mut Self) {
+        out.count = 0;
+        let Some(mut p) = self.points().last() else { return };
         let distance = |p: &[f64; 3]| sign * (p[axis] - limit);
-        if self.points().iter().all(|p| distance(p) >= 0.0) {
-            return;
-        }
-        let mut out = Self { points: [[0.0; 3]; CORNERS], count: 0 };
-        for (i, p) in self.points().iter().enumerate() {
-            let q = &self.points[(i + 1) % self.count];
-            let (dp, dq) = (distance(p), distance(q));
-            if dp >= 0.0 {
-                out.push(*p);
-            }
+        let mut dp = distance(p);
+        for q in self.points() {
+            let dq = distance(q);
             if (dp < 0.0) != (dq < 0.0) && dp != 0.0 && dq != 0.0 {
-                let t = dp / (dp - dq);
-                let mut x: [f64; 3] = std::array::from_fn(|k| p[k] + (q[k] - p[k]) * t);
-                x[axis] = limit;
-                out.push(x);
+                out.push(crossing(p, q, dp / (dp - dq), axis, limit));
             }
+            if dq >= 0.0 {
+                out.push(*q);
+            }
+            (p, dp) = (q, dq);
         }
-        *self = out;
     }
+
+    /// What the parts on both sides of a plane across an axis span.
+    fn divided(&self, axis: usize, plane: f64) -> [Span; 2] {
+        let mut parts = [NOTHING; 2];
+        let Some(mut p) = self.points().last() else { return parts };
+        for q in self.points() {
+            let (dp, dq) = (p[axis] - plane, q[axis] - plane);
+            if (dp < 0.0) != (dq < 0.0) && dp != 0.0 && dq != 0.0 {
+                let x = crossing(p, q, dp / (dp - dq), axis, plane);
+                parts.iter_mut().for_each(|part| widen(part, &x));
+            }
+            if dq <= 0.0 {
+                widen(&mut parts[0], q);
+            }
+            if dq >= 0.0 {
+                widen(&mut parts[1], q);
+            }
+            p = q;
+        }
+        parts
+    }
+}
+
+/// The point of an edge that is in a plane across an axis.
+#[inline(always)]
+fn crossing(p: &[f64; 3], q: &[f64; 3], t: f64, axis: usize, plane: f64) -> [f64; 3] {
+    let mut x = std::array::from_fn(|k| p[k] + (q[k] - p[k]) * t);
+    x[axis] = plane;
+    x
 }
 
 #[cfg(test)]

@@ -118,6 +118,10 @@ impl Lanes for Avx2 {
         unsafe { _mm256_min_ps(a, b) }
     }
     #[inline(always)]
+    fn swap_halves(self, a: __m256) -> __m256 {
+        unsafe { _mm256_permute2f128_ps::<1>(a, a) }
+    }
+    #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> __m256 {
         unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
     }

@@ -34,6 +34,8 @@ pub(crate) trait Lanes: Copy {
     fn neg_mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// a where a < b, else b.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The last four lanes, then the first four.
+    fn swap_halves(self, a: Self::F) -> Self::F;
     /// a < b; false for NaN.
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
     /// a ≤ b; false for NaN.

@@ -84,6 +84,10 @@ impl Lanes for Portable {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
+    fn swap_halves(self, a: F) -> F {
+        std::array::from_fn(|i| a[i ^ 4])
+    }
+    #[inline(always)]
     fn lt(self, a: F, b: F) -> u32 {
         compare(a, b, |a, b| a < b)
     }
