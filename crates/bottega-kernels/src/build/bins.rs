@@ -21,6 +21,12 @@ struct Span([f32; 8]);
 impl Span {
     const EMPTY: Self = Self([f32::INFINITY; 8]);
 
+    /// Around both.
+    #[inline(always)]
+    fn union(&self, other: &Self) -> Self {
+        Self(std::array::from_fn(|lane| self.0[lane].min(other.0[lane])))
+    }
+
     fn lower(&self, axis: usize) -> f32 {
         self.0[axis]
     }
@@ -110,6 +116,8 @@ const AHEAD: usize = 16;
 /// Smaller nodes are not worth another thread, nor are those with less than a part of all that many threads would share.
 const PARALLEL_ITEMS: usize = 16 * 1024;
 const PARALLEL_SHARE: usize = 8;
+/// So many are looked at by one thread where many look at the items of a node.
+const SHARED_ITEMS: usize = 1 << 16;
 
 /// Builds the tree and sorts the items so that each node has a range of them.
 ///
@@ -121,7 +129,7 @@ pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec
     }
     let share = items.len() / (PARALLEL_SHARE * rayon::current_num_threads());
     let builder = Builder { leaf_size, parallel_items: if parallel { share.max(PARALLEL_ITEMS) } else { usize::MAX } };
-    let extent = Extent::of(items);
+    let extent = if parallel { Extent::of_many(items) } else { Extent::of(items) };
     joined(builder.pieces(items, &extent, 0, 0))
 }
 
@@ -150,6 +158,8 @@ struct Extent {
 }
 
 impl Extent {
+    const EMPTY: Self = Self { items: Span::EMPTY, centers: Span::EMPTY };
+
     fn of(items: &[Item]) -> Self {
         struct Of<'a>(&'a [Item]);
         impl LaneTask for Of<'_> {
@@ -166,6 +176,12 @@ impl Extent {
             }
         }
         compiled::run_in_lanes(Of(items))
+    }
+
+    /// The same by many threads.
+    fn of_many(items: &[Item]) -> Self {
+        let union = |a: Self, b: Self| Self { items: a.items.union(&b.items), centers: a.centers.union(&b.centers) };
+        items.par_chunks(SHARED_ITEMS).map(Self::of).reduce(|| Self::EMPTY, union)
     }
 }
 
@@ -195,25 +211,57 @@ impl Binning {
         Self { base, scale, bins }
     }
 
-    /// The bins of items on each axis, which are less than `LIMIT`, a power of two.
     #[inline(always)]
-    fn of<S: Lanes, const LIMIT: usize>(&self, s: S) -> impl Fn(&Item) -> [usize; 3] {
-        let (base, scale) = (s.load(&self.base), s.load(&self.scale));
-        let first = s.splat(Self::ROUND);
-        let last = s.splat(Self::ROUND + (self.bins - 1) as f32);
-        move |item| {
-            let at = s.add(s.mul(s.sub(item.centers(s), base), scale), first);
-            let [x, y, z, ..] = s.store(s.max_bits(s.min_bits(at, last), first));
-            [x, y, z].map(|at| at.to_bits() as usize & (LIMIT - 1))
+    fn finder<S: Lanes>(&self, s: S) -> Finder<S> {
+        Finder {
+            base: s.load(&self.base),
+            scale: s.load(&self.scale),
+            first: s.splat(Self::ROUND),
+            last: s.splat(Self::ROUND + (self.bins - 1) as f32),
         }
     }
+}
 
-    /// Whether an item falls into a bin before `bin`, which is neither the first nor beyond the last, on one axis.
+/// A [`Binning`] in a vector unit's registers.
+///
+/// (No closures here: only functions can be forced inline, and what is not is compiled without the vector unit.)
+struct Finder<S: Lanes> {
+    base: S::F,
+    scale: S::F,
+    first: S::F,
+    last: S::F,
+}
+
+impl<S: Lanes> Finder<S> {
+    /// The bins of an item on each axis, which are less than `LIMIT`, a power of two.
     #[inline(always)]
-    fn before(&self, axis: usize, bin: usize) -> impl Fn(&Item) -> bool {
-        let bin = bin as i32 + Self::ROUND.to_bits() as i32;
-        let (base, scale) = (self.base[axis], self.scale[axis]);
-        move |item| (((item.center(axis) - base) * scale + Self::ROUND).to_bits() as i32) < bin
+    fn find<const LIMIT: usize>(&self, s: S, item: &Item) -> [usize; 3] {
+        let at = s.add(s.mul(s.sub(item.centers(s), self.base), self.scale), self.first);
+        let [x, y, z, ..] = s.store(s.max_bits(s.min_bits(at, self.last), self.first));
+        [x.to_bits() as usize & (LIMIT - 1), y.to_bits() as usize & (LIMIT - 1), z.to_bits() as usize & (LIMIT - 1)]
+    }
+}
+
+/// Where items are divided: before a bin, which is neither the first nor beyond the last, on one axis.
+struct Plane {
+    axis: usize,
+    base: f32,
+    scale: f32,
+    /// The bits of the bin's number, as [`Binning::ROUND`] leaves them.
+    bin: i32,
+}
+
+impl Plane {
+    fn new(binning: &Binning, axis: usize, bin: usize) -> Self {
+        let bin = bin as i32 + Binning::ROUND.to_bits() as i32;
+        Self { axis, base: binning.base[axis], scale: binning.scale[axis], bin }
+    }
+
+    /// Whether an item is before it.
+    #[inline(always)]
+    fn follows(&self, item: &Item) -> bool {
+        let at = (item.center(self.axis) - self.base) * self.scale + Binning::ROUND;
+        (at.to_bits() as i32) < self.bin
     }
 }
 
@@ -234,7 +282,7 @@ impl Builder {
             self.node(items, extent, first, depth, &mut nodes);
             return vec![nodes];
         }
-        let (middle, extents) = self.divide(items, extent, depth);
+        let (middle, extents) = self.divide(items, extent, depth, true);
         let (left, right) = items.split_at_mut(middle);
         let (left, right) = rayon::join(
             || self.pieces(left, &extents[0], first, depth + 1),
@@ -252,7 +300,7 @@ impl Builder {
         if items.len() <= self.leaf_size {
             return;
         }
-        let (middle, extents) = self.divide(items, extent, depth);
+        let (middle, extents) = self.divide(items, extent, depth, false);
         let (left, right) = items.split_at_mut(middle);
         self.node(left, &extents[0], first, depth + 1, nodes);
         nodes[this].second = (nodes.len() - this) as u32;
@@ -260,11 +308,15 @@ impl Builder {
     }
 
     /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all, and what both fill.
-    fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
-        if depth < SAH_DEPTH
-            && let Some(parts) = compiled::run_in_lanes(Divide { items, centers: &extent.centers })
-        {
-            return parts;
+    ///
+    /// - `shared`: whether all threads may look at the items.
+    fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize, shared: bool) -> (usize, [Extent; 2]) {
+        if depth < SAH_DEPTH {
+            let binning = Binning::new(&extent.centers, items.len());
+            let bins = shared.then(|| Bins::of_many(items, &binning));
+            if let Some(parts) = compiled::run_in_lanes(Divide { items, binning, bins: bins.as_ref() }) {
+                return parts;
+            }
         }
         let size = |axis: usize| extent.centers.upper(axis) - extent.centers.lower(axis);
         let axis = if size(0) >= size(1) && size(0) >= size(2) { 0 } else { 1 + usize::from(size(2) > size(1)) };
@@ -278,7 +330,9 @@ impl Builder {
 /// A division by bins; comes to nothing when all centers coincide.
 struct Divide<'a> {
     items: &'a mut [Item],
-    centers: &'a Span,
+    binning: Binning,
+    /// What is in them, where it is known.
+    bins: Option<&'a Bins<BINS>>,
 }
 
 impl LaneTask for Divide<'_> {
@@ -286,25 +340,37 @@ impl LaneTask for Divide<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, unit: S) -> Self::Output {
-        let binning = Binning::new(self.centers, self.items.len());
+        let Self { items, binning, bins } = self;
+        if let Some(bins) = bins {
+            divide(unit, items, &binning, bins)
         // Most nodes are small, and clearing bins takes time.
-        if binning.bins <= BINS / 2 {
-            divide::<S, { BINS / 2 }>(unit, self.items, &binning)
+        } else if binning.bins <= BINS / 2 {
+            let mut bins = Bins::<{ BINS / 2 }>::EMPTY;
+            bins.fill(unit, items, &binning);
+            divide(unit, items, &binning, &bins)
         } else {
-            divide::<S, BINS>(unit, self.items, &binning)
+            let mut bins = Bins::<BINS>::EMPTY;
+            bins.fill(unit, items, &binning);
+            divide(unit, items, &binning, &bins)
         }
     }
 }
 
 #[inline(always)]
-fn divide<S: Lanes, const BINS: usize>(s: S, items: &mut [Item], binning: &Binning) -> Option<(usize, [Extent; 2])> {
-    let mut bins = Bins::<BINS> { boxes: [[Span::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
-    bins.fill(s, items, binning);
+fn divide<S: Lanes, const BINS: usize>(
+    s: S,
+    items: &mut [Item],
+    binning: &Binning,
+    bins: &Bins<BINS>,
+) -> Option<(usize, [Extent; 2])> {
     let (axis, bin) = bins.best_split(s, binning)?;
-    let (middle, centers) = partition(s, items, binning.before(axis, bin));
+    let (middle, centers) = partition(s, items, &Plane::new(binning, axis, bin));
     let boxes = [0..bin, bin..binning.bins].map(|part| {
-        let union = |all, boxes: &[Span; 3]| s.min(s.load(&boxes[axis].0), all);
-        Span(s.store(bins.boxes[part].iter().fold(s.load(&Span::EMPTY.0), union)))
+        let mut all = Span::EMPTY;
+        for boxes in &bins.boxes[part] {
+            all = all.union(&boxes[axis]);
+        }
+        all
     });
     let [left, right] = std::array::from_fn(|part| Extent { items: boxes[part], centers: centers[part] });
     (middle != 0 && middle != items.len()).then_some((middle, [left, right]))
@@ -316,18 +382,47 @@ struct Bins<const BINS: usize> {
 }
 
 impl<const BINS: usize> Bins<BINS> {
+    const EMPTY: Self = Self { boxes: [[Span::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
+
     #[inline(always)]
     fn fill<S: Lanes>(&mut self, s: S, items: &[Item], binning: &Binning) {
-        let find = binning.of::<S, BINS>(s);
+        let finder = binning.finder(s);
         for (i, item) in items.iter().enumerate() {
             prefetch(items, i + AHEAD);
-            let (at, span) = (find(item), s.load(&item.0.0));
-            for axis in 0..3 {
-                let bin = &mut self.boxes[at[axis]][axis].0;
+            let (at, span) = (finder.find::<BINS>(s, item), s.load(&item.0.0));
+            for (axis, at) in at.into_iter().enumerate() {
+                let bin = &mut self.boxes[at][axis].0;
                 *bin = s.store(s.min(span, s.load(bin)));
-                self.counts[at[axis]][axis] += 1;
+                self.counts[at][axis] += 1;
             }
         }
+    }
+
+    /// The same by many threads.
+    fn of_many(items: &[Item], binning: &Binning) -> Self {
+        struct Of<'a, const BINS: usize>(&'a [Item], &'a Binning);
+        impl<const BINS: usize> LaneTask for Of<'_, BINS> {
+            type Output = Bins<BINS>;
+
+            #[inline(always)]
+            fn run<S: Lanes>(self, unit: S) -> Bins<BINS> {
+                let mut bins = Bins::EMPTY;
+                bins.fill(unit, self.0, self.1);
+                bins
+            }
+        }
+        let chunks = items.par_chunks(SHARED_ITEMS);
+        chunks
+            .map(|items| compiled::run_in_lanes(Of(items, binning)))
+            .reduce(|| Self::EMPTY, |bins, other| bins.union(&other))
+    }
+
+    fn union(mut self, other: &Self) -> Self {
+        let theirs = other.boxes.iter().flatten();
+        self.boxes.iter_mut().flatten().zip(theirs).for_each(|(span, other)| *span = span.union(other));
+        let theirs = other.counts.iter().flatten();
+        self.counts.iter_mut().flatten().zip(theirs).for_each(|(count, other)| *count += other);
+        self
     }
 
     /// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
@@ -338,17 +433,16 @@ impl<const BINS: usize> Bins<BINS> {
             if binning.scale[axis] == 0.0 {
                 continue;
             }
-            let union = |all, bin: usize| s.min(s.load(&self.boxes[bin][axis].0), all);
             let mut right_cost = [0.0; BINS];
             let (mut right, mut count) = (s.load(&Span::EMPTY.0), 0);
             for i in (1..binning.bins).rev() {
-                right = union(right, i);
+                right = s.min(s.load(&self.boxes[i][axis].0), right);
                 count += self.counts[i][axis];
                 right_cost[i] = if count == 0 { f32::INFINITY } else { half_area(s, right) * count as f32 };
             }
             let (mut left, mut count) = (s.load(&Span::EMPTY.0), 0);
             for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
-                left = union(left, i - 1);
+                left = s.min(s.load(&self.boxes[i - 1][axis].0), left);
                 count += self.counts[i - 1][axis];
                 if count != 0 {
                     let total = half_area(s, left) * count as f32 + right_cost;
@@ -362,16 +456,16 @@ impl<const BINS: usize> Bins<BINS> {
     }
 }
 
-/// Moves the items for which `first` holds to the front; returns how many there are, and what the centers of both parts fill.
+/// Moves the items before a plane to the front; returns how many there are, and what the centers of both parts fill.
 #[inline(always)]
-fn partition<S: Lanes>(s: S, items: &mut [Item], first: impl Fn(&Item) -> bool) -> (usize, [Span; 2]) {
+fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &Plane) -> (usize, [Span; 2]) {
     // Which part an item belongs to is as good as random: nothing here branches on it.
     const OTHER: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
     let (mut left, mut right) = (s.load(&Span::EMPTY.0), s.load(&Span::EMPTY.0));
     let mut middle = 0;
     for i in 0..items.len() {
         prefetch(items, i + AHEAD);
-        let part = usize::from(first(&items[i]));
+        let part = usize::from(plane.follows(&items[i]));
         let center = items[i].centers(s);
         left = s.min(s.add(center, s.load(&OTHER[part])), left);
         right = s.min(s.add(center, s.load(&OTHER[1 - part])), right);

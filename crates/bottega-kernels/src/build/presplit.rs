@@ -235,10 +235,14 @@ type Span = ([f64; 3], [f64; 3]);
 
 const NOTHING: Span = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
 
+#[inline(always)]
 fn widen(span: &mut Span, point: &[f64; 3]) {
-    for axis in 0..3 {
-        span.0[axis] = span.0[axis].min(point[axis]);
-        span.1[axis] = span.1[axis].max(point[axis]);
+    // One instruction each, where `min` and `max` would ask for NaN too.
+    for (low, &x) in span.0.iter_mut().zip(point) {
+        *low = if x < *low { x } else { *low };
+    }
+    for (high, &x) in span.1.iter_mut().zip(point) {
+        *high = if x > *high { x } else { *high };
     }
 }
 
