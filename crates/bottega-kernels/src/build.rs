@@ -8,6 +8,7 @@ mod binary;
 mod bins;
 mod collapse;
 mod emit;
+mod item;
 mod presplit;
 pub(crate) mod refit;
 mod reinsert;
@@ -20,8 +21,8 @@ use crate::arena::Arena;
 use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use crate::{Aabb, Hit};
-use bins::Item;
 use glam::{Affine3A, Vec3};
+use item::Item;
 use rayon::prelude::*;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too

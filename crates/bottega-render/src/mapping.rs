@@ -70,6 +70,7 @@ fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
             Vec2::new(theta * FRAC_1_PI, 1.0 - if turns < 0.0 { turns + 1.0 } else { turns })
         }
         MappingKind::Cylindrical => Vec2::new(0.5 + turns(), 1.0 - q.z),
+        MappingKind::Cells => Vec2::new(q.x, 1.0 - (q.y + q.z.floor())),
     };
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
@@ -81,7 +82,7 @@ pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
     let rho = rho_squared.sqrt();
     let turn = Vec3::new(-q.y, q.x, 0.0) / (2.0 * PI * rho_squared);
     let own = match mapping.kind {
-        MappingKind::Planar => [Vec3::X, Vec3::NEG_Y],
+        MappingKind::Planar | MappingKind::Cells => [Vec3::X, Vec3::NEG_Y],
         MappingKind::Spherical => {
             let theta = Vec3::new(q.x * q.z / rho, q.y * q.z / rho, -rho) / (PI * r_squared);
             [theta, -turn]
@@ -107,7 +108,8 @@ mod tests {
     use crate::interaction::{Asks, Interaction, is_there};
     use crate::{PrepareOptions, PreparedScene};
 
-    const KINDS: [MappingKind; 3] = [MappingKind::Planar, MappingKind::Spherical, MappingKind::Cylindrical];
+    const KINDS: [MappingKind; 4] =
+        [MappingKind::Planar, MappingKind::Spherical, MappingKind::Cylindrical, MappingKind::Cells];
 
     fn plain(kind: MappingKind) -> Mapping {
         Mapping { kind, mapping_from_world: Affine3A::IDENTITY }
@@ -123,6 +125,8 @@ mod tests {
             (MappingKind::Spherical, Vec3::new(0.0, -1.0, -1.0), Vec2::new(0.75, 0.75)),
             (MappingKind::Cylindrical, Vec3::new(5.0, 0.0, 4.0), Vec2::new(0.5, 4.0)),
             (MappingKind::Cylindrical, Vec3::new(0.0, -5.0, -1.5), Vec2::new(0.25, -1.5)),
+            (MappingKind::Cells, Vec3::new(0.25, 0.5, 2.75), Vec2::new(0.25, 2.5)),
+            (MappingKind::Cells, Vec3::new(-0.25, 0.5, -0.25), Vec2::new(-0.25, -0.5)),
         ];
         for (kind, p, st) in cases {
             let uv = uv_of(&plain(kind), p);

@@ -54,6 +54,8 @@ pub enum MappingKind {
     Spherical,
     /// u = ½ + φ / 2π with φ in (−π, π], from +x towards +y; v = 1 − z.
     Cylindrical,
+    /// u = x, v = 1 − y − ⌊z⌋: ⌊u⌋ + ⌊1 − v⌋ is even where ⌊x⌋ + ⌊y⌋ + ⌊z⌋ is, so that a checkerboard of the plane is one of space.
+    Cells,
 }
 
 /// Texture coordinates of a point.

@@ -114,7 +114,7 @@ mod tests {
         // Radius 0.5 → 0.2 over a length of 0.4: slant height 0.5, lateral area π · 0.7 · 0.5.
         let ring = |x: f64, radius: f64| Ring { center: DVec3::X * x, axis: DVec3::X, radius, lean: 0.6, v: x };
         let mut mesh = Mesh::default();
-        add(&mut mesh, &[ring(0.0, 0.5), ring(0.4, 0.2)], 64, |axis| axis.any_orthonormal_vector());
+        add(&mut mesh, &[ring(0.0, 0.5), ring(0.4, 0.2)], 64, DVec3::any_orthonormal_vector);
         let area: f64 = mesh.triangles.iter().map(|&triangle| f64::from(mesh.cross(triangle).length()) / 2.0).sum();
         assert!((area / (PI * 0.35) - 1.0).abs() < 2e-3, "{area}");
         for &triangle in &mesh.triangles {
@@ -127,7 +127,7 @@ mod tests {
     fn points_make_no_triangles_without_area() {
         let ring = |x: f64, radius: f64| Ring { center: DVec3::X * x, axis: DVec3::X, radius, lean: 0.0, v: x };
         let mut mesh = Mesh::default();
-        add(&mut mesh, &[ring(0.0, 0.0), ring(1.0, 1.0), ring(2.0, 0.0)], 8, |axis| axis.any_orthonormal_vector());
+        add(&mut mesh, &[ring(0.0, 0.0), ring(1.0, 1.0), ring(2.0, 0.0)], 8, DVec3::any_orthonormal_vector);
         assert_eq!(mesh.triangles.len(), 16);
         assert!(mesh.triangles.iter().all(|&triangle| mesh.cross(triangle).length() > 0.0));
         assert!(memory_bytes(3, 8) >= mesh.memory_bytes());

@@ -70,6 +70,37 @@ fn a_mapping_goes_by_the_transformation_at_its_texture() {
 }
 
 #[test]
+fn a_checkerboard_of_three_dimensions_is_one_of_space() {
+    let loaded = world(&format!(
+        r#"Translate 0.1 0.2 0.3 Scale 2 2 2
+        Texture "t" "spectrum" "checkerboard" "integer dimension" 3 "rgb tex1" [ 1 0 0 ] "rgb tex2" [ 0 0 1 ]
+        Material "diffuse" "texture reflectance" "t" {TRIANGLE}"#
+    ));
+    let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(told(&loaded), [""; 0]);
+    let map = map_of(&loaded.scene);
+    let mapping = map.mapping(&loaded.scene).unwrap();
+    assert_eq!(mapping.kind, MappingKind::Cells);
+    let image = &loaded.scene.images[map.image.0 as usize];
+    for index in 0..216 {
+        // The middles of cells of edge 2.
+        let cell = Vec3::new((index % 6) as f32, (index / 6 % 6) as f32, (index / 36) as f32) - 3.0;
+        let p = Vec3::new(0.1, 0.2, 0.3) + (cell + Vec3::new(0.5, 0.4, 0.6)) * 2.0;
+        let q = mapping.mapping_from_world.transform_point3(p);
+        let color = image.eval(&map, Vec2::new(q.x, 1.0 - q.y - q.z.floor()), 0.0);
+        let expected = if cell.element_sum().rem_euclid(2.0) == 0.0 { Vec3::X } else { Vec3::Z };
+        assert!((color.truncate() - expected).length() < 1e-3, "{cell}: {color}");
+    }
+    let wrong = world(r#"Texture "t" "float" "checkerboard" "integer dimension" 4"#);
+    assert!(wrong.is_ok(), "what nothing asks for is not looked at");
+    let wrong = world(&format!(
+        r#"Texture "t" "spectrum" "checkerboard" "integer dimension" 4
+        Material "diffuse" "texture reflectance" "t" {TRIANGLE}"#
+    ));
+    assert!(wrong.unwrap_err().to_string().contains("dimensions"));
+}
+
+#[test]
 fn what_is_built_of_textures_is_laid_as_they_are() {
     let spherical = r#""string mapping" "spherical""#;
     let text = |second: &str| {

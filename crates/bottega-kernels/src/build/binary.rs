@@ -1,6 +1,7 @@
 //! A binary tree over shapes in world space, for those who write nodes of their own: a device's, say.
 
-use super::bins::{self, Binary, Item};
+use super::bins::{self, Binary};
+use super::item::Item;
 use super::{SPLIT_BUDGET, is_flat, presplit, reinsert, with_threads};
 use crate::Aabb;
 use glam::Vec3;

@@ -4,96 +4,13 @@
 //! Deterministic whatever the number of threads: minima, maxima and counts do not depend on the order in which they
 //! are taken, and the partition of one node is serial.
 
+use super::item::{Item, Span, half_area};
 use crate::Aabb;
 use crate::compiled::{self, LaneTask};
 use crate::memory::prefetch;
 use crate::traverse::lanes::Lanes;
 use crate::tree::MAX_DEPTH;
-use glam::Vec3;
 use rayon::prelude::*;
-
-/// A box by its least coordinates and, turned over, its greatest: what is smaller is wider, in all lanes alike. The fourth of each half
-/// is free.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-struct Span([f32; 8]);
-
-impl Span {
-    const EMPTY: Self = Self([f32::INFINITY; 8]);
-
-    /// Around both.
-    #[inline(always)]
-    fn union(&self, other: &Self) -> Self {
-        Self(std::array::from_fn(|lane| self.0[lane].min(other.0[lane])))
-    }
-
-    fn lower(&self, axis: usize) -> f32 {
-        self.0[axis]
-    }
-
-    fn upper(&self, axis: usize) -> f32 {
-        -self.0[axis + 4]
-    }
-
-    fn bounds(&self) -> Aabb {
-        let [a, b, c, _, d, e, f, _] = self.0;
-        Aabb { min: Vec3::new(a, b, c), max: -Vec3::new(d, e, f) }
-    }
-}
-
-/// Half the surface of a [`Span`].
-#[inline(always)]
-fn half_area<S: Lanes>(s: S, span: S::F) -> f32 {
-    // Sides turned over, as factors of products of two.
-    let [x, y, z, ..] = s.store(s.add(span, s.swap_halves(span)));
-    x * y + y * z + z * x
-}
-
-/// A primitive while the tree is built: its box, and its number in the bits of the free lane (see [`NUMBER`]).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Item(Span);
-
-/// Turned over in a number that lies in the fourth lane, which takes part in all that is computed: makes it a float between 1 and 2.
-/// By itself a small number would be a denormal float, and each product with one would take a hundred times as long.
-const NUMBER: u32 = 1f32.to_bits();
-
-impl Item {
-    pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
-        let (low, high) = (bounds.min, -bounds.max);
-        Self(Span([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
-    }
-
-    pub(super) fn id(&self) -> u32 {
-        self.0.0[3].to_bits() ^ NUMBER
-    }
-
-    pub(super) fn bounds(&self) -> Aabb {
-        self.0.bounds()
-    }
-
-    /// Whether it is a box around nothing.
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.lower(0) > self.0.upper(0)
-    }
-
-    pub(super) fn is_finite(&self) -> bool {
-        let bounds = self.bounds();
-        bounds.min.is_finite() && bounds.max.is_finite()
-    }
-
-    /// Twice its center on an axis.
-    #[inline(always)]
-    fn center(&self, axis: usize) -> f32 {
-        self.0.0[axis] - self.0.0[axis + 4]
-    }
-
-    /// Twice its center, as a [`Span`] of no extent.
-    #[inline(always)]
-    fn centers<S: Lanes>(&self, s: S) -> S::F {
-        let span = s.load(&self.0.0);
-        s.sub(span, s.swap_halves(span))
-    }
-}
 
 /// A node of the binary tree. Nodes lie in preorder: the first child follows its parent.
 #[derive(Clone, Copy, Debug)]
@@ -473,4 +390,63 @@ fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &Plane) -> (usize, [Span
         middle += part;
     }
     (middle, [Span(s.store(left)), Span(s.store(right))])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::Random;
+    use crate::traverse::portable::Portable;
+    use glam::Vec3;
+
+    fn items(count: u32) -> Vec<Item> {
+        let mut random = Random::new(u64::from(count));
+        let mut corner = |size: f32| Vec3::from_array(std::array::from_fn(|_| random.between(-size, size)));
+        (0..count)
+            .map(|id| {
+                let (a, b) = (corner(50.0), corner(2.0));
+                Item::new(&Aabb::EMPTY.with(a).with(a + b), id)
+            })
+            .collect()
+    }
+
+    fn bits(span: &Span) -> [u32; 6] {
+        let lanes = span.0.map(f32::to_bits);
+        std::array::from_fn(|i| lanes[i + i / 3])
+    }
+
+    /// The numbers in their new order, the size of the first part, and what both fill.
+    fn divided(count: u32, many: bool, portable: bool) -> (Vec<u32>, usize, Vec<[u32; 6]>) {
+        let mut items = items(count);
+        let binning = Binning::new(&Extent::of(&items).centers, items.len());
+        let bins = many.then(|| Bins::of_many(&items, &binning));
+        let task = Divide { items: &mut items, binning, bins: bins.as_ref() };
+        let (middle, extents) = if portable { task.run(Portable) } else { compiled::run_in_lanes(task) }.unwrap();
+        let spans = extents.iter().flat_map(|extent| [bits(&extent.items), bits(&extent.centers)]).collect();
+        (items.iter().map(Item::id).collect(), middle, spans)
+    }
+
+    #[test]
+    fn every_unit_and_any_number_of_threads_divide_alike() {
+        for count in [7, 20, 1000, 200_000] {
+            let one = divided(count, false, false);
+            assert_eq!(one, divided(count, false, true), "{count}");
+            if count > 100 {
+                assert_eq!(one, divided(count, true, false), "{count}");
+            }
+        }
+    }
+
+    #[test]
+    fn both_parts_fill_what_their_items_do() {
+        let mut items = items(5000);
+        let extent = Extent::of(&items);
+        let (middle, extents) =
+            Builder { leaf_size: 4, parallel_items: usize::MAX }.divide(&mut items, &extent, 0, false);
+        assert!(middle != 0 && middle != items.len());
+        for (part, told) in [&items[..middle], &items[middle..]].into_iter().zip(extents) {
+            let known = Extent::of(part);
+            assert_eq!((bits(&known.items), bits(&known.centers)), (bits(&told.items), bits(&told.centers)));
+        }
+    }
 }

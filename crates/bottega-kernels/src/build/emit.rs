@@ -213,8 +213,9 @@ pub(super) fn check(what: &'static str, count: usize) -> Result<(), BuildError> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::{self, Item};
+    use super::super::bins;
     use super::super::collapse;
+    use super::super::item::Item;
     use super::*;
     use crate::bench::Random;
     use glam::Vec3;

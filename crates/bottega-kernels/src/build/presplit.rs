@@ -11,7 +11,7 @@
 //! ray gets into its box is at its end, and all that lies in the same wall is tested at once. Cut up, it would only lie in many
 //! leaves (measured: a fifth more steps in a room of such walls).
 
-use super::bins::Item;
+use super::item::Item;
 use crate::Aabb;
 use glam::Vec3;
 use rayon::prelude::*;

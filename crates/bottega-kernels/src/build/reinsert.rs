@@ -337,7 +337,8 @@ fn pieces<'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::{self, Item};
+    use super::super::bins;
+    use super::super::item::Item;
     use super::*;
     use crate::bench::Random;
     use glam::Vec3;

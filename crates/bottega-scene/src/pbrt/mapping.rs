@@ -43,6 +43,16 @@ impl Mappings {
                 return on_surface(params);
             }
         };
+        self.in_space(context, texture, space)
+    }
+
+    /// How cells of space are laid, which no mapping but the transformation in force says.
+    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> Outcome<Laid> {
+        self.in_space(context, texture, MappingKind::Cells)
+    }
+
+    fn in_space(&mut self, context: &mut Context<'_>, texture: &Entity, space: MappingKind) -> Outcome<Laid> {
+        let params = &texture.params;
         let texture_from_world = texture.ctm.inverse();
         let place = params.place_of("mapping");
         if !texture_from_world.is_finite() {
@@ -50,7 +60,7 @@ impl Mappings {
         }
         let (mapping, delta) = match space {
             MappingKind::Planar => planar(params, texture_from_world)?,
-            MappingKind::Spherical | MappingKind::Cylindrical => (texture_from_world, Vec2::ZERO),
+            MappingKind::Spherical | MappingKind::Cylindrical | MappingKind::Cells => (texture_from_world, Vec2::ZERO),
         };
         let mapping_from_world = Affine3A {
             matrix3: Mat3A::from(mapping.matrix3.as_mat3()),

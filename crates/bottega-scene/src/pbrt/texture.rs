@@ -344,11 +344,11 @@ impl<'a, 'w> Textures<'a, 'w> {
             "checkerboard" => {
                 let first = self.part(context, params, "tex1", 1.0, is_float)?;
                 let second = self.part(context, params, "tex2", 0.0, is_float)?;
-                let dimension = params.integer("dimension")?.unwrap_or(2);
-                let laid = self.mappings.laid(context, entity)?;
-                if dimension == 3 {
-                    context.unsupported(at, "the checkerboard is one of the surface, not of space");
-                }
+                let laid = match params.integer("dimension")?.unwrap_or(2) {
+                    2 => self.mappings.laid(context, entity)?,
+                    3 => self.mappings.cells(context, entity)?,
+                    _ => return Err(params.place_of("dimension").fault("a checkerboard has 2 or 3 dimensions").into()),
+                };
                 Node::Checkerboard(laid, first, second)
             }
             "bilerp" => {
