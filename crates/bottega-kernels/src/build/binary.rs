@@ -36,7 +36,8 @@ impl BinaryTree {
                 Shape::Triangle(corners) => corners.map(|corner| corner.to_array()),
                 Shape::Within(bounds) => [bounds.min, bounds.max, bounds.max].map(|corner| corner.to_array()),
             };
-            let (mut items, mut others) = (Vec::new(), Vec::new());
+            // With room for those that are cut.
+            let (mut items, mut others) = (Vec::with_capacity(shapes.len() + shapes.len() / SPLIT_BUDGET), Vec::new());
             for (shape, id) in shapes.iter().zip(0..) {
                 match shape {
                     Shape::Triangle([a, b, c]) if !is_flat(&corners(id)) => {
