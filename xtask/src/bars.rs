@@ -16,6 +16,8 @@ use tempfile::TempDir;
 
 use compare::{Found, compare};
 
+use crate::python;
+
 /// Zones of each picture, about.
 const ZONES: u32 = 12;
 /// Pictures of each kind where noise differs.
@@ -242,6 +244,7 @@ impl Bar {
     fn in_zones(&self, program: &Path, scene: &Path, seed: u32, scratch: &Path) -> Result<(Picture, Vec<Rect>)> {
         let output = scratch.join(format!("zones-{seed}.exr"));
         let mut command = Command::new(program);
+        command.envs(python::engine_variables());
         command.arg("render").arg(scene).arg("-o").arg(&output).args([
             "--engine",
             self.engine,
@@ -295,7 +298,11 @@ pub(crate) fn root() -> PathBuf {
 
 /// Runs a script to its end; what it says is told where it fails.
 fn python(words: &[&Path]) -> Result<()> {
-    let done = Command::new("python3").args(words).stdin(Stdio::null()).output().context("cannot start python3")?;
+    let done = Command::new(python::interpreter())
+        .args(words)
+        .stdin(Stdio::null())
+        .output()
+        .context("cannot start python3")?;
     let said = [done.stdout, done.stderr].concat();
     let said = String::from_utf8_lossy(&said).into_owned();
     let last: Vec<&str> = said.lines().rev().take(5).collect();
@@ -308,6 +315,7 @@ fn python(words: &[&Path]) -> Result<()> {
 pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
     let state = TempDir::new()?;
     let mut command = Command::new(program);
+    command.envs(python::engine_variables());
     command.args(["engines", "check", engine]).env("XDG_STATE_HOME", state.path()).env("NO_COLOR", "1");
     let done = command.stdin(Stdio::null()).output().with_context(|| format!("cannot start {}", program.display()))?;
     let said = String::from_utf8_lossy(&done.stderr).replace(['│', '×', '╰', '├', '─', '▶'], " ");
@@ -320,7 +328,7 @@ pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
 /// - `log`: where what they say goes.
 pub(crate) fn check_worker(engine: &str, log: &Path) -> Result<()> {
     let file = fs::File::create(log)?;
-    let mut command = Command::new("python3");
+    let mut command = Command::new(python::interpreter());
     command.arg(root().join("engines/tests/check_worker.py")).arg(engine).stdin(Stdio::null());
     let status = command.stdout(file.try_clone()?).stderr(file).status().context("cannot start python3")?;
     let said = fs::read_to_string(log).unwrap_or_default();

@@ -8,24 +8,22 @@ use std::{
 
 use anyhow::{Context, Result, ensure};
 
-use crate::needs;
+use crate::{deny, needs, suite};
 
-/// Format, lints, documentation, tests.
+/// Format, lints, documentation, dependencies, tests.
 pub(crate) fn ci() -> Result<()> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
-    test()
+    needs::install(false);
+    deny::deny()?;
+    suite::run(&needs::variables())
 }
 
 /// Every test, after what they need has been installed.
 pub(crate) fn test() -> Result<()> {
-    needs::software_vulkan();
-    needs::xml_validator();
-    needs::engines(false);
-    let found: Vec<_> = [needs::nats_servers(), needs::denoiser()].into_iter().flatten().collect();
-    let found: Vec<_> = found.iter().map(|(variable, places)| (*variable, places.as_os_str())).collect();
-    cargo(&["test", "--workspace", "--quiet"], &found)
+    needs::install(false);
+    suite::run(&needs::variables())
 }
 
 pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {

@@ -39,11 +39,13 @@ pub(crate) struct EnginesArgs {
 
 /// Tests, checks and bars; an error where one of them fails.
 pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
-    needs::engines(args.all);
+    needs::install(args.all);
+    let variables = needs::variables();
+    let environment: Vec<_> = variables.iter().map(|(name, value)| (*name, value.as_os_str())).collect();
     let mut rows = Vec::new();
     if !args.bars {
         let words = ["test", "--quiet", "--package", "bottega", "--test", "engines"];
-        rows.push(Row::check("all", "tests", cargo(&words, &[])));
+        rows.push(Row::check("all", "tests", cargo(&words, &environment)));
     }
     let program = match &args.program {
         Some(program) => program.canonicalize()?,

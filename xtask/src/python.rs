@@ -1,0 +1,95 @@
+//! The Python environment of the tests: one virtual environment below `target`, with pinned packages.
+
+use std::{
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use crate::bars::root;
+
+/// A list of pinned packages, in the form of `pip install --requirement`.
+#[derive(Clone, Copy)]
+pub(crate) struct Requirements {
+    /// The file, relative to the repository.
+    file: &'static str,
+    text: &'static str,
+}
+
+/// What the tests use.
+pub(crate) const TESTS: Requirements =
+    Requirements { file: "xtask/requirements.txt", text: include_str!("../requirements.txt") };
+/// Cycles and LuxCore.
+pub(crate) const LARGE_ENGINES: Requirements =
+    Requirements { file: "xtask/requirements-engines.txt", text: include_str!("../requirements-engines.txt") };
+
+impl Requirements {
+    /// The packages with their versions, as they are announced.
+    pub(crate) fn packages(&self) -> Vec<&'static str> {
+        let lines = self.text.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
+        lines.map(|line| line.split(';').next().unwrap_or(line)).collect()
+    }
+
+    /// The copy that is kept in the environment once the packages are installed.
+    fn stamp(&self) -> PathBuf {
+        folder().join(Path::new(self.file).file_name().unwrap_or_default())
+    }
+
+    /// Whether these packages, in these versions, are installed.
+    pub(crate) fn are_installed(&self) -> bool {
+        fs::read_to_string(self.stamp()).is_ok_and(|text| text == self.text) && works(&program("python3"))
+    }
+
+    /// Makes the environment where there is none, and installs the packages. Whether it could.
+    pub(crate) fn install(&self) -> bool {
+        if !works(&program("python3")) && !run(Path::new("python3"), &["-m", "venv", "--clear", "target/python"]) {
+            return false;
+        }
+        let arguments = ["-m", "pip", "install", "--quiet", "--no-deps", "--requirement", self.file];
+        run(&program("python3"), &arguments) && fs::write(self.stamp(), self.text).is_ok()
+    }
+}
+
+/// A program of the environment.
+pub(crate) fn program(name: &str) -> PathBuf {
+    folder().join("bin").join(name)
+}
+
+/// The Python that runs workers and scripts: the environment's, or the system's where there is no environment.
+pub(crate) fn interpreter() -> OsString {
+    let own = program("python3");
+    if own.is_file() { own.into_os_string() } else { "python3".into() }
+}
+
+/// The folder in which the packages of the environment lie, one of which is `package`.
+pub(crate) fn package(package: &str) -> Option<PathBuf> {
+    let versions = fs::read_dir(folder().join("lib")).ok()?.filter_map(Result::ok);
+    versions.map(|version| version.path().join("site-packages").join(package)).find(|path| path.is_dir())
+}
+
+/// The variables by which the engines' manifests find the environment's Python. What the caller sets goes before.
+pub(crate) fn engine_variables() -> Vec<(&'static str, OsString)> {
+    const VARIABLES: [&str; 4] =
+        ["BOTTEGA_MITSUBA_PYTHON", "BOTTEGA_POVRAY_PYTHON", "BOTTEGA_LUXCORE_PYTHON", "BOTTEGA_CYCLES_PYTHON"];
+    let own = program("python3");
+    let unset = VARIABLES.into_iter().filter(|name| own.is_file() && std::env::var_os(name).is_none());
+    unset.map(|name| (name, own.clone().into_os_string())).collect()
+}
+
+fn folder() -> PathBuf {
+    root().join("target/python")
+}
+
+fn works(python: &Path) -> bool {
+    let mut command = Command::new(python);
+    command.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
+fn run(program: &Path, arguments: &[&str]) -> bool {
+    let mut command = Command::new(program);
+    // Packages of the user must not hide that one is missing here.
+    command.args(arguments).current_dir(root()).env("PYTHONNOUSERSITE", "1").env_remove("PYTHONPATH");
+    command.stdin(Stdio::null()).stdout(Stdio::null()).status().is_ok_and(|status| status.success())
+}
