@@ -1,6 +1,7 @@
 //! What a developer runs: `cargo xtask ci | test | fresh | engines | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
+mod absences;
 mod bars;
 mod ci;
 mod deny;

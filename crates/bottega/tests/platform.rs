@@ -11,7 +11,7 @@ use std::{
 };
 
 use serde_json::Value;
-use support::{bottega, run, succeed, text};
+use support::{bottega, run, signal, succeed, text};
 
 /// A process that serves, killed when the test is over.
 struct Serving {
@@ -140,8 +140,7 @@ fn ctrl_c_ends_it_politely() {
     while addresses(&two) != 2 {
         assert!(begun.elapsed() < Duration::from_secs(10));
     }
-    let id = one.child.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().expect("a signal").success());
+    assert!(signal("-INT", one.child.id()));
     assert!(one.child.wait().expect("an end").success());
     let mut rest = String::new();
     one.out.read_to_string(&mut rest).expect("text");

@@ -10,7 +10,7 @@ use std::{
 };
 
 use bottega_image::{Picture, read_picture, rmse};
-use support::{bottega, run, scenes, succeed, text};
+use support::{bottega, run, scenes, signal, succeed, text};
 
 const SIZE: (u32, u32) = (96, 72);
 
@@ -74,8 +74,7 @@ fn who_resumes_sees_what_was_kept_and_ends_with_the_same_bits() {
     let mut child = bottega(&command(text(&parts))).stdout(Stdio::piped()).spawn().expect("it starts");
     let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.contains(r#""state":"done""#)), "a zone is done");
-    let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(status.expect("kill runs").success());
+    assert!(signal("-INT", child.id()));
     lines.for_each(drop);
     assert_eq!(child.wait().expect("it ends").code(), Some(130), "it was stopped before its end");
     assert_eq!(picture(&seen).size(), SIZE);

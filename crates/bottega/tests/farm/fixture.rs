@@ -15,7 +15,7 @@ use bottega_farm::FarmCodec;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::support::{bottega, text};
+use super::support::{bottega, signal, text};
 
 /// Farms are timed by the clock: one at a time has the processors.
 pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
@@ -42,8 +42,7 @@ impl Process {
     }
 
     pub(super) fn signal(&self, what: &str) {
-        let sent = Command::new("kill").arg(what).arg(self.0.id().to_string()).status();
-        assert!(sent.expect("kill runs").success());
+        assert!(signal(what, self.0.id()));
     }
 
     pub(super) fn wait(&mut self) -> bool {
@@ -94,9 +93,9 @@ impl Farm {
     /// The server itself, as if its machine had lost power.
     pub(super) fn kill_server(&self) {
         let number = fs::read_to_string(self.path("state/bottega/server/server.pid")).unwrap_or_default();
-        if !number.trim().is_empty() {
+        if let Ok(number) = number.trim().parse() {
             // It may be gone already.
-            _ = Command::new("kill").args(["-KILL", number.trim()]).stderr(Stdio::null()).status();
+            signal("-KILL", number);
         }
     }
 

@@ -36,12 +36,20 @@ pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
     let mut stopped = false;
     for line in lines.map_while(Result::ok) {
         if !stopped && line.contains(r#""state":"done""#) {
-            let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-            assert!(status.expect("kill runs").success());
+            assert!(signal("-INT", child.id()));
             stopped = true;
         }
     }
     child.wait().expect("the program ends")
+}
+
+/// Sends a signal to a process, by the shell's own `kill`: not every system has a program of that name. Whether it arrived.
+///
+/// - `what`: such as `-INT`.
+#[cfg(unix)]
+pub(crate) fn signal(what: &str, process: u32) -> bool {
+    let line = format!("kill {what} {process}");
+    Command::new("sh").args(["-c", &line]).stderr(Stdio::null()).status().expect("a shell").success()
 }
 
 /// The scenes of the repository.

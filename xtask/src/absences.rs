@@ -1,0 +1,67 @@
+//! What must not be in protocol logic: sockets, threads, clocks and files. ARCHITECTURE.md, Invariants, executable.
+
+#[cfg(test)]
+mod tests {
+    use std::{
+        fs,
+        path::{Path, PathBuf},
+    };
+
+    use crate::bars::root;
+
+    /// Folders of protocol logic, and what below them is a driver: it does what the logic decides.
+    const LOGIC: &[(&str, &[&str])] = &[
+        ("crates/bottega-agents/src", &["driver", "file_store"]),
+        ("crates/bottega-farm/src", &["driver", "driver.rs", "journal.rs"]),
+        ("crates/bottega-fuzzy/src", &[]),
+        ("crates/bottega-hra/src/policy", &[]),
+    ];
+
+    /// Ways to a clock, a thread, a socket or a file.
+    const IO: &[&str] = &[
+        "Instant::now",
+        "SystemTime::now",
+        "thread::",
+        "std::net",
+        "std::fs",
+        "std::process",
+        "tokio::",
+        "async_nats::",
+        "TcpStream",
+        "UdpSocket",
+        "File::",
+    ];
+
+    #[test]
+    fn protocol_logic_has_no_sockets_threads_clocks_or_files() {
+        for (folder, drivers) in LOGIC {
+            let drivers: Vec<PathBuf> = drivers.iter().map(|driver| root().join(folder).join(driver)).collect();
+            let files = sources(&root().join(folder), &drivers);
+            assert!(!files.is_empty(), "{folder} has no sources");
+            for file in files {
+                let text = fs::read_to_string(&file).expect("a source");
+                // Tests stand at the end of a file.
+                let logic = text.split("#[cfg(test)]").next().unwrap_or_default();
+                for (number, line) in logic.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//"))
+                {
+                    let found = IO.iter().find(|io| line.contains(**io));
+                    assert!(found.is_none(), "{}:{}: {line}", file.display(), number + 1);
+                }
+            }
+        }
+    }
+
+    fn sources(folder: &Path, left_out: &[PathBuf]) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+        let mut found = Vec::new();
+        for path in entries.filter(|path| !left_out.contains(path)) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if path.is_dir() && name != "tests" {
+                found.extend(sources(&path, left_out));
+            } else if name.ends_with(".rs") && name != "tests.rs" {
+                found.push(path);
+            }
+        }
+        found
+    }
+}
