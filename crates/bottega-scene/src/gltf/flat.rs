@@ -25,7 +25,9 @@ pub(super) fn flattened(mesh: &Mesh, world_from_object: &DAffine3) -> Result<Opt
     flat.triangles.retain(|triangle| {
         let [a, b, c] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
         let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-        (b - a).cross(c - a).length() > HEIGHT_MIN * longest
+        let double_area = (b - a).cross(c - a).length();
+        // What single precision cannot tell from none, no ray hits.
+        (double_area as f32).is_normal() && double_area > HEIGHT_MIN * longest
     });
     if flat.triangles.is_empty() {
         return Ok(None);

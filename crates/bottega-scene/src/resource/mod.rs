@@ -173,13 +173,23 @@ impl<'a> Resources<'a> {
                         file = real;
                     }
                 }
-                Err(_) => {
-                    let leaves = is_absolute(&name) || name.starts_with("../");
-                    is_allowed = !leaves || self.roots.iter().any(|root| file.starts_with(root));
-                }
+                Err(_) => is_allowed = self.would_be_allowed(&name),
             }
         }
         Location { name, file, is_allowed }
+    }
+
+    /// Whether a file of that name might be read if it were there.
+    fn would_be_allowed(&self, name: &str) -> bool {
+        let leaves = is_absolute(name) || name.starts_with("../");
+        // On other systems than its own, a drive is no place.
+        let is_place = !is_absolute(name) || Path::new(name).is_absolute();
+        let whole = self.roots.first().map(|folder| folder.join(name).to_string_lossy().replace('\\', "/"));
+        let is_below = |whole: String| {
+            let whole = PathBuf::from(without_detours(&whole));
+            self.roots.iter().any(|root| whole.starts_with(root))
+        };
+        !leaves || is_place && whole.is_some_and(is_below)
     }
 
     /// A file whose name differs in case alone.

@@ -163,7 +163,9 @@ mod tests {
 
     #[test]
     fn what_is_below_the_root_may_be_read() {
-        for (scene, root) in [("/cache/scenes/1/in/in/a.glb", "/cache/scenes/1"), ("/cache/scenes/1/a.glb", "/cache/scenes/1")] {
+        for (scene, root) in
+            [("/cache/scenes/1/in/in/a.glb", "/cache/scenes/1"), ("/cache/scenes/1/a.glb", "/cache/scenes/1")]
+        {
             assert_eq!(SceneFiles::root_of(Path::new(scene)), Path::new(root));
         }
     }

@@ -312,17 +312,15 @@ impl Parsed {
     /// - `totals`: how many of each kind the file has.
     /// - `unsound`: the vertices of the file that cannot be used, in order.
     pub(super) fn resolve(&mut self, block: Block<'_>, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) {
-        let mut removed = Vec::new();
+        let (mut faces, mut flat): (Vec<Range<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
         for number in 0..self.triangles.len() {
-            let mut kind = None;
             for which in 0..3 {
                 let mut corner = self.triangles[number][which];
                 let resolved = resolve_corner(&mut corner, base, totals, unsound);
                 self.triangles[number][which] = corner;
-                if let Err(problem) = resolved
-                    && kind.is_none()
-                {
-                    kind = Some(FACE);
+                let Err(problem) = resolved else { continue };
+                if faces.last().is_none_or(|last| !last.contains(&number)) {
+                    faces.push(self.face_of(number));
                     // Vertices that were left out told of their faces.
                     if !problem.is_empty() {
                         self.left_out.add(FACE, || locate_corner(block, [number, which], problem));
@@ -330,31 +328,36 @@ impl Parsed {
                 }
             }
             let [a, b, c] = self.triangles[number].map(|corner| corner[0]);
-            if kind.is_none() && (a == b || b == c || c == a) {
-                kind = Some(NO_AREA);
-                self.left_out.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
+            if a == b || b == c || c == a {
+                flat.push(number);
             }
-            removed.extend(kind.map(|kind| (number, kind == FACE)));
         }
-        if !removed.is_empty() {
-            self.remove(&removed);
+        let mut rest = &faces[..];
+        flat.retain(|number| {
+            rest = &rest[rest.partition_point(|face| face.end <= *number)..];
+            rest.first().is_none_or(|face| !face.contains(number))
+        });
+        for &number in &flat {
+            self.left_out.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
+        }
+        if !(faces.is_empty() && flat.is_empty()) {
+            let mut keeps = vec![true; self.triangles.len()];
+            faces.into_iter().for_each(|face| keeps[face].fill(false));
+            flat.into_iter().for_each(|number| keeps[number] = false);
+            self.retain(&keeps);
         }
     }
 
-    /// Removes triangles; with them their whole face where the second number says so.
-    fn remove(&mut self, removed: &[(usize, bool)]) {
-        let mut keeps = vec![true; self.triangles.len()];
-        for &(number, with_face) in removed {
-            keeps[number] = false;
-            let after = self.polygons.partition_point(|polygon| polygon[0] as usize <= number);
-            if let Some(&[first, count]) = after.checked_sub(1).and_then(|index| self.polygons.get(index))
-                && with_face
-                && number < (first + count) as usize
-                && keeps[first as usize..(first + count) as usize].iter().any(|&keep| keep)
-            {
-                keeps[first as usize..(first + count) as usize].fill(false);
-            }
-        }
+    /// The triangles of the face of a triangle.
+    fn face_of(&self, triangle: usize) -> Range<usize> {
+        let after = self.polygons.partition_point(|polygon| polygon[0] as usize <= triangle);
+        let polygon = after.checked_sub(1).map(|index| self.polygons[index].map(|number| number as usize));
+        let polygon = polygon.map(|[first, count]| first..first + count).filter(|polygon| polygon.contains(&triangle));
+        polygon.unwrap_or(triangle..triangle + 1)
+    }
+
+    /// Removes the triangles that are not to be kept.
+    fn retain(&mut self, keeps: &[bool]) {
         // Statements stand between triangles.
         let mut statements = self.statements.iter_mut().peekable();
         let mut kept = 0;
@@ -364,8 +367,8 @@ impl Parsed {
             }
             kept += usize::from(*keep);
         }
-        let mut keep = keeps.into_iter();
-        self.triangles.retain(|_| keep.next().unwrap_or(true));
+        let mut keep = keeps.iter();
+        self.triangles.retain(|_| keep.next().is_none_or(|keep| *keep));
     }
 }
 
