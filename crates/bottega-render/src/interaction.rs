@@ -4,7 +4,9 @@ mod mesh;
 mod relief;
 
 use bottega_kernels::{Hit, Ray, math};
-use bottega_scene::{Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap};
+use bottega_scene::{
+    ColorParam, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
+};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -306,6 +308,12 @@ impl Interaction {
     #[inline(always)]
     pub(crate) fn texture_place(&self) -> TexturePlace {
         TexturePlace { uvs: self.uvs, spot: self.spot() }
+    }
+
+    /// What an unlit surface of that colour shows: like every base colour, none above 1, whatever the vertices say.
+    #[inline(always)]
+    pub(crate) fn unlit(&self, scene: &Scene, color: &ColorParam) -> Spectrum {
+        (color.eval(scene, self.texture_place(), self.footprint) * self.color.truncate()).min(Spectrum::ONE)
     }
 
     /// A world-space direction in the shading frame.

@@ -8,20 +8,30 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The operating system would not give us the file.
-    #[error("cannot read `{}`: check that the file exists and may be read", path.display())]
+    #[error("cannot read `{}`{}: check that the file exists and may be read", path.display(), asked_by(by))]
     Read {
         /// The file.
         path: PathBuf,
+        /// The file and the place in it that refers to this one; empty where the user named it.
+        by: String,
         /// Why not.
         source: std::io::Error,
     },
     /// The path leads to something that is no file.
-    #[error("`{}` is {found}, not a file: name the scene file itself", path.display())]
+    #[error("`{}`{} is {found}, not a file: name the file itself", path.display(), asked_by(by))]
     NotAFile {
         /// The path.
         path: PathBuf,
+        /// The file and the place in it that refers to this one; empty where the user named it.
+        by: String,
         /// What it is.
         found: &'static str,
+    },
+    /// A folder of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is none.
+    #[error("`{}` is no folder that can be read: name one with `--asset-root`", path.display())]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
     },
     /// Neither the name nor the first bytes are those of a format that we read.
     #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)", path.display())]
@@ -153,6 +163,24 @@ pub enum SceneError {
     },
 }
 
+fn asked_by(by: &str) -> String {
+    if by.is_empty() { String::new() } else { format!(" (asked for by {by})") }
+}
+
+impl SceneError {
+    /// Adds to what is said of a file that is not there or too large, which file and place asks for it.
+    pub(crate) fn asked_by(self, asking: &str) -> Self {
+        match self {
+            Self::Read { path, by, source } if by.is_empty() => Self::Read { path, by: asking.into(), source },
+            Self::NotAFile { path, by, found } if by.is_empty() => Self::NotAFile { path, by: asking.into(), found },
+            Self::Limit { path, place, problem, remedy } if place.is_empty() => {
+                Self::Limit { path, place: format!("asked for by {asking}"), problem, remedy }
+            }
+            other => other,
+        }
+    }
+}
+
 fn at(place: &str) -> String {
     if place.is_empty() { String::new() } else { format!(", {place}") }
 }
@@ -199,6 +227,13 @@ impl Warnings {
             self.unsupported.push(warning.clone());
         }
         self.add(warning.place, warning.message);
+    }
+
+    /// Tells those who are strict alone: others are told in other words.
+    pub(crate) fn unsupported_silently(&mut self, place: impl Into<String>, message: impl Into<String>) {
+        if self.unsupported.len() < Self::LIMIT {
+            self.unsupported.push(Warning { place: place.into(), message: message.into() });
+        }
     }
 
     /// What [`unsupported`](Self::unsupported) was told.

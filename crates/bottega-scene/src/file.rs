@@ -10,11 +10,11 @@ use crate::load::MemoryBudget;
 /// Reads a regular file. Folders, devices and pipes (which might never end) are refused, and files that are larger than
 /// all memory that the scene may take.
 pub(crate) fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>, SceneError> {
-    let read = |source| SceneError::Read { path: path.to_path_buf(), source };
+    let read = |source| SceneError::Read { path: path.to_path_buf(), by: String::new(), source };
     let metadata = std::fs::metadata(path).map_err(read)?;
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
-        return Err(SceneError::NotAFile { path: path.to_path_buf(), found });
+        return Err(SceneError::NotAFile { path: path.to_path_buf(), by: String::new(), found });
     }
     let length = usize::try_from(metadata.len()).unwrap_or(usize::MAX);
     budget.check(path, length)?;

@@ -24,6 +24,7 @@ mod mend;
 mod mesh_file;
 mod mitsuba;
 mod model;
+pub mod objects_only;
 mod pbrt;
 mod resource;
 mod shapes;

@@ -35,6 +35,8 @@ pub struct LoadOptions {
     pub add_sky: bool,
     /// Whether the scene may refer to files outside of the folder of its own file.
     pub allow_outside: bool,
+    /// Further folders whose files the scene may refer to, whether by `..`, by an absolute path, or by a symbolic link.
+    pub asset_roots: Vec<PathBuf>,
     /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
     pub strict: bool,
     /// Name and value of parameters of the scene, instead of the values that its file gives them (Mitsuba's `$name`).
@@ -56,6 +58,7 @@ impl Default for LoadOptions {
             variant: None,
             add_sky: true,
             allow_outside: false,
+            asset_roots: Vec::new(),
             strict: false,
             defines: Vec::new(),
             max_image_pixels: 1 << 28,
@@ -223,10 +226,13 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     };
+    if let Some(path) = options.asset_roots.iter().find(|path| !path.is_dir()) {
+        return Err(SceneError::NotAFolder { path: path.clone() });
+    }
     let resources = Resources::new(path, options, &budget);
     let request = Request { path, file: &file, options, resources: &resources };
     let (mut scene, metadata, mut hints) = import(&request, &mut warnings)?;
-    let files = resources.finish(&mut digest);
+    let files = resources.finish(&mut digest, &mut warnings);
     let unsupported = warnings.take_unsupported();
     if options.strict && !unsupported.is_empty() {
         return Err(SceneError::Unsupported { path: path.into(), places: unsupported });

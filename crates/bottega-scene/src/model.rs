@@ -126,6 +126,35 @@ fn bytes_of<T>(list: &[T]) -> usize {
 }
 
 impl Mesh {
+    /// The same triangles, each of its own colour; the mesh as it was where there are not as many colours.
+    pub(crate) fn with_triangle_colors(self, colors: &[Vec4]) -> Result<Self, Self> {
+        if colors.len() != self.triangles.len() {
+            return Err(self);
+        }
+        Ok(Self { colors: colors.iter().flat_map(|&color| [color; 3]).collect(), ..self.unshared() })
+    }
+
+    /// The same triangles without shared vertices.
+    pub(crate) fn unshared(&self) -> Self {
+        fn spread<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
+            if values.is_empty() {
+                return Vec::new();
+            }
+            triangles.iter().flatten().map(|&vertex| values[vertex as usize]).collect()
+        }
+        let triangles = &self.triangles;
+        Self {
+            name: self.name.clone(),
+            positions: spread(&self.positions, triangles),
+            normals: spread(&self.normals, triangles),
+            tangents: spread(&self.tangents, triangles),
+            uvs: [spread(&self.uvs[0], triangles), spread(&self.uvs[1], triangles)],
+            colors: spread(&self.colors, triangles),
+            triangles: (0..triangles.len() as u32).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect(),
+            material: self.material,
+        }
+    }
+
     /// Least and greatest coordinates of the positions, object space. Infinite and inverted without positions.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let pieces = self.positions.par_chunks(1 << 16).map(|piece| piece.iter().copied().fold(EMPTY, grow));

@@ -7,7 +7,7 @@ use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
 pub enum Surface {
     /// Nothing scatters; the surface only parts two media (Mitsuba `null`, pbrt `interface`).
     Null,
-    /// Emits its colour as it is, and scatters nothing (KHR_materials_unlit).
+    /// Emits its colour as it is, but no more than 1, and scatters nothing (KHR_materials_unlit).
     Unlit(ColorParam),
     /// Matte, on the side of the light.
     Diffuse(Diffuse),

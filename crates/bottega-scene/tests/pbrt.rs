@@ -643,3 +643,42 @@ fn mutations_of_grids_are_survived() {
     assert_eq!(loaded.scene.media.iter().filter(|medium| medium.variation.is_some()).count(), 2);
     survive_mutations_of("smoke.pbrt");
 }
+
+#[test]
+fn text_may_be_in_any_encoding() {
+    let text = format!(
+        "# grün\nWorldBegin\nMakeNamedMaterial \"grün\" \"string type\" \"diffuse\"\nNamedMaterial \"grün\"\n{TRIANGLE}\n"
+    );
+    let marked = format!("\u{feff}{text}");
+    let latin: Vec<u8> = text.chars().map(|c| c as u8).collect();
+    let utf16: Vec<u8> = marked.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let returns = text.replace('\n', "\r").into_bytes();
+    for (bytes, is_guessed) in [
+        (text.clone().into_bytes(), false),
+        (marked.into_bytes(), false),
+        (utf16, false),
+        (returns, false),
+        (latin, true),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.pbrt");
+        std::fs::write(&path, &bytes).unwrap();
+        let loaded = load(&path, &LoadOptions::default()).unwrap();
+        assert_eq!(loaded.scene.triangle_count(), 1);
+        let guess = loaded.warnings.iter().find(|warning| warning.message.contains("windows-1252"));
+        assert_eq!(guess.map(|guess| guess.place.as_str()), is_guessed.then_some("scene.pbrt:1:1"));
+    }
+    let error = load_text("WorldBegin\n\0").unwrap_err().to_string();
+    assert!(error.contains("line 2, column 1") && error.contains("save it as UTF-8"), "{error}");
+}
+
+#[test]
+fn missing_files_are_asked_for_somewhere() {
+    for text in
+        ["WorldBegin\nInclude \"no.pbrt\"\n", "WorldBegin\nShape \"plymesh\" \"string filename\" [ \"no.ply\" ]\n"]
+    {
+        let error = load_text(text).unwrap_err();
+        assert!(matches!(error, SceneError::Read { .. }), "{error:?}");
+        assert!(error.to_string().contains("(asked for by scene.pbrt:2:"), "{error}");
+    }
+}

@@ -100,6 +100,9 @@ pub(crate) struct FileArgs {
     /// Let the scene read files outside of its own folder.
     #[arg(long, help_heading = "Scene file")]
     pub(crate) allow_outside: bool,
+    /// Let the scene read files below this folder too, by whatever path or symbolic link it leads there; may be repeated.
+    #[arg(long = "asset-root", value_name = "FOLDER", value_hint = ValueHint::DirPath, help_heading = "Scene file")]
+    pub(crate) asset_roots: Vec<PathBuf>,
     /// Set a parameter of a Mitsuba scene (its `<default>`s, used as `$NAME`).
     #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = parse_define, help_heading = "Scene file")]
     pub(crate) defines: Vec<(String, String)>,
@@ -120,6 +123,7 @@ impl FileArgs {
         LoadOptions {
             strict: self.strict,
             allow_outside: self.allow_outside,
+            asset_roots: self.asset_roots.clone(),
             defines: self.defines.clone(),
             at: self.at,
             animation: self.animation.clone(),

@@ -125,7 +125,8 @@ fn meet(path: u32, depth: u32) {
     let asked = field(RECEIVER, path);
     let wants_albedo = asked.w > 0.5;
     if (point.flags & MATERIAL_UNLIT) != 0u {
-        let color = material_unlit(point.material, point.uv0, point.uv1, point.footprint) * point.color.xyz;
+        let shown = material_unlit(point.material, point.uv0, point.uv1, point.footprint) * point.color.xyz;
+        let color = min(shown, vec3(1.0));
         set_field(RADIANCE, path, found + vec4(throughput * color, 0.0));
         record_albedo(path, wants_albedo, color);
         return;

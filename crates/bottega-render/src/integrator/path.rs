@@ -403,7 +403,7 @@ impl Path<'_> {
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
-            let color = color.eval(prepared.scene(), point.texture_place(), point.footprint) * point.color.truncate();
+            let color = point.unlit(prepared.scene(), color);
             self.radiance += self.throughput * color;
             self.record_albedo(color);
             return false;

@@ -160,9 +160,7 @@ impl Path<'_> {
         self.record.vertex_count += 1;
         self.record_first(hit.t, point.frame[2]);
         if let Surface::Unlit(color) = &material.surface {
-            self.record_albedo(
-                color.eval(prepared.scene(), point.texture_place(), point.footprint) * point.color.truncate(),
-            );
+            self.record_albedo(point.unlit(prepared.scene(), color));
             return false;
         }
         self.meet(&point)
@@ -241,7 +239,7 @@ impl Path<'_> {
         let scene = &**prepared.scene();
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
-            return color.eval(scene, point.texture_place(), point.footprint) * point.color.truncate();
+            return point.unlit(scene, color);
         }
         if !known.shines || known.is_null || !material.emission_sides.has(point.front) {
             return Spectrum::ZERO;

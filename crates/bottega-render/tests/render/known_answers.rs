@@ -7,7 +7,7 @@ use bottega_render::{BlockWork, DirectLight, Filter, PathSettings, PreparedScene
 use bottega_scene::{
     AlphaMode, Environment, Image, ImageId, Layered, Light, LightKind, Material, Medium, Scene, SpotFalloff, Surface,
 };
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec3, Vec4};
 use std::sync::Arc;
 
 use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
@@ -295,6 +295,12 @@ fn unlit_surfaces_show_their_color_and_light_up_nothing_by_light_sampling() {
     scene.materials[0] = Surface::Unlit(Vec3::new(0.2, 0.4, 0.6).into()).into();
     let tile = paint(&prepare(scene), (1, 1), 4, PathSettings::default());
     assert!((color(&tile, 0, 0) - Vec3::new(0.2, 0.4, 0.6)).length() < 1e-6);
+    // Colours of vertices make no base colour brighter than white.
+    let mut scene = floor();
+    scene.materials[0] = Surface::Unlit(Vec3::new(0.2, 0.4, 0.6).into()).into();
+    scene.meshes[0].colors = vec![Vec4::new(2.0, 2.0, 2.0, 1.0); scene.meshes[0].positions.len()];
+    let tile = paint(&prepare(scene), (1, 1), 4, PathSettings::default());
+    assert!((color(&tile, 0, 0) - Vec3::new(0.4, 0.8, 1.0)).length() < 1e-6);
 }
 
 #[test]

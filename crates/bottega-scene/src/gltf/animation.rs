@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Range;
 
 use glam::DQuat;
+use serde_json::Value;
 
 use super::accessor::{Accessor, find};
-use super::{Source, document, shortened};
+use super::{Source, document, pointer, shortened};
 use crate::SceneError;
 use crate::error::Warnings;
 
@@ -26,11 +28,21 @@ impl NodePose {
     }
 }
 
+/// The parts of a node's movement.
+const MOVEMENTS: [&str; 4] = ["translation", "rotation", "scale", "weights"];
+
 /// Nodes that animations move.
 pub(super) type Pose = BTreeMap<usize, NodePose>;
 
-/// Evaluates the animations that the options ask for. Where several move the same thing, the first one does.
-pub(super) fn pose(source: &Source<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
+/// Animations at a time.
+#[derive(Clone, Debug)]
+pub(super) struct Moment {
+    animations: Range<usize>,
+    time: f32,
+}
+
+/// The animations that the options ask for, and when. `None`: nothing moves.
+pub(super) fn moment(source: &Source<'_>, warnings: &mut Warnings) -> Result<Option<Moment>, SceneError> {
     let animations = &source.document.animations;
     let chosen = match &source.options.animation {
         None => 0..animations.len(),
@@ -47,20 +59,54 @@ pub(super) fn pose(source: &Source<'_>, warnings: &mut Warnings) -> Result<Pose,
             if !animations.is_empty() {
                 warnings.add("animations", "the scene is shown as its nodes stand; name a time to see it animated");
             }
-            return Ok(Pose::new());
+            return Ok(None);
         }
     };
     if animations.is_empty() {
         warnings.add("", "the scene has no animations, it is the same at all times");
     }
-    let mut pose = Pose::new();
-    for index in chosen {
-        for number in 0..animations[index].channels.len() {
-            let channel = Channel { source, animation: index, number };
-            channel.apply(time, &mut pose, warnings)?;
-        }
+    Ok(Some(Moment { animations: chosen, time }))
+}
+
+impl Moment {
+    /// All channels, in the order of the file.
+    fn channels<'a, 's>(&self, source: &'s Source<'a>) -> impl Iterator<Item = Channel<'a, 's>> {
+        self.animations.clone().flat_map(move |animation| {
+            let count = source.document.animations[animation].channels.len();
+            (0..count).map(move |number| Channel { source, animation, number })
+        })
     }
-    Ok(pose)
+
+    /// Where nodes stand. Where several animations move the same thing, the first one does.
+    pub(super) fn pose(&self, source: &Source<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
+        let mut pose = Pose::new();
+        self.channels(source).try_for_each(|channel| channel.apply(self.time, &mut pose, warnings))?;
+        Ok(pose)
+    }
+
+    /// What KHR_animation_pointer says of all but the movement of nodes: pointers, and values as JSON has them. Of
+    /// several values of the same thing, the first.
+    pub(super) fn pointed(
+        &self,
+        source: &Source<'_>,
+        warnings: &mut Warnings,
+    ) -> Result<BTreeMap<String, Value>, SceneError> {
+        let mut values = BTreeMap::new();
+        for channel in self.channels(source) {
+            let Some(pointer) = channel.target().pointer() else { continue };
+            if channel.moved().is_some() || values.contains_key(pointer) {
+                continue;
+            }
+            if !pointer::is_known(pointer) {
+                let message = format!("`{}` is not animated (KHR_animation_pointer)", shortened(pointer));
+                warnings.unsupported(channel.place(), message);
+            } else if let Some(value) = channel.value(self.time, pointer)? {
+                source.budget.take(source.path, "animations", pointer.len() + 64)?;
+                values.insert(pointer.to_owned(), value);
+            }
+        }
+        Ok(values)
+    }
 }
 
 struct Channel<'a, 's> {
@@ -74,20 +120,35 @@ impl Channel<'_, '_> {
         self.source.invalid(format!("animations[{}].channels[{}]{member}", self.animation, self.number), problem)
     }
 
-    fn apply(&self, time: f32, pose: &mut Pose, warnings: &mut Warnings) -> Result<(), SceneError> {
+    fn place(&self) -> String {
+        format!("animations[{}]", self.animation)
+    }
+
+    fn target(&self) -> &document::AnimationTarget {
+        &self.source.document.animations[self.animation].channels[self.number].target
+    }
+
+    fn sampler(&self) -> Result<&document::AnimationSampler, SceneError> {
         let animation = &self.source.document.animations[self.animation];
-        let channel = &animation.channels[self.number];
-        let path = channel.target.path.as_str();
-        let place = format!("animations[{}]", self.animation);
-        if path == "pointer" {
-            warnings.unsupported(place, "KHR_animation_pointer is not supported; what it animates stands still");
-            return Ok(());
+        let sampler = find("sampler", &animation.samplers, animation.channels[self.number].sampler);
+        sampler.map_err(|problem| self.invalid(".sampler", problem))
+    }
+
+    /// The node that it moves, and which part of its movement.
+    fn moved(&self) -> Option<(usize, &str)> {
+        let target = self.target();
+        if target.path != "pointer" {
+            return Some((target.node?, &target.path));
         }
-        let Some(node) = channel.target.node else { return Ok(()) };
+        let (node, path) = target.pointer()?.strip_prefix("/nodes/")?.split_once('/')?;
+        Some((node.parse().ok()?, path)).filter(|(_, path)| MOVEMENTS.contains(path))
+    }
+
+    fn apply(&self, time: f32, pose: &mut Pose, warnings: &mut Warnings) -> Result<(), SceneError> {
+        let Some((node, path)) = self.moved() else { return Ok(()) };
         let description = find("node", &self.source.document.nodes, node);
         let description = description.map_err(|problem| self.invalid(".target.node", problem))?;
-        let sampler = find("sampler", &animation.samplers, channel.sampler);
-        let sampler = sampler.map_err(|problem| self.invalid(".sampler", problem))?;
+        let sampler = self.sampler()?;
         let node_pose = match pose.entry(node) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => entry.insert(NodePose::default()),
@@ -101,10 +162,46 @@ impl Channel<'_, '_> {
                 node_pose.rotation = self.track(sampler, 4, 1)?.rotation(time);
             }
             "weights" if node_pose.weights.is_none() => node_pose.weights = self.weights(description, sampler, time)?,
-            "translation" | "scale" | "rotation" | "weights" => {}
-            other => warnings.add(place, format!("`{}` cannot be animated", shortened(other))),
+            path if MOVEMENTS.contains(&path) => {}
+            other => warnings.unsupported(self.place(), format!("`{}` cannot be animated", shortened(other))),
         }
         Ok(())
+    }
+
+    /// The value of what a pointer leads to; `None`: there is no key.
+    fn value(&self, time: f32, pointer: &str) -> Result<Option<Value>, SceneError> {
+        let sampler = self.sampler()?;
+        let counts = |index: usize| self.source.document.accessors.get(index).map(|accessor| accessor.count);
+        let width = |index: usize| self.source.document.accessors.get(index).map(|accessor| accessor.kind.as_str());
+        let parts = if sampler.interpolation.as_deref() == Some("CUBICSPLINE") { 3 } else { 1 };
+        // A list has as many numbers as its keys hold.
+        let elements = match (counts(sampler.output), counts(sampler.input)) {
+            (Some(values), Some(times)) if times > 0 && pointer.ends_with("/weights") => values / times / parts,
+            _ => 1,
+        };
+        let elements = usize::try_from(elements).unwrap_or(usize::MAX).max(1);
+        self.source.budget.take(self.source.path, "animations", elements.saturating_mul(size_of::<Value>()))?;
+        let components = match width(sampler.output) {
+            Some("VEC2") => 2,
+            Some("VEC3") => 3,
+            Some("VEC4") => 4,
+            _ => 1,
+        };
+        let track = self.track(sampler, components, elements)?;
+        let Some(span) = track.span(time) else { return Ok(None) };
+        let numbers: Vec<f64> = match components {
+            2 => track.interpolate::<2>(span, 0).into(),
+            3 => track.interpolate::<3>(span, 0).into(),
+            4 => track.interpolate::<4>(span, 0).into(),
+            _ => (0..elements).map(|element| track.interpolate::<1>(span, element)[0]).collect(),
+        };
+        // In single precision, as the file would say it.
+        let number = |number: f64| Value::from(number as f32);
+        Ok(Some(match &numbers[..] {
+            [flag] if pointer::is_flag(pointer) => Value::Bool(*flag != 0.0),
+            [single] if !pointer.ends_with("/weights") => number(*single),
+            all => all.iter().copied().map(number).collect(),
+        }))
     }
 
     /// The weights of a node's morph targets, which a key holds one after the other.

@@ -15,8 +15,7 @@ const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 /// Splits a file into its parts; one without the magic of a GLB is JSON from start to end. An error says what is wrong.
 pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
     let Some(after_magic) = file.strip_prefix(MAGIC) else {
-        let json = file.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file);
-        return Ok(Parts { json, bin: None });
+        return Ok(Parts { json: file, bin: None });
     };
     let (version, rest) = take_u32(after_magic).ok_or("the header of the GLB container is cut off")?;
     if version != 2 {

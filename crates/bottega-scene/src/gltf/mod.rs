@@ -7,7 +7,7 @@
 //! `_emissive_strength`, `_ior`, `_iridescence`, `_pbrSpecularGlossiness`, `_sheen`, `_specular`, `_transmission`,
 //! `_unlit`, `_variants`, `_volume`; `KHR_lights_punctual`, `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`,
 //! `EXT_meshopt_compression`, `KHR_meshopt_compression`, `KHR_draco_mesh_compression`; `KHR_texture_basisu`,
-//! `KHR_texture_transform`, `EXT_texture_webp`. Another extension that the file requires is refused by name; one that it
+//! `KHR_texture_transform`, `EXT_texture_webp`; `KHR_node_visibility`, `KHR_animation_pointer`. Another extension that the file requires is refused by name; one that it
 //! merely uses is left out with a warning.
 //!
 //! Animations are shown at one time: meshes are posed by their skins and morph targets as they are read, and the scene
@@ -21,11 +21,13 @@ mod animation;
 mod container;
 mod document;
 mod draco;
+mod flat;
 mod material;
 mod mesh;
 mod meshopt;
 mod node;
 mod place;
+mod pointer;
 mod punctual;
 mod skin;
 mod texture;
@@ -39,14 +41,15 @@ use document::Document;
 use crate::error::Warnings;
 use crate::load::{Imported, LoadOptions, MemoryBudget, Metadata, RenderHints, Request};
 use crate::resource::Resources;
-use crate::text::shortened;
-use crate::{Scene, SceneError};
+use crate::text::{decode_utf8, shortened};
+use crate::{Scene, SceneError, objects_only};
 
 /// The extensions whose meaning is understood.
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
@@ -65,6 +68,7 @@ const EXTENSIONS: &[&str] = &[
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_basisu",
     "KHR_texture_transform",
     "KHR_xmp",
@@ -117,9 +121,12 @@ impl Source<'_> {
     }
 }
 
-/// Whether a file looks like one of ours: by its first bytes, or as JSON by its name.
+/// Whether a file looks like one of ours: by its first bytes, or as JSON by its name and its first letter.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
-    file.starts_with(container::MAGIC) || path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("gltf"))
+    let has_name = |name| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+    // JSON in whatever encoding, with a mark or without.
+    let first = || file.iter().find(|byte| byte.is_ascii_graphic());
+    file.starts_with(container::MAGIC) || has_name("gltf") || (has_name("glb") && first() == Some(&b'{'))
 }
 
 /// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
@@ -128,7 +135,8 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
-    let document = parse(path, parts.json, budget)?;
+    let json = decode_utf8(path, parts.json, budget)?;
+    let document = parse(path, json.as_bytes(), budget)?;
     check_version(path, &document)?;
     check_extensions(path, &document, warnings)?;
     let buffers = uri::load_buffers(&document, path, parts.bin, resources)?;
@@ -141,7 +149,14 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);
     }
 
-    let pose = animation::pose(&source, warnings)?;
+    let moment = animation::moment(&source, warnings)?;
+    let pointed = moment.as_ref().map(|moment| moment.pointed(&source, warnings)).transpose()?.unwrap_or_default();
+    let animated;
+    if !pointed.is_empty() {
+        animated = pointer::replaced(path, json.as_bytes(), pointed, budget, warnings)?;
+        source.document = &animated;
+    }
+    let pose = moment.map(|moment| moment.pose(&source, warnings)).transpose()?.unwrap_or_default();
     let hierarchy = node::Hierarchy::new(&source, pose, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
@@ -174,7 +189,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
 fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {
     let objects = json.iter().filter(|&&byte| byte == b'{').count();
     budget.take(path, "", objects.saturating_mul(document::OBJECT_BYTES_MAX))?;
-    serde_json::from_slice(json).map_err(|error| {
+    objects_only::from_json(json).map_err(|error| {
         let problem = error.to_string();
         // The position has fields of its own.
         let problem = problem.rsplit_once(" at line ").map_or(problem.as_str(), |(problem, _)| problem);

@@ -1,6 +1,6 @@
 //! Nodes: where things stand.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use rayon::prelude::*;
@@ -10,6 +10,7 @@ use super::accessor::{Accessor, find};
 use super::animation::{NodePose, Pose};
 use super::document;
 use super::draco::DracoMeshes;
+use super::flat;
 use super::mesh::{self, Shape};
 use crate::error::Warnings;
 use crate::model::is_placeable;
@@ -21,6 +22,8 @@ pub(super) struct Hierarchy {
     pub(super) nodes: Vec<usize>,
     /// Node space to world space, for every node of the document; `None` outside of the scene.
     pub(super) world_from_node: Vec<Option<DAffine3>>,
+    /// Nodes that are not to be seen, nor what is below them (KHR_node_visibility).
+    hidden: BTreeSet<usize>,
     /// What animations say instead of the nodes.
     pose: Pose,
 }
@@ -42,9 +45,10 @@ impl Hierarchy {
         };
         let mut world_from_node = vec![None; document.nodes.len()];
         let mut nodes = Vec::new();
-        let mut pending: Vec<(usize, DAffine3)> =
-            roots.into_iter().rev().map(|node| (node, DAffine3::IDENTITY)).collect();
-        while let Some((index, world_from_parent)) = pending.pop() {
+        let mut hidden = BTreeSet::new();
+        let mut pending: Vec<(usize, DAffine3, bool)> =
+            roots.into_iter().rev().map(|node| (node, DAffine3::IDENTITY, true)).collect();
+        while let Some((index, world_from_parent, is_visible)) = pending.pop() {
             let node = find("node", &document.nodes, index).map_err(|problem| source.invalid("scenes", problem))?;
             if world_from_node[index].is_some() {
                 return Err(source.invalid(format!("nodes[{index}]"), "stands in the scene twice"));
@@ -52,9 +56,19 @@ impl Hierarchy {
             let world = world_from_parent * parent_from_node(node, pose.get(&index));
             world_from_node[index] = Some(world);
             nodes.push(index);
-            pending.extend(node.children.iter().rev().map(|&child| (child, world)));
+            let visibility = node.extensions.as_ref().and_then(|extensions| extensions.visibility.as_ref());
+            let is_visible = is_visible && visibility.and_then(|visibility| visibility.visible).unwrap_or(true);
+            if !is_visible {
+                hidden.insert(index);
+            }
+            pending.extend(node.children.iter().rev().map(|&child| (child, world, is_visible)));
         }
-        Ok(Self { nodes, world_from_node, pose })
+        Ok(Self { nodes, world_from_node, hidden, pose })
+    }
+
+    /// The nodes whose meshes and lights are to be seen.
+    pub(super) fn visible(&self) -> impl Iterator<Item = usize> {
+        self.nodes.iter().copied().filter(|node| !self.hidden.contains(node))
     }
 }
 
@@ -141,7 +155,7 @@ pub(super) fn placements(
     let mut placements = Placements::default();
     // `None`: not a surface.
     let mut number_of: BTreeMap<Shape, Option<usize>> = BTreeMap::new();
-    for &index in &hierarchy.nodes {
+    for index in hierarchy.visible() {
         let node = &source.document.nodes[index];
         let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
         let mesh = find("mesh", &source.document.meshes, mesh_index);
@@ -248,26 +262,28 @@ pub(super) fn build(
         warnings.append(news);
         placed.shapes.push(mesh?.map(PlacedShape::new));
     }
-    let mut singular = BTreeMap::new();
+    let mut left_out: BTreeMap<(usize, &str), u32> = BTreeMap::new();
     for placement in &placements.list {
-        if !placed.add(source, placement)? {
-            *singular.entry(placement.node).or_insert(0) += 1;
+        if let Some(reason) = placed.add(source, placement)? {
+            *left_out.entry((placement.node, reason)).or_insert(0) += 1;
         }
     }
-    for (node, count) in singular {
+    for ((node, reason), count) in left_out {
         let surfaces = if count == 1 { "a surface is" } else { &format!("{count} surfaces are") };
-        let message = format!("{surfaces} left out: the transformation is singular, not finite or too large");
-        warnings.add(format!("nodes[{node}]"), message);
+        warnings.add(format!("nodes[{node}]"), format!("{surfaces} left out: {reason}"));
     }
     Ok(placed.finish())
 }
 
-/// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors.
+/// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors; one that
+/// makes its mesh flat gets a flat mesh.
 #[derive(Default)]
 struct Placed {
     /// `None`: no triangle is left of it.
     shapes: Vec<Option<PlacedShape>>,
-    instances: Vec<(usize, bool, Affine3A)>,
+    /// Meshes in world space.
+    flat: Vec<Mesh>,
+    instances: Vec<(Which, Affine3A)>,
 }
 
 struct PlacedShape {
@@ -275,6 +291,14 @@ struct PlacedShape {
     bounds: (Vec3, Vec3),
     /// Whether it is placed as it is, and whether it is placed mirrored.
     used: [bool; 2],
+}
+
+/// The mesh of an instance.
+enum Which {
+    /// A shape, and whether it is mirrored.
+    Shape(usize, bool),
+    /// A flat one.
+    Flat(usize),
 }
 
 impl PlacedShape {
@@ -287,23 +311,40 @@ impl PlacedShape {
 const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 
 impl Placed {
-    /// Places a shape; `false`: it cannot be placed there. Shapes without triangles are placed nowhere, silently.
-    fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<bool, SceneError> {
-        let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(true) };
+    /// Places a shape, or says why it cannot be placed there. Shapes without triangles are placed nowhere, silently, and so
+    /// are those that are scaled to a point, which is how they are hidden (glTF 2.0, section 5.25).
+    fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
+        let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(None) };
         let world = placement.world_from_object;
         let mirrors = world.matrix3.determinant() < 0.0;
-        let world = if mirrors { world * DAffine3::from_scale(MIRROR) } else { world };
-        let world_from_object = world.as_affine3a();
-        if !is_placeable(shape.bounds, &world_from_object) {
-            return Ok(false);
+        let upright = if mirrors { world * DAffine3::from_scale(MIRROR) } else { world };
+        let world_from_object = upright.as_affine3a();
+        if is_placeable(shape.bounds, &world_from_object) {
+            let was_used = shape.used;
+            shape.used[usize::from(mirrors)] = true;
+            if was_used != [true; 2] && shape.used == [true; 2] {
+                source.budget.take(source.path, "meshes", shape.mesh.memory_bytes())?;
+            }
+            self.instances.push((Which::Shape(placement.shape, mirrors), world_from_object));
+            return Ok(None);
         }
-        let was_used = shape.used;
-        shape.used[usize::from(mirrors)] = true;
-        if was_used != [true; 2] && shape.used == [true; 2] {
-            source.budget.take(source.path, "meshes", shape.mesh.memory_bytes())?;
+        if world.matrix3 == DMat3::ZERO {
+            return Ok(None);
         }
-        self.instances.push((placement.shape, mirrors, world_from_object));
-        Ok(true)
+        if !world.is_finite() {
+            return Ok(Some("the transformation is not finite"));
+        }
+        // Three corners of their own for each triangle, at most.
+        source.budget.take(source.path, "meshes", shape.mesh.memory_bytes().saturating_mul(4))?;
+        Ok(match flat::flattened(&shape.mesh, &world) {
+            Ok(Some(mesh)) => {
+                self.instances.push((Which::Flat(self.flat.len()), Affine3A::IDENTITY));
+                self.flat.push(mesh);
+                None
+            }
+            Ok(None) => Some("the transformation leaves nothing of it that has an area"),
+            Err(flat::OutOfReach) => Some("the transformation moves it out of reach"),
+        })
     }
 
     fn finish(self) -> (Vec<Mesh>, Vec<Instance>) {
@@ -323,9 +364,14 @@ impl Placed {
                 _ => {}
             }
         }
-        let instance = |(shape, mirrors, world_from_object): (usize, bool, Affine3A)| Instance {
-            mesh: numbers[shape][usize::from(mirrors)],
-            world_from_object,
+        let first_flat = meshes.len() as u32;
+        meshes.extend(self.flat);
+        let instance = |(which, world_from_object): (Which, Affine3A)| {
+            let mesh = match which {
+                Which::Shape(shape, mirrors) => numbers[shape][usize::from(mirrors)],
+                Which::Flat(number) => first_flat + number as u32,
+            };
+            Instance { mesh, world_from_object }
         };
         (meshes, self.instances.into_iter().map(instance).collect())
     }

@@ -82,7 +82,7 @@ pub(super) fn add_lights(
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
     let lights = source.document.extensions.lights.as_ref().map_or(&[][..], |lights| &lights.lights);
-    for &index in &hierarchy.nodes {
+    for index in hierarchy.visible() {
         let node = &source.document.nodes[index];
         let light = node.extensions.as_ref().and_then(|extensions| extensions.light.as_ref());
         let (Some(light), Some(world)) = (light, hierarchy.world_from_node[index]) else { continue };

@@ -32,6 +32,16 @@ pub(super) fn resolve(uri: &str) -> Result<Reference, BadReference> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         return decode_data(rest).map(Reference::Data).map_err(BadReference::Malformed);
     }
+    let uri = uri.split('#').next().unwrap_or(uri);
+    // A file has no query: what follows the sign names a version for browsers.
+    let uri = uri.split('?').next().unwrap_or(uri);
+    if let Some(file) = strip_prefix_ignoring_case(uri, "file:") {
+        let path = percent_decode(file).ok_or(BadReference::Malformed(NOT_ENCODED))?;
+        // `file:///C:/a` is on a drive.
+        let path = path.strip_prefix("//").unwrap_or(&path);
+        let on_drive = path.strip_prefix('/').filter(|path| path.as_bytes().get(1) == Some(&b':'));
+        return Ok(Reference::File(on_drive.unwrap_or(path).into()));
+    }
     let scheme = uri.split(['/', '?', '#', '\\']).next().and_then(|start| start.split_once(':'));
     // A single letter is a drive.
     let is_scheme =
@@ -41,9 +51,11 @@ pub(super) fn resolve(uri: &str) -> Result<Reference, BadReference> {
             "only files beside the scene are read; download it and refer to it by a relative path",
         ));
     }
-    let decoded = percent_decode(uri).ok_or(BadReference::Malformed("it is not valid percent-encoded UTF-8"))?;
+    let decoded = percent_decode(uri).ok_or(BadReference::Malformed(NOT_ENCODED))?;
     Ok(Reference::File(decoded))
 }
+
+const NOT_ENCODED: &str = "it is not valid percent-encoded UTF-8";
 
 fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
     let (head, rest) = text.split_at_checked(prefix.len())?;
@@ -148,12 +160,19 @@ mod tests {
         assert_eq!(resolve("%2e%2e/a"), expected("../a"));
         assert_eq!(resolve("100%.png"), expected("100%.png"));
         assert_eq!(resolve("%C3%BC.png"), expected("ü.png"));
+        for uri in ["a.png?v=3", "a.png?v=3#x", "a.png#x"] {
+            assert_eq!(resolve(uri), expected("a.png"));
+        }
+        assert_eq!(resolve("a%3Fb%23.png"), expected("a?b#.png"));
+        // Whether they may be read is decided where they are looked for.
+        assert_eq!(resolve("file:///etc/passwd"), expected("/etc/passwd"));
+        assert_eq!(resolve("FILE:///C:/a%20b.png"), expected("C:/a b.png"));
         assert!(matches!(resolve("%ff"), Err(BadReference::Malformed(_))));
     }
 
     #[test]
     fn other_schemes_are_refused() {
-        for uri in ["file:///etc/passwd", "https://example.org/a.bin", "HTTP:a"] {
+        for uri in ["https://example.org/a.bin", "HTTP:a"] {
             assert!(matches!(resolve(uri), Err(BadReference::Forbidden(_))), "{uri}");
         }
     }

@@ -80,6 +80,11 @@ impl Image {
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
+    /// A picture of numbers, which may be negative; see [`from_linear_rgb`](Self::from_linear_rgb).
+    pub(crate) fn from_numbers(name: impl Into<String>, width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
+        Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
+    }
+
     /// A picture of linear RGBA (alpha not multiplied in), row-major from the upper row; see
     /// [`from_linear_rgb`](Self::from_linear_rgb).
     pub fn from_linear_rgba(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 4]>) -> Self {

@@ -64,7 +64,18 @@ impl<'a> Pictures<'a> {
     /// - `reference`: relative to the folder of the scene; see [`Resources::locate`] for what is refused.
     /// - `place`: where the reference stands, for messages.
     pub(crate) fn want(&mut self, reference: &str, encoding: Encoding, place: &str) -> Result<ImageId, SceneError> {
-        let location = self.resources.locate(reference, place)?;
+        self.want_in(&[""], reference, encoding, place)
+    }
+
+    /// The same for a reference that is relative to one of several folders; see [`Resources::locate_in`].
+    pub(crate) fn want_in(
+        &mut self,
+        folders: &[&str],
+        reference: &str,
+        encoding: Encoding,
+        place: &str,
+    ) -> Result<ImageId, SceneError> {
+        let location = self.resources.locate_in(folders, reference, place)?;
         Ok(self.want_at(location, encoding, false, place))
     }
 
@@ -118,6 +129,13 @@ impl<'a> Pictures<'a> {
         let id = self.wanted.len() + self.made.len();
         self.made.push((id, image));
         ImageId(id as u32)
+    }
+
+    /// Puts another picture in the place of one that was [added](Self::add).
+    pub(crate) fn replace(&mut self, id: ImageId, image: Image) {
+        if let Some((_, known)) = self.made.iter_mut().find(|(index, _)| *index == id.0 as usize) {
+            *known = image;
+        }
     }
 
     /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
@@ -174,10 +192,13 @@ impl<'a> Pictures<'a> {
                     Change::Octahedral => 5,
                 };
                 let bytes = header.memory_bytes().saturating_mul(factor);
-                self.resources.budget().take(wanted.location.path(), "", bytes)?;
+                let taken = self.resources.budget().take(wanted.location.path(), "", bytes);
+                self.resources.attribute(&wanted.location, taken)?;
                 Ok(Ok(header))
             }
-            Err(PictureFault::TooLarge { problem }) => Err(too_large(wanted.location.path(), problem)),
+            Err(PictureFault::TooLarge { problem }) => {
+                self.resources.attribute(&wanted.location, Err(too_large(wanted.location.path(), problem)))
+            }
             Err(PictureFault::Unreadable { problem }) => Ok(Err(problem)),
         }
     }
@@ -196,7 +217,7 @@ pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
 /// Why a picture's file could not be read, for a warning that the scene goes on without it.
 pub(crate) fn unreadable(error: &SceneError) -> String {
     match error {
-        SceneError::Read { path, source } => format!("cannot read `{}` ({source})", path.display()),
+        SceneError::Read { path, source, .. } => format!("cannot read `{}` ({source})", path.display()),
         error => error.to_string(),
     }
 }

@@ -8,7 +8,7 @@ use glam::Vec4;
 use super::Source;
 use super::lines::{Block, Fault, float, next_word};
 use crate::load::MemoryBudget;
-use crate::text::shortened;
+use crate::text::{decode, shortened};
 use crate::{COORDINATE_MAX, SceneError};
 
 /// Control points of curves, w the radius.
@@ -32,6 +32,8 @@ impl Curves {
 /// - `least`: control points that each of them needs.
 pub(crate) fn read(path: &Path, bytes: &[u8], least: usize, budget: &MemoryBudget) -> Result<Curves, SceneError> {
     let source = Source { path, budget };
+    let text = decode(path, bytes, budget)?.text;
+    let bytes = text.as_bytes();
     let lines = 1 + bytes.iter().filter(|&&byte| byte == b'\n').count();
     budget.take(path, "", lines.saturating_mul(size_of::<Vec4>()))?;
     let mut curves = Curves::default();
@@ -124,7 +126,7 @@ mod tests {
             ("0 0 0 1\n0 0 1 1\n\n0 0 0 1", "line 4, column 1", "of 1 control points"),
             ("", "hair.txt", "no control points"),
             ("\n \n", "hair.txt", "no control points"),
-            ("\0\0\u{7}", "line 1, column 1", "no number"),
+            ("\0\0\u{7}", "line 1, column 1", "no text"),
         ] {
             let error = parsed(text, 2).unwrap_err();
             assert!(error.contains("hair.txt") && error.contains(place) && error.contains(reason), "{text:?}: {error}");

@@ -19,7 +19,11 @@ pub(super) fn gunzip<'a>(source: Source<'a>, bytes: &[u8]) -> Result<(Vec<u8>, H
     let length = bytes.last_chunk().map_or(0, |length| u32::from_le_bytes(*length) as usize);
     let mut unfolded = Vec::new();
     let likely = length.min(bytes.len().saturating_mul(RATIO_MAX)).min(limit);
-    let no_memory = |_| SceneError::Read { path: source.path.into(), source: std::io::ErrorKind::OutOfMemory.into() };
+    let no_memory = |_| SceneError::Read {
+        path: source.path.into(),
+        by: String::new(),
+        source: std::io::ErrorKind::OutOfMemory.into(),
+    };
     unfolded.try_reserve_exact(likely).map_err(no_memory)?;
     let decoder = flate2::bufread::MultiGzDecoder::new(bytes);
     let read = decoder.take((limit as u64).saturating_add(1)).read_to_end(&mut unfolded);

@@ -100,19 +100,23 @@ impl Block<'_> {
         Located { line: self.first_line + newline_count(before), column: column(&self.text[start..], at), problem }
     }
 
-    /// Its lines, those that a backslash continues as one, without comments. `visit` gets the number of the first line.
+    /// Its lines, those that a backslash continues as one, without comments, which end with their line. `visit` gets the number
+    /// of the first line.
     pub(super) fn for_each_statement(
         self,
         mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), Fault<'t>>,
     ) -> Result<(), Located> {
         let mut lines = self.lines();
         while let Some((number, line)) = lines.next() {
+            if line.starts_with(b"#") {
+                continue;
+            }
             let whole;
-            let line = if ends_with_backslash(line) {
+            let line = if ends_with_backslash(line) && !has_comment(line) {
                 let mut joined = line[..line.len() - 1].to_vec();
                 for (_, next) in lines.by_ref() {
                     joined.push(b' ');
-                    let goes_on = ends_with_backslash(next);
+                    let goes_on = ends_with_backslash(next) && !has_comment(next);
                     joined.extend(if goes_on { &next[..next.len() - 1] } else { next });
                     if !goes_on {
                         break;
@@ -123,12 +127,28 @@ impl Block<'_> {
             } else {
                 line
             };
-            if !line.is_empty() && line[0] != b'#' {
+            if !line.is_empty() {
                 visit(number, line).map_err(|fault| self.locate(number, fault))?;
             }
         }
         Ok(())
     }
+}
+
+/// Whether a comment follows numbers. Names may contain the sign.
+fn has_comment(line: &[u8]) -> bool {
+    let mut words = line;
+    let may_have_one = matches!(next_word(&mut words), Some(word) if !word.first().is_some_and(u8::is_ascii_alphabetic))
+        || matches!(line, [b'v' | b'f' | b'l' | b'p', b' ' | b'\t', ..] | [b'v', b't' | b'n', b' ' | b'\t', ..]);
+    may_have_one && std::iter::from_fn(|| next_word(&mut words)).any(|word| word.starts_with(b"#"))
+}
+
+/// Takes the next word off a line, or off numbers before a comment.
+pub(super) fn next_number<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let mut rest = *line;
+    let word = next_word(&mut rest).filter(|word| !word.starts_with(b"#"))?;
+    *line = rest;
+    Some(word)
 }
 
 /// Takes the next word off a line. `None`: there is none.

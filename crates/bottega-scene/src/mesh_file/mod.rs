@@ -50,8 +50,11 @@ impl Source<'_> {
     fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
         self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
         // Fresh zeros of the system are touched first by the threads that fill them.
-        bytemuck::allocation::try_zeroed_vec(count)
-            .map_err(|()| SceneError::Read { path: self.path.into(), source: std::io::ErrorKind::OutOfMemory.into() })
+        bytemuck::allocation::try_zeroed_vec(count).map_err(|()| SceneError::Read {
+            path: self.path.into(),
+            by: String::new(),
+            source: std::io::ErrorKind::OutOfMemory.into(),
+        })
     }
 }
 

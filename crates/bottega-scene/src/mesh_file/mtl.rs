@@ -5,10 +5,10 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use super::Source;
-use super::lines::{self, Fault, float, next_word};
+use super::lines::{self, Fault, Located, float, next_word};
 use crate::SceneError;
 use crate::load::MemoryBudget;
-use crate::text::shortened;
+use crate::text::{Text, decode, shortened};
 
 /// A material as the file describes it. `None` where it is silent.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -72,30 +72,47 @@ pub(crate) struct MtlMap {
     pub(crate) strength: Option<f32>,
 }
 
-/// Reads a library. Statements without a meaning for us are skipped.
+/// A library of materials.
+#[derive(Debug, Default)]
+pub(crate) struct MtlFile {
+    pub(crate) materials: Vec<MtlMaterial>,
+    /// Lines, and what is to be told of them.
+    pub(crate) notes: Vec<(usize, String)>,
+}
+
+/// Statements that are told of, at most.
+const NOTES_MAX: usize = 20;
+
+/// Reads a library. Statements without a meaning for us are skipped, damaged ones are left out and told of.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
-pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Vec<MtlMaterial>, SceneError> {
+pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<MtlFile, SceneError> {
     let source = Source { path, budget };
-    let mut materials: Vec<MtlMaterial> = Vec::new();
-    for block in lines::blocks(bytes, 1, true) {
+    let Text { text, guess } = decode(path, bytes, budget)?;
+    let mut file = MtlFile { materials: Vec::new(), notes: guess.into_iter().collect() };
+    for block in lines::blocks(text.as_bytes(), 1, true) {
         let read = block.for_each_statement(|line, statement| {
             let mut words = statement;
             let keyword = next_word(&mut words).unwrap_or_default();
             if keyword == b"newmtl" {
                 let name = String::from_utf8_lossy(words.trim_ascii()).into_owned();
-                materials.push(MtlMaterial { name, line, ..MtlMaterial::default() });
+                file.materials.push(MtlMaterial { name, line, ..MtlMaterial::default() });
                 return Ok(());
             }
-            match materials.last_mut() {
-                Some(material) => material.set(keyword, words, line),
-                None => Ok(()),
+            let set = file.materials.last_mut().map_or(Ok(()), |material| material.set(keyword, words, line));
+            if let Err(fault) = set
+                && file.notes.len() < NOTES_MAX
+            {
+                let keyword = String::from_utf8_lossy(keyword);
+                let Located { line, column, problem } = block.locate(line, fault);
+                file.notes.push((line, format!("column {column}: {problem}; `{}` is left out", shortened(&keyword))));
             }
+            Ok(())
         });
         read.map_err(|fault| source.located(fault))?;
     }
-    Ok(materials)
+    Ok(file)
 }
 
 impl MtlMaterial {
@@ -197,8 +214,8 @@ fn vector(words: &mut &[u8], default: f32) -> Vec2 {
 mod tests {
     use super::*;
 
-    fn read_text(text: &str) -> Result<Vec<MtlMaterial>, SceneError> {
-        read(Path::new("a.mtl"), text.as_bytes(), &MemoryBudget::new(1 << 20))
+    fn read_text(text: &str) -> MtlFile {
+        read(Path::new("a.mtl"), text.as_bytes(), &MemoryBudget::new(1 << 20)).unwrap()
     }
 
     #[test]
@@ -206,7 +223,7 @@ mod tests {
         let text = "# comment\nKd 1 1 1\nnewmtl a b\nKd 0.5 .25 0\nKs 0.1\nKe 1 2 3\nNs 100\nNi 1.3\nd 0.5\nillum 7\n\
             Pr 0.3\nPm 1\nmap_Kd -s 2 3 1 -o 0.5 -clamp on my wood.png\nmap_Bump -bm 0.2 bump.png\nnorm n.png\n\
             newmtl second\nTr 0.25\nKd spectral a.rfl 1\n";
-        let materials = read_text(text).unwrap();
+        let materials = read_text(text).materials;
         let first = &materials[0];
         assert_eq!((first.name.as_str(), first.line), ("a b", 3));
         assert_eq!(first.diffuse, Some(Vec3::new(0.5, 0.25, 0.0)));
@@ -225,15 +242,23 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_named_with_its_line_and_column() {
-        for (text, place) in [
-            ("newmtl a\nNs nan", "line 2, column 4: "),
-            ("newmtl a\n\tKd 1 2 x", "line 2, column 9: "),
-            ("newmtl a\nNi", "line 2, column 3: "),
-            ("newmtl a\nKd", "line 2, column 3: "),
+    fn what_is_no_number_is_left_out_and_named_with_its_line_and_column() {
+        for (text, line, column) in [
+            ("newmtl a\nNs nan\nPr 0.5", 2, "column 4: "),
+            ("newmtl a\n\tKd 1 2 x\nPr 0.5", 2, "column 9: "),
+            ("newmtl a\nPr 0.5\nNi", 3, "column 3: "),
+            ("newmtl a\nKd\nPr 0.5", 2, "column 3: "),
         ] {
-            let error = read_text(text).unwrap_err().to_string();
-            assert!(error.contains(place), "{text}: {error}");
+            let file = read_text(text);
+            assert_eq!(file.materials[0].roughness, Some(0.5));
+            let [(found, message)] = &file.notes[..] else { panic!("{text}: {:?}", file.notes) };
+            assert!(*found == line && message.starts_with(column) && message.contains("is left out"), "{message}");
         }
+    }
+
+    #[test]
+    fn a_comment_ends_with_its_line() {
+        let file = read_text("# materials \\\nnewmtl a\n#\\\nPr \\\n0.25\n");
+        assert_eq!((file.materials[0].name.as_str(), file.materials[0].roughness), ("a", Some(0.25)));
     }
 }

@@ -20,7 +20,17 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let budget = resources.budget();
     let mut scene = Scene::default();
     let format = if ply::recognizes(path, file) {
-        add(&mut scene, ply::read(path, file, budget)?);
+        let mut mesh = ply::read(path, file, budget)?;
+        if mesh.colors.is_empty()
+            && let Some(colors) = ply::face_colors(path, file, budget)?
+        {
+            budget.take(path, "", mesh.memory_bytes().saturating_mul(3))?;
+            mesh = mesh.with_triangle_colors(&colors).unwrap_or_else(|mesh| {
+                warnings.unsupported("", "the triangle strips of the mesh have no colours; they are white");
+                mesh
+            });
+        }
+        add(&mut scene, mesh);
         "PLY"
     } else if serialized::recognizes(file) {
         for shape in 0..serialized::count(path, file)? {
@@ -57,8 +67,8 @@ fn add_obj(
     resources: &Resources<'_>,
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
-    for (keyword, line) in std::mem::take(&mut file.left_out) {
-        warnings.unsupported(format!("line {line}"), format!("`{keyword}` is not supported and left out"));
+    for (line, message) in file.take_notes() {
+        warnings.unsupported(format!("line {line}"), message);
     }
     let mut library = Library::open(&file.libraries, options, resources, warnings)?;
     for part in file.into_parts()? {

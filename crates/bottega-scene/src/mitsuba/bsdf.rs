@@ -61,6 +61,7 @@ impl Importer<'_> {
         }
         let (bsdf, emitter, interior, exterior) = key;
         (self.wants_vertex_colors, self.wants_face_colors) = (false, false);
+        self.awaited.clear();
         let lowered = match bsdf {
             Some(bsdf) => self.bsdf(bsdf)?,
             // What only shines is black.
@@ -90,7 +91,12 @@ impl Importer<'_> {
         let (colors, face_colors) = (self.wants_vertex_colors, self.wants_face_colors);
         let needs = Needs { uvs, tangents, colors, face_colors };
         let made = (self.scene.push_material(material), needs);
-        self.materials.insert(key, made);
+        if self.awaited.is_empty() {
+            self.materials.insert(key, made);
+        } else {
+            // Each mesh has its own values.
+            self.awaited_by.insert(made.0, std::mem::take(&mut self.awaited));
+        }
         Ok(made)
     }
 
@@ -109,8 +115,12 @@ impl Importer<'_> {
                 let relief = self.normal_map(object)?;
                 self.with_relief(object, inner, relief)?
             }
-            "blendbsdf" => self.blend(object)?,
-            "mixturebsdf" => self.mixture(object)?,
+            "blendbsdf" | "mixturebsdf" => {
+                let was_blended = std::mem::replace(&mut self.is_blended, true);
+                let blended = if object.plugin == "blendbsdf" { self.blend(object) } else { self.mixture(object) };
+                self.is_blended = was_blended;
+                blended?
+            }
             "coating" | "roughcoating" => {
                 let message = format!("the {} is left out; what it covers is kept", object.describe());
                 self.report.warn(object.at, message);

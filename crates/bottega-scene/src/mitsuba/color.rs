@@ -94,7 +94,7 @@ impl Importer<'_> {
             Value::SpectrumFile(name) => {
                 let location = self.find(name, property.at)?;
                 let bytes = self.resources.read(&location)?;
-                spectrum_color(&read_spd(location.path(), &bytes)?, role)
+                spectrum_color(&read_spd(location.path(), &bytes, self.resources.budget())?, role)
             }
             _ => return self.bad(Err(property.wrong("a colour"))),
         };

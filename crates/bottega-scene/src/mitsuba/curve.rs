@@ -24,7 +24,8 @@ impl Importer<'_> {
         let location = self.filename(object)?;
         let bytes = self.resources.read(&location)?;
         let least = if is_spline { 4 } else { 2 };
-        let curves = curves::read(location.path(), &bytes, least, self.resources.budget())?;
+        let curves = curves::read(location.path(), &bytes, least, self.resources.budget());
+        let curves = self.resources.attribute(&location, curves)?;
         drop(bytes);
         let segments: usize = curves.iter().map(|curve| curve.len() + 1 - least).sum();
         let mesh = self.tubes(object, &curves, segments, |points| {

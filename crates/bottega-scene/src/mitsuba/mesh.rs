@@ -7,6 +7,7 @@ use super::Importer;
 use super::bsdf::Needs;
 use super::document::Object;
 use crate::mesh_file::{obj, ply, serialized};
+use crate::text::shortened;
 use crate::{COORDINATE_MAX, Mesh, SceneError};
 
 /// How normals are treated.
@@ -25,19 +26,25 @@ impl Importer<'_> {
         let bytes = self.resources.read(&location)?;
         let (path, budget) = (location.path(), self.resources.budget());
         object.ignore(&["compress", "max_smooth_angle", "collapse", "srgb", "load_visibility"]);
-        let mut mesh = match object.plugin.as_str() {
+        let read = match object.plugin.as_str() {
             "obj" => {
                 object.ignore(&["load_materials"]);
-                obj::read(path, &bytes, budget)?.into_single()?
+                obj::read(path, &bytes, budget).and_then(|mut file| {
+                    for (line, message) in file.take_notes() {
+                        self.report.warn(object.at, format!("`{}`, line {line}: {message}", shortened(&location.name)));
+                    }
+                    file.into_single()
+                })
             }
-            "ply" => ply::read(path, &bytes, budget)?,
+            "ply" => ply::read(path, &bytes, budget),
             _ => {
                 let index = self.bad(object.integer("shape_index"))?.unwrap_or(0);
                 let index = u32::try_from(index)
                     .map_err(|_| self.report.invalid(object.at, "`shape_index` is no index of a shape"))?;
-                serialized::read(path, &bytes, index, budget)?
+                serialized::read(path, &bytes, index, budget)
             }
         };
+        let mut mesh = self.resources.attribute(&location, read)?;
         // Of OBJ files v usually points up.
         if self.bad(object.boolean("flip_tex_coords", object.plugin == "obj"))? {
             mesh.flip_v();
@@ -48,23 +55,26 @@ impl Importer<'_> {
 
     /// The same triangles, each in the colour of its face.
     pub(super) fn with_face_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
-        if object.plugin != "ply" {
+        mesh.colors = Vec::new();
+        let mut colors = None;
+        if object.plugin == "ply" {
+            let location = self.filename(object)?;
+            let bytes = self.resources.read(&location)?;
+            colors = ply::face_colors(location.path(), &bytes, self.resources.budget())?;
+            self.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
+        }
+        let Some(colors) = colors else {
             self.report.warn(object.at, format!("the {} has no colours of faces; they are white", object.describe()));
-            return Ok(Mesh { colors: Vec::new(), ..mesh });
-        }
-        let location = self.filename(object)?;
-        let bytes = self.resources.read(&location)?;
-        let colors = ply::face_colors(location.path(), &bytes, self.resources.budget())?;
-        if colors.len() != mesh.triangles.len() {
-            self.report.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
-            return Ok(Mesh { colors: Vec::new(), ..mesh });
-        }
-        self.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
+            return Ok(mesh);
+        };
         // Faces that share no vertices have no smooth normals.
         if mesh.normals.is_empty() {
             mesh.smooth_normals();
         }
-        Ok(Mesh { colors: colors.iter().flat_map(|&color| [color; 3]).collect(), ..split(&mesh) })
+        Ok(mesh.with_triangle_colors(&colors).unwrap_or_else(|mesh| {
+            self.report.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
+            mesh
+        }))
     }
 
     /// Whether normals are flat or flipped.
@@ -106,9 +116,8 @@ pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: N
     }
     turn_triangles(&mut mesh);
     if !needs.uvs {
-        mesh.uvs[0] = Vec::new();
+        mesh.uvs = Default::default();
     }
-    mesh.uvs[1] = Vec::new();
     mesh.tangents = Vec::new();
     if needs.tangents && !mesh.uvs[0].is_empty() {
         add_tangents(&mut mesh);
@@ -147,7 +156,7 @@ fn add_tangents(mesh: &mut Mesh) {
     }
     if needs_normals {
         // Tangents mean nothing without normals: each triangle gets corners of its own.
-        *mesh = split(mesh);
+        *mesh = mesh.unshared();
         let corner = |triangle: &[u32; 3]| mesh.cross(*triangle).as_dvec3().normalize_or_zero().as_vec3();
         mesh.normals = mesh.triangles.iter().flat_map(|triangle| [corner(triangle); 3]).collect();
         mesh.mend_normals();
@@ -161,25 +170,4 @@ fn add_tangents(mesh: &mut Mesh) {
     });
     mesh.tangents = tangents.collect();
     mesh.mend_tangents();
-}
-
-/// The same triangles without shared vertices.
-fn split(mesh: &Mesh) -> Mesh {
-    fn spread<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
-        if values.is_empty() {
-            return Vec::new();
-        }
-        triangles.iter().flatten().map(|&vertex| values[vertex as usize]).collect()
-    }
-    let triangles = &mesh.triangles;
-    Mesh {
-        name: mesh.name.clone(),
-        positions: spread(&mesh.positions, triangles),
-        normals: spread(&mesh.normals, triangles),
-        tangents: Vec::new(),
-        uvs: [spread(&mesh.uvs[0], triangles), Vec::new()],
-        colors: spread(&mesh.colors, triangles),
-        triangles: (0..triangles.len() as u32).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect(),
-        material: mesh.material,
-    }
 }

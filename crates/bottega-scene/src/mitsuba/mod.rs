@@ -10,6 +10,7 @@
 //!
 //! Near and far clipping planes are left out: a path has no use for them after its first vertex.
 
+mod attribute;
 mod bsdf;
 mod color;
 mod curve;
@@ -52,7 +53,8 @@ const CONVERSIONS_MIN: usize = 1 << 14;
 
 /// Whether a file looks like one of ours: by its name, or by its outermost element.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
-    let start = &file[..file.len().min(4096)];
+    // UTF-16 has zeros between the letters.
+    let start: Vec<u8> = file.iter().take(4096).copied().filter(|&byte| byte != 0).collect();
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"))
         || start.windows(7).any(|window| window == b"<scene " || window == b"<scene>")
 }
@@ -78,6 +80,9 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         visited: vec![false; document.objects.len()],
         wants_vertex_colors: false,
         wants_face_colors: false,
+        is_blended: false,
+        awaited: Vec::new(),
+        awaited_by: BTreeMap::new(),
     };
     for &root in &document.roots {
         importer.root(root)?;
@@ -117,6 +122,12 @@ struct Importer<'a> {
     wants_vertex_colors: bool,
     /// The same of the colours of its faces.
     wants_face_colors: bool,
+    /// Whether the bsdf that is being made is one of several of its material.
+    is_blended: bool,
+    /// Attributes of the mesh that textures of the material that is being made wait for.
+    awaited: Vec<attribute::Awaited>,
+    /// The same, by the material.
+    awaited_by: BTreeMap<u32, Vec<attribute::Awaited>>,
 }
 
 impl<'a> Importer<'a> {
@@ -183,17 +194,13 @@ impl<'a> Importer<'a> {
     /// refers to it.
     fn find(&self, reference: &str, at: Place) -> Result<Location, SceneError> {
         let place = self.report.show(at);
-        let first = self.resources.locate(reference, &place);
-        if first.as_ref().is_ok_and(|location| location.path().is_file()) {
-            return first;
-        }
         let beside = match self.report.name(at.file).rsplit_once('/') {
             Some((folder, _)) if at.file > 0 => Some(folder),
             _ => None,
         };
-        let folders = self.document.search_folders.iter().map(String::as_str).chain(beside);
-        let others = folders.filter_map(|folder| self.resources.locate(&format!("{folder}/{reference}"), &place).ok());
-        others.into_iter().find(|location| location.path().is_file()).map_or(first, Ok)
+        let others = self.document.search_folders.iter().map(String::as_str).chain(beside);
+        let folders: Vec<&str> = std::iter::once("").chain(others).collect();
+        self.resources.locate_in(&folders, reference, &place)
     }
 
     /// The name of a file that must be there.

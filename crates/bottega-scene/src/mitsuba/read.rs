@@ -13,7 +13,7 @@ use super::xml::{self, Element, Fault, Place};
 use crate::SceneError;
 use crate::load::LoadOptions;
 use crate::resource::{Location, Resources};
-use crate::text::shortened;
+use crate::text::{decode_xml, shortened};
 
 /// Files that a scene may include, all together.
 const INCLUDES_MAX: usize = 1000;
@@ -108,16 +108,9 @@ struct Reader<'a, 'b> {
 
 impl Reader<'_, '_> {
     fn parse(&mut self, text: &[u8], file: u32) -> Result<Element, SceneError> {
-        let text = match std::str::from_utf8(text) {
-            Ok(text) => text,
-            Err(error) => {
-                let before = &text[..error.valid_up_to()];
-                let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
-                let at = Place { file, line: u32::try_from(line).unwrap_or(u32::MAX), column: 1 };
-                return Err(self.report.invalid(at, "the text is not UTF-8"));
-            }
-        };
         let (budget, path) = (self.resources.budget(), self.report.path(file).to_path_buf());
+        let text = decode_xml(&path, text, budget)?;
+        let mut left_out = Vec::new();
         enum Stop {
             Fault(Fault),
             Error(SceneError),
@@ -128,7 +121,11 @@ impl Reader<'_, '_> {
             }
         }
         let book = |bytes| budget.take(&path, "", bytes).map_err(Stop::Error);
-        xml::parse(text, file, book).map_err(|stop| match stop {
+        let parsed = xml::parse(&text, file, book, |at| left_out.push(at));
+        for at in left_out {
+            self.report.warn(at, "the text in CDATA between the elements is left out");
+        }
+        parsed.map_err(|stop| match stop {
             Stop::Fault(fault) => self.report.invalid(fault.at, fault.problem),
             Stop::Error(error) => error,
         })
@@ -262,14 +259,8 @@ impl Reader<'_, '_> {
         }
         let place = self.report.show(at);
         // Beside the scene, or else beside the file that includes it.
-        let mut location = self.resources.locate(&reference, &place)?;
-        if let Some(parent) = self.included.last()
-            && !location.path().is_file()
-            && let Ok(beside) = self.resources.locate(&parent.join(&reference), &place)
-            && beside.path().is_file()
-        {
-            location = beside;
-        }
+        let folders: Vec<&str> = std::iter::once("").chain(self.included.last().map(Location::folder)).collect();
+        let location = self.resources.locate_in(&folders, &reference, &place)?;
         if self.resources.is_scene(&location) || self.included.contains(&location) {
             return Err(self.report.invalid(at, format!("`{}` includes itself", shortened(&reference))));
         }

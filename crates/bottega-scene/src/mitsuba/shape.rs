@@ -236,6 +236,9 @@ impl Importer<'_> {
             mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
         }
         self.take(object.at, mesh.memory_bytes())?;
+        if let Some(awaited) = self.awaited_by.remove(&material) {
+            mesh = self.with_attributes(object, mesh, &awaited)?;
+        }
         if needs.face_colors {
             mesh = self.with_face_colors(object, mesh)?;
         }
@@ -278,6 +281,9 @@ impl Importer<'_> {
             return Ok(Vec::new());
         }
         let (material, needs) = self.shape_material(object)?;
+        if let Some(awaited) = self.awaited_by.remove(&material) {
+            self.with_attributes(object, Mesh::default(), &awaited)?;
+        }
         let inward = normals.flipped != (DMat3::from_mat4(to_group).determinant() < 0.0);
         Ok(vec![Part::Sphere(Ball { to_group, inward, material, needs })])
     }

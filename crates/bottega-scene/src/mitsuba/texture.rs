@@ -62,15 +62,13 @@ impl Importer<'_> {
             "mesh_attribute" | "vertexcolors" => {
                 let name = self.bad(object.string("name"))?.unwrap_or("vertex_color");
                 let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
-                if matches!(name, "vertex_color" | "face_color") && wanted == Use::Base {
+                if matches!(name, "vertex_color" | "face_color") && wanted == Use::Base && !self.is_blended {
                     self.wants_vertex_colors |= name == "vertex_color";
                     self.wants_face_colors |= name == "face_color";
                     return Ok(Spectrum::splat(scale).into());
                 }
-                let message =
-                    format!("the mesh attribute `{}` is not supported here; 0.5 stands for it", shortened(name));
-                self.report.warn(object.at, message);
-                Ok(Spectrum::splat(0.5).into())
+                let texture = self.await_attribute(name, wanted == Use::Number, scale);
+                Ok(texture)
             }
             _ => {
                 object.properties.iter().for_each(|property| property.used.set(true));

@@ -167,7 +167,8 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         let resources = self.context.resources;
         let read = |location: &Location| -> Result<Mesh, SceneError> {
             let bytes = resources.read(location)?;
-            let mut mesh = ply::read(location.path(), &bytes, resources.budget())?;
+            let read = ply::read(location.path(), &bytes, resources.budget());
+            let mut mesh = resources.attribute(location, read)?;
             mesh.colors = Vec::new();
             mesh.flip_v();
             mesh.face_normals();

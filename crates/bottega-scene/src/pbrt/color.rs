@@ -211,7 +211,7 @@ impl Context<'_> {
         let place = self.place(at);
         let location = self.resources.locate(name, &place)?;
         let bytes = self.resources.read(&location)?;
-        Ok(Color::Samples(spectrum::read_spd(location.path(), &bytes)?))
+        Ok(Color::Samples(spectrum::read_spd(location.path(), &bytes, self.resources.budget())?))
     }
 }
 

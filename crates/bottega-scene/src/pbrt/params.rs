@@ -320,7 +320,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Params, Fault> {
-        let mut tokens = Tokens::new(0, text.as_bytes())?;
+        let mut tokens = Tokens::new(0, text);
         Params::read(&mut tokens, Place::default(), ColorSpace::default())
     }
 

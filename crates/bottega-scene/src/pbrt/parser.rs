@@ -12,7 +12,7 @@ use super::token::{Fault, Place, Token, Tokens};
 use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, Target, World};
 use super::{dialect, shape};
 use crate::mesh_file::unfolded;
-use crate::text::shortened;
+use crate::text::{Text, decode, shortened};
 
 /// Files within files within files.
 const INCLUDE_DEPTH_MAX: usize = 64;
@@ -90,11 +90,16 @@ impl<'c, 'a> Parser<'c, 'a> {
 
     /// Returns where the file ends.
     fn read_file(&mut self, file: u32, bytes: &[u8]) -> Outcome<Place> {
-        let mut tokens = Tokens::new(file, bytes)?;
-        if bytes.len() > self.bytes_left {
+        let Text { text, guess } = decode(self.context.path(file), bytes, self.context.resources.budget())?;
+        if let Some((line, message)) = guess {
+            let line = u32::try_from(line).unwrap_or(u32::MAX);
+            self.context.warn(Place { file, line, column: 1 }, message);
+        }
+        let mut tokens = Tokens::new(file, &text);
+        if text.len() > self.bytes_left {
             return Err(tokens.here().fault("the scene includes more text than the limit of memory allows").into());
         }
-        self.bytes_left -= bytes.len();
+        self.bytes_left -= text.len();
         while let Some((token, at)) = tokens.next()? {
             let Token::Word(word) = token else {
                 return Err(at.fault("a directive is expected here, such as Shape or Translate").into());
@@ -341,7 +346,8 @@ impl<'c, 'a> Parser<'c, 'a> {
             return Err(reference_at.fault(problem).into());
         }
         let bytes = self.context.resources.read(&location)?;
-        let (bytes, _held) = unfolded(location.path(), bytes, self.context.resources.budget())?;
+        let unfolded = unfolded(location.path(), bytes, self.context.resources.budget());
+        let (bytes, _held) = self.context.resources.attribute(&location, unfolded)?;
         let file = self.context.add_file(location.name.as_str(), location.path());
         self.open_files.push(location.name.clone());
         let (state, depth) = (self.state.clone(), self.saved.len());

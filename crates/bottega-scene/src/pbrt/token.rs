@@ -50,16 +50,8 @@ pub(super) struct Tokens<'a> {
 const LENGTH_MAX: usize = 1 << 16;
 
 impl<'a> Tokens<'a> {
-    pub(super) fn new(file: u32, bytes: &'a [u8]) -> Result<Self, Fault> {
-        let mut tokens = Self { bytes, position: 0, file, line: 1, line_start: 0, peeked: None };
-        match bytes {
-            [0xfe, 0xff, ..] | [0xff, 0xfe, ..] => {
-                return Err(tokens.here().fault("the file is in UTF-16; save it as UTF-8"));
-            }
-            [0xef, 0xbb, 0xbf, ..] => (tokens.position, tokens.line_start) = (3, 3),
-            _ => {}
-        }
-        Ok(tokens)
+    pub(super) fn new(file: u32, text: &'a str) -> Self {
+        Self { bytes: text.as_bytes(), position: 0, file, line: 1, line_start: 0, peeked: None }
     }
 
     /// The place of the next byte.
@@ -177,7 +169,7 @@ mod tests {
     type Placed<'a> = (Token<'a>, (u32, u32));
 
     fn all(text: &str) -> Result<Vec<Placed<'_>>, Fault> {
-        let mut tokens = Tokens::new(0, text.as_bytes())?;
+        let mut tokens = Tokens::new(0, text);
         let mut list = Vec::new();
         while let Some((token, at)) = tokens.next()? {
             list.push((token, (at.line, at.column)));
@@ -211,7 +203,5 @@ mod tests {
         for bad in ["\"abc", "\"ab\nc\"", r#""a\qb""#, "\"a\\"] {
             assert_eq!(all(bad).unwrap_err().at, Place { file: 0, line: 1, column: 1 }, "{bad:?}");
         }
-        assert!(Tokens::new(0, &[0xff, 0xfe, b'a', 0]).is_err());
-        assert_eq!(all("\u{feff}Film").unwrap(), vec![(word("Film"), (1, 1))]);
     }
 }

@@ -4,14 +4,15 @@ use std::path::Path;
 
 use super::Sampled;
 use crate::SceneError;
-use crate::text::{column, shortened};
+use crate::load::MemoryBudget;
+use crate::text::{column, decode, shortened};
 
 /// Reads a file such as `gold.eta.spd`. What follows a `#` is a comment.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
-pub(crate) fn read_spd(path: &Path, bytes: &[u8]) -> Result<Sampled, SceneError> {
-    let text = String::from_utf8_lossy(bytes);
+pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Sampled, SceneError> {
+    let text = decode(path, bytes, budget)?.text;
     let mut samples: Vec<(f64, f64)> = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::*;
+use crate::load::MemoryBudget;
 
 fn sampled(samples: &[(f64, f64)]) -> Sampled {
     Sampled::new(samples.to_vec()).unwrap()
@@ -108,7 +109,7 @@ fn names_of_glasses_and_media() {
 
 #[test]
 fn files_of_spectra_are_checked() {
-    let read = |text: &str| read_spd(Path::new("a.spd"), text.as_bytes());
+    let read = |text: &str| read_spd(Path::new("a.spd"), text.as_bytes(), &MemoryBudget::new(1 << 20));
     let spectrum = read("# gold\n400 0.5\n\n500, 1.5 # half\r\n600\t2\n").unwrap();
     assert_eq!((spectrum.at(450.0), spectrum.at(100.0), spectrum.at(900.0)), (1.0, 0.5, 2.0));
     for (text, place) in [

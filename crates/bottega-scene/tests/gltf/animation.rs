@@ -2,7 +2,7 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-use bottega_scene::{LoadOptions, Loaded, SceneError, load};
+use bottega_scene::{LightKind, LoadOptions, Loaded, Projection, SceneError, load};
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -224,4 +224,133 @@ fn what_cannot_be_animated_is_named() {
     assert!(error(&file).contains("`WOBBLE`"));
     file.json["animations"][0]["channels"][0]["sampler"] = json!(1);
     assert!(error(&file).contains("sampler 1"));
+}
+
+/// Adds an animation of what a pointer leads to.
+fn point(file: &mut File, pointer: &str, kind: &str, times: &[f32], values: &[f32]) {
+    let input = file.floats("SCALAR", times);
+    let output = file.floats(kind, values);
+    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
+    file.push(
+        "animations",
+        json!({
+            "samplers": [{"input": input, "output": output}],
+            "channels": [{"sampler": 0, "target": target}],
+        }),
+    );
+}
+
+#[test]
+fn pointers_animate_materials_lights_cameras_and_nodes() {
+    let mut file = File::triangle();
+    let material = file.push("materials", json!({"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}}));
+    file.json["meshes"][0]["primitives"][0]["material"] = json!(material);
+    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 1}]}});
+    file.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1}}]);
+    file.json["nodes"][0]["camera"] = json!(0);
+    file.json["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+    file.json["extensionsUsed"] = json!(["KHR_animation_pointer", "KHR_lights_punctual"]);
+    file.json["extensionsRequired"] = file.json["extensionsUsed"].clone();
+    let times = [0.0, 2.0];
+    point(
+        &mut file,
+        "/materials/0/pbrMetallicRoughness/baseColorFactor",
+        "VEC4",
+        &times,
+        &[0., 0., 0., 1., 1., 0.5, 0., 1.],
+    );
+    point(&mut file, "/materials/0/pbrMetallicRoughness/roughnessFactor", "SCALAR", &times, &[0.0, 1.0]);
+    point(&mut file, "/materials/0/emissiveFactor", "VEC3", &times, &[0., 0., 0., 1., 1., 2.]);
+    point(&mut file, "/extensions/KHR_lights_punctual/lights/0/intensity", "SCALAR", &times, &[2.0, 4.0]);
+    point(&mut file, "/cameras/0/perspective/yfov", "SCALAR", &times, &[0.5, 1.0]);
+    point(&mut file, "/nodes/0/translation", "VEC3", &times, &[0., 0., 0., 2., 0., 0.]);
+    point(&mut file, "/nodes/0/name", "SCALAR", &times, &[0.0, 1.0]);
+    let loaded = load_at(&file, 1.0);
+    let scene = &loaded.scene;
+    let layered = scene.materials[0].layered().unwrap();
+    assert_eq!(layered.base_color.factor, Vec3::new(0.5, 0.25, 0.0));
+    assert_eq!((layered.roughness.factor, layered.metallic.factor), (0.5, 1.0));
+    assert_eq!(scene.materials[0].emission.factor, Vec3::new(0.5, 0.5, 1.0));
+    let LightKind::Point { intensity, position } = scene.lights[0].kind else { panic!() };
+    assert_eq!((intensity, position), (Vec3::splat(3.0), Vec3::X));
+    let Projection::Perspective { vertical_fov } = scene.cameras[0].projection else { panic!() };
+    assert_eq!(vertical_fov, 0.75);
+    assert!(warns(&loaded, &["`/nodes/0/name`", "KHR_animation_pointer"]), "{:?}", loaded.warnings);
+    assert!(try_load_with(&file, &LoadOptions { strict: true, ..options(1.0) }).is_err());
+    // Without a time the file stands as it is.
+    let still = try_load_with(&file, &LoadOptions::default()).unwrap().scene;
+    assert_eq!(still.materials[0].layered().unwrap().base_color.factor, Vec3::ONE);
+}
+
+#[test]
+fn what_is_hidden_is_not_there_until_it_is_shown() {
+    let mut file = File::triangle();
+    let child = file.json["nodes"].as_array().unwrap().len();
+    let mesh = file.json["nodes"][0]["mesh"].clone();
+    file.push("nodes", json!({"mesh": mesh, "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    file.json["nodes"][0]["children"] = json!([child]);
+    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
+    file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+    for (visible, count) in [(None, 2), (Some(true), 2), (Some(false), 0)] {
+        file.json["nodes"][0]["extensions"] =
+            visible.map_or(json!({}), |v| json!({"KHR_node_visibility": {"visible": v}}));
+        let scene = file.load().scene;
+        assert_eq!((scene.instances.len(), scene.lights.len()), (count, count / 2), "{visible:?}");
+    }
+    // By step, from false to true.
+    let input = file.floats("SCALAR", &[0.0, 1.0]);
+    let output = file.accessor("SCALAR", U8, 2, &[0, 1]);
+    let pointer = "/nodes/0/extensions/KHR_node_visibility/visible";
+    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
+    let sampler = json!({"input": input, "output": output, "interpolation": "STEP"});
+    file.push("animations", json!({"samplers": [sampler], "channels": [{"sampler": 0, "target": target}]}));
+    assert_eq!(load_at(&file, 0.5).scene.instances.len(), 0);
+    assert_eq!(load_at(&file, 1.5).scene.instances.len(), 2);
+}
+
+#[test]
+fn a_node_that_is_scaled_flat_is_a_flat_surface() {
+    let area = |loaded: &Loaded| -> f32 {
+        let of = |instance: &bottega_scene::Instance| -> f32 {
+            let mesh = &loaded.scene.meshes[instance.mesh as usize];
+            let place = |vertex: u32| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]);
+            mesh.triangles
+                .iter()
+                .map(|t| (place(t[1]) - place(t[0])).cross(place(t[2]) - place(t[0])).length() / 2.0)
+                .sum()
+        };
+        loaded.scene.instances.iter().map(of).sum()
+    };
+    let triangle = area(&File::triangle().load());
+    assert!(triangle > 0.0);
+    let flat = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 3, 1]);
+    for (node, warned, expected) in [
+        (json!({"scale": [1, 1, 0]}), false, triangle),
+        (json!({"scale": [2, 1, 0], "rotation": [0.5, 0.5, 0.5, 0.5]}), false, 2.0 * triangle),
+        (json!({"matrix": flat}), false, triangle),
+        // Edge on, or a line: nothing is left of it, which is told; three zeros hide it, which is meant so.
+        (json!({"scale": [0, 1, 1]}), true, 0.0),
+        (json!({"scale": [1, 0, 0]}), true, 0.0),
+        (json!({"scale": [0, 0, 0]}), false, 0.0),
+    ] {
+        let mut file = File::triangle();
+        for (name, value) in node.as_object().unwrap() {
+            file.json["nodes"][0][name] = value.clone();
+        }
+        let loaded = file.load();
+        assert!((area(&loaded) - expected).abs() < 1e-5, "{node}: {}", area(&loaded));
+        assert_eq!(warns(&loaded, &["nodes[0]", "left out"]), warned, "{node}: {:?}", loaded.warnings);
+    }
+    // By a parent, by an animation, by an instance.
+    let mut file = File::triangle();
+    let parent = file.push("nodes", json!({"scale": [1, 1, 0], "children": [0]}));
+    file.json["scenes"] = json!([{"nodes": [parent]}]);
+    assert!((area(&file.load()) - triangle).abs() < 1e-5);
+    let mut file = File::triangle();
+    animate(&mut file, 0, "scale", "LINEAR", &[0.0, 1.0], &[1., 1., 1., 1., 1., 0.]);
+    assert!((area(&load_at(&file, 1.0)) - triangle).abs() < 1e-5);
+    let mut file = File::triangle();
+    let scales = file.floats("VEC3", &[1., 1., 0., 1., 1., 1., 3., 1., 0.]);
+    file.json["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": {"SCALE": scales}}});
+    assert!((area(&file.load()) - 5.0 * triangle).abs() < 1e-5);
 }

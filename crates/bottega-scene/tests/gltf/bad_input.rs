@@ -291,3 +291,44 @@ fn what_is_not_supported_is_refused_where_the_user_is_strict() {
         assert!(error.to_string().contains(told), "{error}");
     }
 }
+
+#[test]
+fn a_list_is_no_object() {
+    let file = File::triangle();
+    let document = &file.json;
+    // The members of objects in the order in which they are read: understood by position, they would make a scene.
+    for (place, list) in [
+        ("/asset", json!(["2.0", null, null])),
+        ("/accessors/0", json!([0, 0, 5126, false, 3, "VEC3", null])),
+        ("/bufferViews/0", json!([0, 0, 36, null, {}])),
+        ("/buffers", json!([[null, 36, {}]])),
+    ] {
+        let mut document = document.clone();
+        if document.get("buffers").is_none() {
+            document["buffers"] = json!([{"byteLength": 36}]);
+        }
+        *document.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = list;
+        let folder = tempfile::tempdir().unwrap();
+        let error = error_of(&write(folder.path(), "scene.gltf", document.to_string().as_bytes()));
+        assert!(matches!(error, SceneError::Json { .. }), "{place}: {error}");
+        assert!(error.to_string().contains("expected an object"), "{place}: {error}");
+    }
+}
+
+#[test]
+fn json_and_containers_are_told_apart_by_what_they_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = json!({"asset": {"version": "2.0", "generator": "ü"}}).to_string();
+    let utf16: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    for bytes in [text.clone().into_bytes(), format!("\u{feff} \n{text}").into_bytes(), utf16] {
+        for name in ["a.glb", "a.gltf"] {
+            let loaded = load(&write(folder.path(), name, &bytes), &LoadOptions::default()).unwrap();
+            assert_eq!(loaded.metadata.generator.as_deref(), Some("ü"), "{name}");
+        }
+    }
+    let loaded = load(&write(folder.path(), "b.gltf", &File::triangle().glb()), &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.scene.triangle_count(), 1);
+    let latin = text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+    let error = error_of(&write(folder.path(), "c.gltf", &latin)).to_string();
+    assert!(error.contains("c.gltf`, line 1, column") && error.contains("save it as UTF-8"), "{error}");
+}

@@ -82,8 +82,107 @@ fn missing_files_are_warned_of_and_foreign_ones_refused() {
     let allowed = try_load(&files, &LoadOptions { allow_outside: true, ..LoadOptions::default() }).unwrap();
     assert!(allowed.scene.materials[1].layered().unwrap().transmission.factor == 1.0);
     let picture = MTL.replace("-o 0.25 0 wood 1.png", "../../wood.png");
-    let refused = try_load(&[("a.obj", OBJ.as_bytes()), ("sub/a b.mtl", picture.as_bytes())], &LoadOptions::default());
-    assert!(matches!(refused, Err(SceneError::ForbiddenReference { .. })));
+    let files: [(&str, &[u8]); 2] = [("a.obj", OBJ.as_bytes()), ("sub/a b.mtl", picture.as_bytes())];
+    let loaded = try_load(&files, &LoadOptions::default()).unwrap();
+    let warning = loaded.warnings.iter().find(|warning| warning.place == "sub/a b.mtl, line 6").unwrap();
+    assert!(warning.message.contains("--asset-root") && warning.message.contains("magenta"), "{warning}");
+    let strict = try_load(&files, &LoadOptions { strict: true, ..LoadOptions::default() });
+    assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
+}
+
+/// The colour of the square in `bytes`, told nothing but what `expected` says.
+fn check_square(files: &[(&str, &[u8])], expected: &[&str]) {
+    let loaded = load_files(files);
+    let name = files[0].0;
+    assert_eq!(loaded.scene.triangle_count(), 2, "{name}");
+    let (min, max) = loaded.scene.bounds();
+    assert_eq!((min, max), (Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0)), "{name}");
+    let color = &loaded.scene.materials[0].layered().unwrap().base_color;
+    assert_eq!(color.factor, Vec3::new(0.8, 0.1, 0.1), "{name}");
+    let told: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let told: Vec<&String> = told.iter().filter(|text| !text.contains("the scene has no")).collect();
+    assert_eq!(told.len(), expected.len(), "{name}: {told:?}");
+    for (told, expected) in told.iter().zip(expected) {
+        assert!(told.contains(expected), "{name}: {told}");
+    }
+}
+
+#[test]
+fn text_may_be_in_any_encoding() {
+    const SQUARE: &str = "# grün\nmtllib m.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nusemtl rot-grün\nf 1 2 3 4\n";
+    const RED: &str = "newmtl rot-grün\nKd 0.8 0.1 0.1\n";
+    let utf8 = |text: &str| text.as_bytes().to_vec();
+    let marked = |text: &str| [b"\xef\xbb\xbf", text.as_bytes()].concat();
+    let utf16 = |text: &str| {
+        let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+        units.flat_map(u16::to_le_bytes).collect::<Vec<u8>>()
+    };
+    let utf16_big = |text: &str| {
+        let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+        units.flat_map(u16::to_be_bytes).collect::<Vec<u8>>()
+    };
+    let returns = |text: &str| text.replace('\n', "\r").into_bytes();
+    let latin = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+    type Encode<'a> = &'a dyn Fn(&str) -> Vec<u8>;
+    let all: [(Encode<'_>, bool); 6] =
+        [(&utf8, false), (&marked, false), (&utf16, false), (&utf16_big, false), (&returns, false), (&latin, true)];
+    for (obj, obj_is_guessed) in all {
+        for (mtl, mtl_is_guessed) in all {
+            let guessed = usize::from(obj_is_guessed) + usize::from(mtl_is_guessed);
+            let files: [(&str, &[u8]); 2] = [("a.obj", &obj(SQUARE)), ("m.mtl", &mtl(RED))];
+            check_square(&files, &vec!["windows-1252"; guessed]);
+        }
+    }
+    // The mark before the first vertex costs no vertex.
+    let first = SQUARE.split_once("\nmtllib m.mtl\n").unwrap().1;
+    let files: [(&str, &[u8]); 2] = [("a.obj", &marked(&format!("{first}mtllib m.mtl"))), ("m.mtl", RED.as_bytes())];
+    check_square(&files, &[]);
+}
+
+#[test]
+fn ply_may_be_in_any_encoding() {
+    const PLY: &str = "ply\nformat ascii 1.0\ncomment grün\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let utf16: Vec<u8> = std::iter::once(0xfeff).chain(PLY.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let latin: Vec<u8> = PLY.chars().map(|c| c as u8).collect();
+    let marked = format!("\u{feff}{PLY}").into_bytes();
+    let returns = PLY.replace('\n', "\r").into_bytes();
+    let start = PLY.split_once("0 0 0").unwrap().0.replace("ascii", "binary_little_endian");
+    let numbers = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|number| number.to_le_bytes());
+    let binary = [b"\xef\xbb\xbf", start.as_bytes()].concat();
+    let binary: Vec<u8> = binary.into_iter().chain(numbers).chain([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]).collect();
+    for bytes in [utf16, latin, marked, returns, binary] {
+        let loaded = load_files(&[("a.ply", &bytes)]);
+        assert_eq!(loaded.scene.meshes[0].positions[2], Vec3::Y, "{bytes:?}");
+    }
+}
+
+#[test]
+fn names_of_pictures_are_found_as_other_machines_write_them() {
+    const SQUARE: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl t\nf 1/1 2/1 3/1\n";
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_pixel(1, 1, image::Rgb([0, 255, 0])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    for (reference, told) in [
+        ("brick wall.png", None),
+        ("\"brick wall.png\"", None),
+        ("Brick Wall.PNG", Some("`brick wall.png` is taken")),
+        ("C:\\Users\\someone\\Desktop\\brick wall.png", Some("beside the scene is taken")),
+        ("/home/other/Brick Wall.png", Some("beside the scene is taken")),
+    ] {
+        let mtl = format!("newmtl t\nKd 1 1 1\nmap_Kd {reference}\n");
+        let files: [(&str, &[u8]); 3] =
+            [("a.obj", SQUARE.as_bytes()), ("m.mtl", mtl.as_bytes()), ("brick wall.png", png.get_ref())];
+        let loaded = load_files(&files);
+        let green = loaded.scene.images[0].eval(
+            &bottega_scene::TextureMap::new(bottega_scene::ImageId(0)),
+            Default::default(),
+            0.0,
+        );
+        assert_eq!(green.truncate(), Vec3::Y, "{reference}: {:?}", loaded.warnings);
+        let warned = loaded.warnings.iter().find(|warning| warning.place == "m.mtl, line 3").map(ToString::to_string);
+        assert_eq!(warned.is_some(), told.is_some(), "{warned:?}");
+        assert!(warned.unwrap_or_default().contains(told.unwrap_or_default()), "{reference}");
+    }
 }
 
 /// The folder of real scenes, where the environment names one.

@@ -1,6 +1,7 @@
 //! The importer of Mitsuba's scenes, at its boundary: text in, scene out.
 
 mod bad_input;
+mod files;
 mod fuzz;
 mod lights;
 mod materials;

@@ -274,10 +274,10 @@ fn faces_have_colors_of_their_own() {
 }
 
 #[test]
-fn mesh_colors_that_would_tint_something_else_are_told() {
+fn mesh_colors_that_are_not_there_are_told() {
     let loaded = read("<shape type='sphere'><bsdf type='roughconductor'>
         <texture type='mesh_attribute' name='alpha'><string name='name' value='vertex_color'/></texture></bsdf></shape>");
-    assert!(told(&loaded)[0].contains("`vertex_color` is not supported here"), "{:?}", told(&loaded));
+    assert!(told(&loaded)[0].contains("has no attribute `vertex_color`; 0.5 stands for it"), "{:?}", told(&loaded));
 }
 
 #[test]

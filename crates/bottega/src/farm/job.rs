@@ -130,8 +130,10 @@ impl Order {
             *args = args.at_frame(frame);
         }
         args.scene.file.scene = scene.to_owned();
-        // References out of the scene's folder lie within the cache: where they are was decided when they were fetched.
-        args.scene.file.allow_outside = true;
+        // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This
+        // machine's own files are no business of the scene.
+        args.scene.file.allow_outside = false;
+        args.scene.file.asset_roots = vec![SceneFiles::root_of(scene)];
         if let Some(environment) = environment {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }

@@ -75,7 +75,7 @@ impl SceneFiles {
         // As deep as references lead out of the scene's folder, so that none leads out of this one.
         let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
         let root = cache.scene(hasher.finalize().to_hex().as_str());
-        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join("in"));
+        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join(INNER));
         // Other processes of this machine may fetch the same.
         let _alone = cache.lock()?;
         for file in all() {
@@ -95,7 +95,16 @@ impl SceneFiles {
     }
 }
 
+/// A folder in a folder, for each that a reference leads out of.
+const INNER: &str = "in";
+
 impl SceneFiles {
+    /// The folder below which all files of a scene are that was fetched.
+    pub(super) fn root_of(scene: &Path) -> PathBuf {
+        let mut folders = scene.ancestors().skip(1);
+        folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
+    }
+
     /// The names of all pieces in the store.
     pub(super) fn blobs(&self) -> impl Iterator<Item = String> {
         self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())
@@ -151,6 +160,15 @@ fn place(kept: &Path, path: &Path) -> Result<(), CliError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_below_the_root_may_be_read() {
+        for (scene, root) in
+            [("/cache/scenes/1/in/in/a.glb", "/cache/scenes/1"), ("/cache/scenes/1/a.glb", "/cache/scenes/1")]
+        {
+            assert_eq!(SceneFiles::root_of(Path::new(scene)), Path::new(root));
+        }
+    }
 
     #[test]
     fn no_file_leads_out_of_the_folder_of_its_scene() {

@@ -175,7 +175,7 @@ impl<'a> Eye<'a> {
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
-            let color = color.eval(prepared.scene(), point.texture_place(), point.footprint) * point.color.truncate();
+            let color = point.unlit(prepared.scene(), color);
             self.radiance += walk.throughput * color;
             self.record_albedo(color);
             return false;

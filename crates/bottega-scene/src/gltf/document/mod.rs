@@ -96,7 +96,11 @@ object!(NodeExtensions {
     light: Option<NodeLight>,
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     instancing: Option<Box<Instancing>>,
+    #[serde(rename = "KHR_node_visibility")]
+    visibility: Option<Visibility>,
 });
+
+object!(Visibility { visible: Option<bool> });
 
 strict_object!(NodeLight { light: usize });
 
@@ -290,7 +294,22 @@ strict_object!(AnimationChannel { sampler: usize, target: AnimationTarget });
 strict_object!(AnimationTarget {
     node: Option<usize>,
     path: String,
+    extensions: Option<Box<TargetExtensions>>,
 });
+
+object!(TargetExtensions {
+    #[serde(rename = "KHR_animation_pointer")]
+    pointer: Option<AnimationPointer>,
+});
+
+object!(AnimationPointer { pointer: String });
+
+impl AnimationTarget {
+    /// What is animated, by KHR_animation_pointer.
+    pub(in crate::gltf) fn pointer(&self) -> Option<&str> {
+        self.extensions.as_ref()?.pointer.as_ref().map(|pointer| pointer.pointer.as_str())
+    }
+}
 
 strict_object!(AnimationSampler {
     input: usize,

@@ -39,7 +39,7 @@ impl<'a> Library<'a> {
             let place = format!("line {line}");
             // One name with spaces, or several names.
             let whole = resources.locate(name, &place)?;
-            let locations = if whole.path().exists() {
+            let locations = if whole.is_file() {
                 vec![whole]
             } else {
                 let names = name.split_whitespace();
@@ -48,14 +48,19 @@ impl<'a> Library<'a> {
             for location in locations {
                 let bytes = match resources.read(&location) {
                     Ok(bytes) => bytes,
-                    Err(SceneError::Read { path, source }) => {
+                    Err(SceneError::Read { path, source, .. }) => {
                         let message = format!("cannot read the materials in `{}` ({source})", path.display());
                         warnings.add(place.as_str(), message);
                         continue;
                     }
                     Err(error) => return Err(error),
                 };
-                for material in mtl::read(location.path(), &bytes, resources.budget())? {
+                let file = mtl::read(location.path(), &bytes, resources.budget());
+                let file = resources.attribute(&location, file)?;
+                for (line, message) in file.notes {
+                    warnings.unsupported(format!("{}, line {line}", shortened(&location.name)), message);
+                }
+                for material in file.materials {
                     materials.entry(material.name.clone()).or_insert((location.clone(), material));
                 }
             }
@@ -173,7 +178,9 @@ impl Converter<'_, '_> {
 
     fn texture(&mut self, map: &MtlMap, encoding: Encoding) -> Result<TextureMap, SceneError> {
         let place = self.place(map.line);
-        let image = self.pictures.want(&self.location.join(&map.reference), encoding, &place)?;
+        // Beside the library, or else beside the scene.
+        let folders = [self.location.folder(), ""];
+        let image = self.pictures.want_in(&folders, &map.reference, encoding, &place)?;
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
         // In the file, v points up: v' = 1 − v.
         let picture_from_uv = Affine2 {

@@ -1,6 +1,7 @@
 //! Wavefront OBJ: polygons, their groups by material, and the names of their libraries of materials.
 //!
-//! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named.
+//! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named; so are faces that refer
+//! to what is not there, or to vertices that are none.
 
 pub(super) mod materials;
 mod parse;
@@ -16,6 +17,7 @@ use parse::{Parsed, Statement};
 
 use super::{Source, finish, lines};
 use crate::load::{Held, MemoryBudget};
+use crate::text::{Text, decode};
 use crate::{Mesh, SceneError};
 
 /// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
@@ -40,7 +42,9 @@ pub(crate) struct ObjFile<'a> {
     /// The libraries of materials that it names, and the line of each.
     pub(crate) libraries: Vec<(String, usize)>,
     /// Each keyword that was left out, and the line of the first one.
-    pub(crate) left_out: Vec<(String, usize)>,
+    left_out: Vec<(String, usize)>,
+    /// Lines, and what else is to be told of them.
+    notes: Vec<(usize, String)>,
     /// The memory of all this.
     _held: Vec<Held<'a>>,
 }
@@ -68,7 +72,8 @@ pub(crate) struct ObjPart {
 /// - `bytes`: the file.
 pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -> Result<ObjFile<'a>, SceneError> {
     let source = Source { path, budget };
-    let blocks = lines::blocks(bytes, 1, true);
+    let Text { text, guess } = decode(path, bytes, budget)?;
+    let blocks = lines::blocks(text.as_bytes(), 1, true);
     let parsed = (blocks.par_iter())
         .map(|block| {
             let parsed = parse::parse(*block).map_err(|fault| source.located(fault))?;
@@ -80,7 +85,9 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
     let parsed = parsed.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
     let (mut parsed, held): (Vec<Parsed>, Vec<Held<'a>>) = parsed.into_iter().unzip();
     resolve(source, &blocks, &mut parsed)?;
-    Ok(ObjFile::join(source, parsed, held))
+    let mut file = ObjFile::join(source, parsed, held);
+    file.notes.splice(..0, guess);
+    Ok(file)
 }
 
 /// Whether a file is an OBJ file, by its name: it has no first bytes of its own.
@@ -104,14 +111,14 @@ fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed
     if totals.iter().any(|&total| total >= parse::COUNT_MAX) {
         return Err(source.damaged("it has more vertices than can be indexed"));
     }
-    let results: Vec<Result<(), SceneError>> = (parsed.par_iter_mut().zip(bases).zip(blocks))
-        .map(|((parsed, base), block)| {
-            parsed
-                .resolve(base, totals)
-                .map_err(|(corner, problem)| source.located(parse::locate_corner(*block, corner, problem)))
-        })
-        .collect();
-    results.into_iter().collect()
+    let unsound = parsed.iter().zip(&bases).flat_map(|(parsed, base)| {
+        // Checked above: all fit.
+        parsed.unsound.iter().map(|vertex| vertex + base[0] as u32)
+    });
+    let unsound: Vec<u32> = unsound.collect();
+    let pieces = parsed.par_iter_mut().zip(bases).zip(blocks);
+    pieces.for_each(|((parsed, base), block)| parsed.resolve(*block, base, totals, &unsound));
+    Ok(())
 }
 
 impl<'a> ObjFile<'a> {
@@ -127,6 +134,7 @@ impl<'a> ObjFile<'a> {
             materials: Vec::new(),
             libraries: Vec::new(),
             left_out: Vec::new(),
+            notes: Vec::new(),
             _held: held,
         };
         let has_colors = parsed.iter().any(|parsed| !parsed.colors.is_empty());
@@ -137,7 +145,9 @@ impl<'a> ObjFile<'a> {
         file.triangles.reserve_exact(total(|parsed| parsed.triangles.len()));
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let mut run = Run { first: 0, material: None, smoothing: 0 };
+        let mut damaged = parse::LeftOut::default();
         for part in parsed {
+            damaged.append(part.left_out);
             let first = file.triangles.len();
             for (triangle, statement) in part.statements {
                 match statement {
@@ -173,7 +183,15 @@ impl<'a> ObjFile<'a> {
             file.normals.extend(part.normals);
             file.triangles.extend(part.triangles);
         }
+        file.notes = damaged.notes();
         file
+    }
+
+    /// What was left out or guessed: lines, and what to tell of them.
+    pub(crate) fn take_notes(&mut self) -> Vec<(usize, String)> {
+        let unknown = std::mem::take(&mut self.left_out).into_iter();
+        let unknown = unknown.map(|(keyword, line)| (line, format!("`{keyword}` is not supported and left out")));
+        unknown.chain(std::mem::take(&mut self.notes)).collect()
     }
 
     /// One mesh for each material, in the order of their first triangles. Smoothing groups make smooth normals where the

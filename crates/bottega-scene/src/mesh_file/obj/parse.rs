@@ -1,8 +1,10 @@
 //! The statements of a piece of an OBJ file.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3};
 
-use super::super::lines::{Block, Fault, Located, float, integer, next_word};
+use super::super::lines::{Block, Fault, Located, float, integer, next_number, next_word};
 use super::{Corner, NONE};
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
@@ -17,14 +19,20 @@ const RELATIVE: u32 = 1 << 31;
 /// A piece of a file. Indices are absolute, or relative to the piece.
 #[derive(Default)]
 pub(super) struct Parsed {
+    /// Zero where the file has none that can be used.
     pub(super) positions: Vec<Vec3>,
+    /// Those of the positions that cannot be used.
+    pub(super) unsound: Vec<u32>,
     /// Linear; shorter than the positions where the last ones have none, white in between.
     pub(super) colors: Vec<Vec3>,
     pub(super) uvs: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
     pub(super) triangles: Vec<[Corner; 3]>,
+    /// The first triangle of each face of several triangles, and how many they are.
+    polygons: Vec<[u32; 2]>,
     /// With the number of triangles of the piece before each.
     pub(super) statements: Vec<(usize, Statement)>,
+    pub(super) left_out: LeftOut,
 }
 
 pub(super) enum Statement {
@@ -34,55 +42,124 @@ pub(super) enum Statement {
     Unknown(String, usize),
 }
 
+/// Statements that are damaged, by their kind: the first one and how many there are.
+#[derive(Default)]
+pub(super) struct LeftOut([Option<(Located, usize)>; KINDS.len()]);
+
+/// Kinds of damage, and what becomes of it.
+const KINDS: [&str; 5] = [
+    "the vertex is left out with its faces",
+    "0 stands for these texture coordinates",
+    "that of its faces stands for the normal",
+    "the face is left out",
+    "the triangle has no area and is left out",
+];
+const VERTEX: usize = 0;
+const UV: usize = 1;
+const NORMAL: usize = 2;
+const FACE: usize = 3;
+const NO_AREA: usize = 4;
+
+impl LeftOut {
+    /// Counts one; its place is asked for if it is the first.
+    fn add(&mut self, kind: usize, locate: impl FnOnce() -> Located) {
+        match &mut self.0[kind] {
+            Some((_, count)) => *count += 1,
+            first => *first = Some((locate(), 1)),
+        }
+    }
+
+    /// Adds what later pieces of the file have left out.
+    pub(super) fn append(&mut self, later: Self) {
+        for (mine, later) in self.0.iter_mut().zip(later.0) {
+            match (&mut *mine, later) {
+                (Some((_, count)), Some((_, more))) => *count += more,
+                (None, later) => *mine = later,
+                (Some(_), None) => {}
+            }
+        }
+    }
+
+    /// Line and message of each kind.
+    pub(super) fn notes(self) -> Vec<(usize, String)> {
+        let note = |(found, kind): (Option<(Located, usize)>, &str)| {
+            let (Located { line, column, problem }, count) = found?;
+            let others = match count - 1 {
+                0 => String::new(),
+                1 => " (and so is another one)".into(),
+                more => format!(" (and so are {more} others)"),
+            };
+            let problem = if problem.is_empty() { String::new() } else { format!("{problem}; ") };
+            Some((line, format!("column {column}: {problem}{kind}{others}")))
+        };
+        self.0.into_iter().zip(KINDS).filter_map(note).collect()
+    }
+}
+
+/// Reads a piece. What is damaged in it is left out, unless the whole is no OBJ file.
 pub(super) fn parse(block: Block<'_>) -> Result<Parsed, Located> {
+    parse_watching(block, |_, _, _| ())
+}
+
+/// Tells where the corner of a triangle of a piece is, before any triangle was left out.
+fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
+    let mut found = Located { line: block.first_line, column: 1, problem };
+    // A piece that could be read once can be read again.
+    let _same = parse_watching(block, |triangles, line, words| {
+        if triangles.contains(&triangle) {
+            let mut rest = words;
+            let corners: Vec<&[u8]> = std::iter::from_fn(|| next_number(&mut rest)).collect();
+            // A fan: all triangles of a face share its first corner.
+            let index = if corner == 0 { 0 } else { triangle - triangles.start + corner };
+            let place = block.locate(line, Fault::new(corners.get(index).copied().unwrap_or(words), ""));
+            (found.line, found.column) = (place.line, place.column);
+        }
+    });
+    found
+}
+
+/// Reads a piece.
+///
+/// - `watch`: is told the triangles of each face, its line, and its corners.
+fn parse_watching(block: Block<'_>, mut watch: impl FnMut(Range<usize>, usize, &[u8])) -> Result<Parsed, Located> {
     let mut parsed = Parsed::default();
     let mut unknown: Vec<Vec<u8>> = Vec::new();
     block.for_each_statement(|number, line| {
         let mut words = line;
         let keyword = next_word(&mut words).unwrap_or_default();
-        match keyword {
-            b"v" => parsed.position(words),
-            b"vt" => parsed.uv(words),
-            b"vn" => parsed.normal(words),
-            b"f" | b"fo" => parsed.polygon(words),
-            b"usemtl" => parsed.add(Statement::Material(text(words))),
-            b"s" => parsed.smoothing(words),
-            b"mtllib" => parsed.add(Statement::Library(text(words), number)),
-            b"g" | b"o" => Ok(()),
-            _ if unknown.iter().any(|known| known == keyword) => Ok(()),
+        let (kind, read) = match keyword {
+            b"v" => (VERTEX, parsed.position(words)),
+            b"vt" => (UV, parsed.uv(words)),
+            b"vn" => (NORMAL, parsed.normal(words)),
+            b"f" | b"fo" => {
+                let first = parsed.triangles.len();
+                let read = parsed.polygon(words);
+                match read {
+                    Ok(()) => watch(first..parsed.triangles.len(), number, words),
+                    Err(_) => parsed.triangles.truncate(first),
+                }
+                (FACE, read)
+            }
+            b"usemtl" => return parsed.add(Statement::Material(text(words))),
+            b"s" => return parsed.smoothing(words),
+            b"mtllib" => return parsed.add(Statement::Library(text(words), number)),
+            b"g" | b"o" => return Ok(()),
+            _ if unknown.iter().any(|known| known == keyword) => return Ok(()),
             _ => {
                 unknown.push(keyword.to_vec());
                 let keyword = shortened(&String::from_utf8_lossy(keyword)).into_owned();
                 if unknown.len() > 16 && !keyword.is_ascii() {
                     return Err(Fault::new(line, "this is no OBJ file"));
                 }
-                parsed.add(Statement::Unknown(keyword, number))
+                return parsed.add(Statement::Unknown(keyword, number));
             }
+        };
+        if let Err(fault) = read {
+            parsed.left_out.add(kind, || block.locate(number, fault));
         }
+        Ok(())
     })?;
     Ok(parsed)
-}
-
-/// Tells of a problem at the corner of a triangle of a piece that could be parsed.
-pub(super) fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
-    let mut before = 0;
-    let found = block.for_each_statement(|_, line| {
-        let mut words = line;
-        if !matches!(next_word(&mut words), Some(b"f" | b"fo")) {
-            return Ok(());
-        }
-        let corners: Vec<&[u8]> = std::iter::from_fn(|| next_word(&mut words)).collect();
-        let count = corners.len().saturating_sub(2);
-        if triangle < before + count {
-            // A fan: all triangles of a face share its first corner.
-            let index = if corner == 0 { 0 } else { triangle - before + corner };
-            return Err(Fault::new(corners[index], ""));
-        }
-        before += count;
-        Ok(())
-    });
-    let (line, column) = found.map_or_else(|found| (found.line, found.column), |()| (block.first_line, 1));
-    Located { line, column, problem }
 }
 
 fn text(words: &[u8]) -> String {
@@ -98,7 +175,7 @@ fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), Fault<'
     let mut values = [0.0; N];
     let mut count = 0;
     for value in &mut values {
-        let Some(word) = next_word(&mut words) else { break };
+        let Some(word) = next_number(&mut words) else { break };
         *value = float(word).ok_or_else(|| wrong(word))?;
         count += 1;
     }
@@ -123,6 +200,7 @@ impl Parsed {
             + size_of_val(&self.uvs[..])
             + size_of_val(&self.normals[..])
             + size_of_val(&self.triangles[..])
+            + size_of_val(&self.polygons[..])
             + size_of_val(&self.statements[..]))
     }
 
@@ -131,35 +209,47 @@ impl Parsed {
         Ok(())
     }
 
+    /// Damaged ones count too: faces refer to those that follow by their numbers.
     fn position<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
-        let ([x, y, z, r, g, b], count) = floats(words)?;
-        if count < 3 {
-            return Err(few(words, format!("a vertex needs three coordinates, here are {count}")));
-        }
-        let position = Vec3::new(x, y, z);
-        if !(position.is_finite() && position.abs().max_element() <= COORDINATE_MAX) {
-            return Err(few(words, "the position is not a number, or out of reach".into()));
-        }
-        if count == 6 {
+        let read = floats(words).and_then(|([x, y, z, r, g, b], count)| {
+            if count < 3 {
+                return Err(few(words, format!("a vertex needs three coordinates, here are {count}")));
+            }
+            let position = Vec3::new(x, y, z);
+            if !(position.is_finite() && position.abs().max_element() <= COORDINATE_MAX) {
+                return Err(few(words, "the position is not a number, or out of reach".into()));
+            }
             // Programs that write colours write what they show.
             let linear = |code: f32| linear_of_srgb(f64::from(code).clamp(0.0, 1.0)) as f32;
+            Ok((position, (count == 6).then(|| Vec3::new(linear(r), linear(g), linear(b)))))
+        });
+        if let Ok((_, Some(color))) = read {
             self.colors.resize(self.positions.len(), Vec3::ONE);
-            self.colors.push(Vec3::new(linear(r), linear(g), linear(b)));
+            self.colors.push(color);
         }
-        self.positions.push(position);
-        Ok(())
+        if read.is_err() {
+            self.unsound.push(self.positions.len() as u32);
+        }
+        self.positions.push(read.as_ref().map_or(Vec3::ZERO, |(position, _)| *position));
+        read.map(|_| ())
     }
 
     fn uv<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
-        let (uv, count) = floats(words)?;
-        self.uvs.push(Vec2::from_array(uv));
-        if count > 0 { Ok(()) } else { Err(few(words, "texture coordinates without number".into())) }
+        let read = floats(words).and_then(|(uv, count)| match count {
+            0 => Err(few(words, "texture coordinates without number".into())),
+            _ => Ok(Vec2::from_array(uv)),
+        });
+        self.uvs.push(*read.as_ref().unwrap_or(&Vec2::ZERO));
+        read.map(|_| ())
     }
 
     fn normal<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
-        let (normal, count) = floats(words)?;
-        self.normals.push(Vec3::from_array(normal));
-        if count == 3 { Ok(()) } else { Err(few(words, format!("a normal needs three numbers, here are {count}"))) }
+        let read = floats(words).and_then(|(normal, count)| match count {
+            3 => Ok(Vec3::from_array(normal)),
+            _ => Err(few(words, format!("a normal needs three numbers, here are {count}"))),
+        });
+        self.normals.push(*read.as_ref().unwrap_or(&Vec3::ZERO));
+        read.map(|_| ())
     }
 
     fn smoothing<'t>(&mut self, mut words: &'t [u8]) -> Result<(), Fault<'t>> {
@@ -177,7 +267,8 @@ impl Parsed {
         let mut words = words;
         let (mut first, mut last) = ([NONE; 3], [NONE; 3]);
         let mut count = 0;
-        while let Some(word) = next_word(&mut words) {
+        let before = self.triangles.len();
+        while let Some(word) = next_number(&mut words) {
             let corner = self.corner(word)?;
             match count {
                 0 => first = corner,
@@ -187,7 +278,13 @@ impl Parsed {
             last = corner;
             count += 1;
         }
-        if count < 3 { Err(few(all, format!("a face needs three corners, here are {count}"))) } else { Ok(()) }
+        if count < 3 {
+            return Err(few(all, format!("a face needs three corners, here are {count}")));
+        }
+        if count > 3 {
+            self.polygons.push([before as u32, count - 2]);
+        }
+        Ok(())
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
@@ -208,38 +305,96 @@ impl Parsed {
         if numbers.next().is_some() { Err(wrong(word)) } else { Ok(corner) }
     }
 
-    /// Makes indices absolute. An error names the triangle and which of its corners.
+    /// Makes indices absolute, and leaves out the faces that refer to what is not there, and triangles without area.
     ///
+    /// - `block`: its text.
     /// - `base`: how many of each kind were before this piece.
     /// - `totals`: how many of each kind the file has.
-    pub(super) fn resolve(&mut self, base: [usize; 3], totals: [usize; 3]) -> Result<(), ([usize; 2], String)> {
-        const NAMES: [&str; 3] = ["vertex", "texture coordinates", "normal"];
-        for (number, triangle) in self.triangles.iter_mut().enumerate() {
-            for (which, corner) in triangle.iter_mut().enumerate() {
-                for kind in 0..3 {
-                    let index = &mut corner[kind];
-                    if *index == NONE {
-                        continue;
+    /// - `unsound`: the vertices of the file that cannot be used, in order.
+    pub(super) fn resolve(&mut self, block: Block<'_>, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) {
+        let (mut faces, mut flat): (Vec<Range<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
+        for number in 0..self.triangles.len() {
+            for which in 0..3 {
+                let mut corner = self.triangles[number][which];
+                let resolved = resolve_corner(&mut corner, base, totals, unsound);
+                self.triangles[number][which] = corner;
+                let Err(problem) = resolved else { continue };
+                if faces.last().is_none_or(|last| !last.contains(&number)) {
+                    faces.push(self.face_of(number));
+                    // Vertices that were left out told of their faces.
+                    if !problem.is_empty() {
+                        self.left_out.add(FACE, || locate_corner(block, [number, which], problem));
                     }
-                    let absolute = if *index & RELATIVE == 0 {
-                        i64::from(*index)
-                    } else {
-                        i64::from(*index - RELATIVE) - COUNT_MAX as i64 + base[kind] as i64
-                    };
-                    if absolute < 0 || absolute >= totals[kind] as i64 {
-                        let (name, total) = (NAMES[kind], totals[kind]);
-                        let problem = match absolute {
-                            ..0 => format!("counts back to before the first {name}"),
-                            _ => format!("refers to {name} {}, but there are {total}", absolute + 1),
-                        };
-                        return Err(([number, which], problem));
-                    }
-                    *index = absolute as u32;
                 }
             }
+            let [a, b, c] = self.triangles[number].map(|corner| corner[0]);
+            if a == b || b == c || c == a {
+                flat.push(number);
+            }
         }
-        Ok(())
+        let mut rest = &faces[..];
+        flat.retain(|number| {
+            rest = &rest[rest.partition_point(|face| face.end <= *number)..];
+            rest.first().is_none_or(|face| !face.contains(number))
+        });
+        for &number in &flat {
+            self.left_out.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
+        }
+        if !(faces.is_empty() && flat.is_empty()) {
+            let mut keeps = vec![true; self.triangles.len()];
+            faces.into_iter().for_each(|face| keeps[face].fill(false));
+            flat.into_iter().for_each(|number| keeps[number] = false);
+            self.retain(&keeps);
+        }
     }
+
+    /// The triangles of the face of a triangle.
+    fn face_of(&self, triangle: usize) -> Range<usize> {
+        let after = self.polygons.partition_point(|polygon| polygon[0] as usize <= triangle);
+        let polygon = after.checked_sub(1).map(|index| self.polygons[index].map(|number| number as usize));
+        let polygon = polygon.map(|[first, count]| first..first + count).filter(|polygon| polygon.contains(&triangle));
+        polygon.unwrap_or(triangle..triangle + 1)
+    }
+
+    /// Removes the triangles that are not to be kept.
+    fn retain(&mut self, keeps: &[bool]) {
+        // Statements stand between triangles.
+        let mut statements = self.statements.iter_mut().peekable();
+        let mut kept = 0;
+        for (number, keep) in keeps.iter().chain([&true]).enumerate() {
+            while let Some(statement) = statements.next_if(|statement| statement.0 == number) {
+                statement.0 = kept;
+            }
+            kept += usize::from(*keep);
+        }
+        let mut keep = keeps.iter();
+        self.triangles.retain(|_| keep.next().is_none_or(|keep| *keep));
+    }
+}
+
+/// Makes the indices of a corner absolute. An error says which one leads nowhere; it is empty where the vertex was left out.
+fn resolve_corner(corner: &mut Corner, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) -> Result<(), String> {
+    const NAMES: [&str; 3] = ["vertex", "texture coordinates", "normal"];
+    for kind in 0..3 {
+        let index = &mut corner[kind];
+        if *index == NONE {
+            continue;
+        }
+        let absolute = if *index & RELATIVE == 0 {
+            i64::from(*index)
+        } else {
+            i64::from(*index - RELATIVE) - COUNT_MAX as i64 + base[kind] as i64
+        };
+        if absolute < 0 || absolute >= totals[kind] as i64 {
+            let (name, total) = (NAMES[kind], totals[kind]);
+            return Err(match absolute {
+                ..0 => format!("counts back to before the first {name}"),
+                _ => format!("refers to {name} {}, but there are {total}", absolute + 1),
+            });
+        }
+        *index = absolute as u32;
+    }
+    if unsound.binary_search(&corner[0]).is_ok() { Err(String::new()) } else { Ok(()) }
 }
 
 /// An index of the file: from 1 from the start, or from −1 backwards from where it stands.

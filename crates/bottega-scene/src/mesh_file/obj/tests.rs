@@ -105,42 +105,73 @@ fn long_files_are_read_in_pieces() {
             assert!(heights.clone().all(|z| Some(z) == heights.clone().next()));
         }
     }
-    // The last quad refers to what is not there.
-    let bad = format!("{text}f 1 2 240001\n");
-    let message = with(&bad, |file| file.err().unwrap().to_string());
-    assert!(
-        message.contains(&format!("line {}, column 7", 6 * count + 1)) && message.contains("vertex 240001"),
-        "{message}"
-    );
+    // The last quad refers to what is not there; it goes, and nothing else does.
+    let bad = format!("{text}f 1 2 3 240001\nusemtl m0\nf 1 2 3\n");
+    with(&bad, |file| {
+        let mut file = file.unwrap();
+        let notes = file.take_notes();
+        let [(line, message)] = &notes[..] else { panic!("{notes:?}") };
+        assert!(
+            *line == 6 * count as usize + 1 && message.starts_with("column 9: refers to vertex 240001"),
+            "{notes:?}"
+        );
+        let lengths: Vec<usize> = file.into_parts().unwrap().iter().map(|part| part.mesh.triangles.len()).collect();
+        assert_eq!(lengths, [40_001, 40_000, 40_000]);
+    });
 }
 
 #[test]
-fn the_line_and_column_of_what_is_wrong_are_named() {
-    for (line, column, problem) in [
-        ("f 0 1 2", 3, "count from 1"),
-        ("f 1 2 5", 7, "refers to vertex 5"),
-        ("f 1 2 3 1 2 5 3", 13, "refers to vertex 5"),
-        ("  f  1 2 -5", 10, "counts back to before the first vertex"),
-        ("f 1/1 2/1 3/1", 3, "refers to texture coordinates 1"),
-        ("f 1//1 2//1 3//1", 3, "refers to normal 1"),
-        ("f 1 2", 3, "three corners"),
-        ("f 1 2 x", 7, "is not a number"),
-        ("f 1/2/3/4 2 3", 3, "is not a number"),
-        ("f 1 2/0 3", 7, "count from 1"),
-        ("f 1 2 99999999999999999999", 7, "is not a number"),
-        ("f 1 2 4294967297", 7, "out of reach"),
-        ("v 1 2", 3, "three coordinates"),
-        ("v 1 2 nan", 3, "the position"),
-        ("v 1 2 1e30", 3, "the position"),
-        ("vn 1 2", 4, "three numbers"),
-        ("vt", 3, "without number"),
-        ("vt a", 4, "is not a number"),
+fn what_is_wrong_is_left_out_and_named() {
+    // Column, problem, and triangles that are left of this line and of the quad after it.
+    for (line, column, problem, left) in [
+        ("f 0 1 2", 3, "count from 1", 2),
+        ("f 1 2 5", 7, "refers to vertex 5", 2),
+        ("f 1 2 3 1 2 5 3", 13, "refers to vertex 5", 2),
+        ("  f  1 2 -5", 10, "counts back to before the first vertex", 2),
+        ("f 1/1 2/1 3/1", 3, "refers to texture coordinates 1", 2),
+        ("f 1//1 2//1 3//1", 3, "refers to normal 1", 2),
+        ("f 1 2", 3, "three corners", 2),
+        ("f 1 2 x", 7, "is not a number", 2),
+        ("f 1 2 3 x", 9, "is not a number", 2),
+        ("f 1/2/3/4 2 3", 3, "is not a number", 2),
+        ("f 1 2/0 3", 7, "count from 1", 2),
+        ("f 1 2 99999999999999999999", 7, "is not a number", 2),
+        ("f 1 2 4294967297", 7, "out of reach", 2),
+        ("f 1 1 1", 3, "no area", 2),
+        ("f 1 2 2 3", 3, "no area", 3),
+        ("v 1 2", 3, "three coordinates", 2),
+        ("v 1 2 nan", 3, "the position", 2),
+        ("v 1 2 1e30", 3, "the position", 2),
+        ("v -1.#IND 0 0", 3, "is not a number", 2),
+        ("v 1 2 nan\nf 1 2 5\nf 1 2 3 5", 3, "the position", 2),
+        ("vn 1 2", 4, "three numbers", 2),
+        ("vt", 3, "without number", 2),
+        ("vt a", 4, "is not a number", 2),
     ] {
-        let text = format!("{CORNERS}{line}\nf 1 2 3\n");
-        let message = with(&text, |file| file.err().map(|error| error.to_string())).unwrap_or_default();
-        let place = format!("line 5, column {column}: ");
-        assert!(message.contains(&place) && message.contains(problem), "{line}: {message}");
+        let text = format!("{CORNERS}{line}\nf 1 2 3 4\n");
+        with(&text, |file| {
+            let mut file = file.unwrap();
+            let notes = file.take_notes();
+            let [(number, message)] = &notes[..] else { panic!("{line}: {notes:?}") };
+            assert!(*number == 5 && message.starts_with(&format!("column {column}: ")), "{line}: {message}");
+            assert!(message.contains(problem), "{line}: {message}");
+            let mesh = file.into_single().unwrap();
+            assert_eq!(mesh.triangles.len(), left, "{line}");
+            assert!(mesh.positions.iter().all(|position| position.abs().max_element() <= 1.0), "{line}");
+        });
     }
+    let text = format!("{CORNERS}f 1 2 7\nf 1 2 8\nf 0\nf 1 2 3\n");
+    with(&text, |file| assert!(file.unwrap().take_notes()[0].1.ends_with("(and so are 2 others)")));
+}
+
+#[test]
+fn a_comment_ends_with_its_line() {
+    let expected = single(&format!("{CORNERS}f 1 2 3 4\n"));
+    assert_eq!(single(&format!("# head \\\n{CORNERS}# tail\\\nf 1 2 \\\n3 4 # note \\\n")), expected);
+    let text = CORNERS.replace("v 1 1 0", "v 1 1 0 # far\\");
+    assert_eq!(single(&format!("{text}f 1 2 3 4 #done")), expected);
+    // Names keep the sign.
+    assert_eq!(parts(&format!("{CORNERS}usemtl Material #25\nf 1 2 3 4"))[0].material.as_deref(), Some("Material #25"));
 }
 
 #[test]

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use glam::Vec4;
 use rayon::prelude::*;
 
+use super::super::Source;
 use super::super::lines::{self, Block, Fault, Located, float, integer, next_word};
-use super::super::{Source, clean};
+use super::Wanted;
 use super::header::{Element, Header};
 use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
@@ -48,37 +48,46 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<
     Ok(mesh)
 }
 
-/// See [`super::face_colors`].
-pub(super) fn face_colors(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Vec<Vec4>, SceneError> {
-    let mut colors = Vec::new();
+/// See [`super::visit_rows`].
+pub(super) fn visit_rows(
+    source: Source<'_>,
+    header: &Header,
+    bytes: &[u8],
+    wanted: &Wanted<'_>,
+    mut visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
+) -> Result<(), SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
     let mut lines = blocks.into_iter().flat_map(|block| rows(block).map(move |line| (block, line)));
-    for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
-        let (roles, corners) = (element.roles(), element.corners().filter(|_| element.is_faces()));
+    let mut values = vec![0.0; wanted.properties.len()];
+    for (number, element) in header.elements.iter().enumerate().filter(|(_, element)| !element.properties.is_empty()) {
+        let corners = element.corners();
         for row in 0..element.count {
             let Some((block, mut line)) = lines.next() else {
                 return Err(source.damaged(format!("it ends before row {row} of `{}`", element.name())));
             };
-            let Some(corners) = corners else { continue };
+            if number != wanted.element {
+                continue;
+            }
             let located = |fault| source.located(block.locate(block.first_line, fault));
-            let (mut color, mut triangles) = (Vec4::ONE, 0);
-            for (index, (property, role)) in element.properties.iter().zip(&roles).enumerate() {
+            let mut length = 0;
+            for (index, property) in element.properties.iter().enumerate() {
                 let word = next_word(&mut line).ok_or_else(|| located(missing(element, line)))?;
                 if property.count.is_some() {
-                    if index == corners {
-                        triangles = integer(word).and_then(|n| usize::try_from(n).ok()).unwrap_or(0).saturating_sub(2);
+                    if Some(index) == corners {
+                        length = integer(word).and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
                     }
                     skip_list(word, &mut line).map_err(located)?;
-                } else if let Some(Role::Color(channel)) = *role {
-                    let value = float(word).ok_or_else(|| located(wrong(word)))?;
-                    color[channel] = vertices::color(f64::from(value), property.kind, channel) as f32;
+                } else if let Some(slot) = wanted.properties.iter().position(|&wanted| wanted == index) {
+                    values[slot] = f64::from(float(word).ok_or_else(|| located(wrong(word)))?);
                 }
             }
-            source.budget.take(source.path, "", triangles * size_of::<Vec4>())?;
-            colors.extend(std::iter::repeat_n(clean(color), triangles));
+            visit(&values, length)?;
+        }
+        if number == wanted.element {
+            break;
         }
     }
-    Ok(colors)
+    Ok(())
 }
 
 /// The lines that are not empty.

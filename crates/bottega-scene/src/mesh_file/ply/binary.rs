@@ -1,10 +1,10 @@
 //! Binary PLY: rows of numbers, cut into pieces whose places are known before they are decoded, so that threads decode
 //! them straight into the mesh.
 
-use glam::Vec4;
 use rayon::prelude::*;
 
-use super::super::{Source, clean};
+use super::super::Source;
+use super::Wanted;
 use super::header::{Element, Header, Kind, Property};
 use super::strips::Strip;
 use super::vertices::{self, Role, Slices, UNSOUND};
@@ -77,23 +77,24 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8], big_endian
     Ok(Mesh { triangles, ..mesh })
 }
 
-/// See [`super::face_colors`].
-pub(super) fn face_colors(
+/// See [`super::visit_rows`].
+pub(super) fn visit_rows(
     source: Source<'_>,
     header: &Header,
     bytes: &[u8],
     big_endian: bool,
-) -> Result<Vec<Vec4>, SceneError> {
-    let mut colors = Vec::new();
+    wanted: &Wanted<'_>,
+    visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
+) -> Result<(), SceneError> {
     let mut offset = header.body;
-    for element in &header.elements {
+    for (number, element) in header.elements.iter().enumerate() {
         let body = Body { source, element, big_endian, bytes: &bytes[offset..], offset };
-        match element.corners() {
-            Some(corners) if element.is_faces() => offset += body.face_colors(corners, &mut colors)?,
-            _ => offset += body.skip()?,
+        if number == wanted.element {
+            return body.visit_rows(wanted.properties, visit);
         }
+        offset += body.skip()?;
     }
-    Ok(colors)
+    Ok(())
 }
 
 /// Where a piece of the faces is, and what it becomes.
@@ -258,31 +259,32 @@ impl Body<'_> {
         Ok((triangles, length))
     }
 
-    /// Adds a colour for each triangle. Returns the bytes that the faces take.
-    fn face_colors(&self, corners: usize, colors: &mut Vec<Vec4>) -> Result<usize, SceneError> {
-        let roles = self.element.roles();
+    /// Visits the rows with the numbers of some properties, and the length of the list of corners.
+    fn visit_rows(
+        &self,
+        wanted: &[usize],
+        mut visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
+    ) -> Result<(), SceneError> {
+        let corners = self.element.corners().unwrap_or(usize::MAX);
+        let mut values = vec![0.0; wanted.len()];
         let mut at = 0;
         for row in 0..self.element.count {
             let (bytes, _, length) = self.row(at, corners).ok_or_else(|| self.truncated(row))?;
-            let mut color = Vec4::ONE;
             let mut place = at;
-            for (property, role) in self.element.properties.iter().zip(&roles) {
-                if let Some(Role::Color(channel)) = *role {
+            for (index, property) in self.element.properties.iter().enumerate() {
+                if let Some(slot) = wanted.iter().position(|&wanted| wanted == index) {
                     let number = &self.bytes[place..];
-                    let value = with_reader!(property.kind, self.big_endian, read => f64::from(read(number)));
-                    color[channel] = vertices::color(value, property.kind, channel) as f32;
+                    values[slot] = with_reader!(property.kind, self.big_endian, read => f64::from(read(number)));
                 }
                 place += match property.count {
                     Some(kind) => kind.bytes() + self.count(place, kind).unwrap_or_default() * property.kind.bytes(),
                     None => property.kind.bytes(),
                 };
             }
-            let triangles = length.saturating_sub(2);
-            self.source.budget.take(self.source.path, "", triangles * size_of::<Vec4>())?;
-            colors.extend(std::iter::repeat_n(clean(color), triangles));
+            visit(&values, length)?;
             at += bytes;
         }
-        Ok(at)
+        Ok(())
     }
 
     /// Adds the triangles of strips, one after the other. Returns the bytes that the strips take.

@@ -122,6 +122,20 @@ impl Element {
         roles
     }
 
+    /// The properties of an attribute, in the order of its channels: `NAME_0`, `NAME_1` …, or by letters, as Mitsuba 3 has it.
+    pub(super) fn attribute(&self, name: &str) -> Vec<usize> {
+        const ENDS: [[&str; 4]; 4] =
+            [["x", "y", "z", "w"], ["r", "g", "b", "a"], ["0", "1", "2", "3"], ["1", "2", "3", "4"]];
+        let find = |end: &&str| {
+            let name = format!("{name}_{end}");
+            self.properties.iter().position(|it| it.count.is_none() && it.name == name.as_bytes())
+        };
+        ENDS.iter()
+            .map(|ends| ends.iter().map_while(find).collect())
+            .find(|found: &Vec<usize>| !found.is_empty())
+            .unwrap_or_default()
+    }
+
     /// Which property lists the corners of a face or of a strip.
     pub(super) fn corners(&self) -> Option<usize> {
         self.properties.iter().position(|property| {

@@ -12,10 +12,11 @@ mod vertices;
 use std::path::Path;
 
 use glam::Vec4;
-use header::{Encoding, Header};
+use header::{Element, Encoding, Header};
 
-use super::{Source, finish, inflate};
+use super::{Source, clean, finish, inflate};
 use crate::load::MemoryBudget;
+use crate::text::decode;
 use crate::{Mesh, SceneError};
 
 /// Reads a mesh. Polygons become fans of triangles; faces with fewer than three corners are left out.
@@ -31,13 +32,98 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
     Ok(finish(mesh))
 }
 
-/// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it; white where faces have none.
-pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Vec<Vec4>, SceneError> {
-    open(Source { path, budget }, bytes, |source, header, bytes| match header.encoding {
-        Encoding::Ascii => ascii::face_colors(source, header, bytes),
-        Encoding::LittleEndian => binary::face_colors(source, header, bytes, false),
-        Encoding::BigEndian => binary::face_colors(source, header, bytes, true),
+/// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it. `None`: they have none.
+pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Option<Vec<Vec4>>, SceneError> {
+    open(Source { path, budget }, bytes, |source, header, bytes| {
+        let Some((element, faces)) = header.elements.iter().enumerate().find(|(_, element)| element.is_faces()) else {
+            return Ok(None);
+        };
+        let roles = faces.roles();
+        let channel = |property: usize| match roles[property] {
+            Some(vertices::Role::Color(channel)) => Some((property, channel)),
+            _ => None,
+        };
+        let (properties, channels): (Vec<usize>, Vec<usize>) = (0..roles.len()).filter_map(channel).unzip();
+        if !(0..3).all(|channel| channels.contains(&channel)) {
+            return Ok(None);
+        }
+        let mut colors = Vec::new();
+        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+            let mut color = Vec4::ONE;
+            for ((&value, &property), &channel) in values.iter().zip(&properties).zip(&channels) {
+                color[channel] = vertices::color(value, faces.properties[property].kind, channel) as f32;
+            }
+            let triangles = corners.saturating_sub(2);
+            budget.take(path, "", triangles * size_of::<Vec4>())?;
+            colors.extend(std::iter::repeat_n(clean(color), triangles));
+            Ok(())
+        })?;
+        Ok(Some(colors))
     })
+}
+
+/// Numbers that a file has for each vertex, or for each of the triangles that [`read`] makes of its faces.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Attribute {
+    /// 1 or 3.
+    pub(crate) channels: usize,
+    /// A single channel thrice.
+    pub(crate) values: Vec<[f32; 3]>,
+}
+
+/// The numbers that Mitsuba calls `vertex_NAME` or `face_NAME`: properties `NAME_0`, `NAME_1` and so on, or with letters in place of the
+/// numbers. `None`: there are none of that name, or neither one nor three.
+pub(crate) fn attribute(
+    path: &Path,
+    bytes: &[u8],
+    name: &str,
+    budget: &MemoryBudget,
+) -> Result<Option<Attribute>, SceneError> {
+    open(Source { path, budget }, bytes, |source, header, bytes| {
+        let (name, is_of_faces) = match (name.strip_prefix("vertex_"), name.strip_prefix("face_")) {
+            (Some(name), _) => (name, false),
+            (None, Some(name)) => (name, true),
+            (None, None) => return Ok(None),
+        };
+        let is_it = |element: &&Element| if is_of_faces { element.is_faces() } else { element.is_vertices() };
+        let Some(element) = header.elements.iter().position(|element| is_it(&element)) else { return Ok(None) };
+        let properties = header.elements[element].attribute(name);
+        if !matches!(properties.len(), 1 | 3) {
+            return Ok(None);
+        }
+        let mut attribute = Attribute { channels: properties.len(), values: Vec::new() };
+        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+            let number = |channel: usize| clean(Vec4::splat(values[channel % values.len()] as f32)).x;
+            let count = if is_of_faces { corners.saturating_sub(2) } else { 1 };
+            budget.take(path, "", count * size_of::<[f32; 3]>())?;
+            attribute.values.extend(std::iter::repeat_n([0, 1, 2].map(number), count));
+            Ok(())
+        })?;
+        Ok(Some(attribute))
+    })
+}
+
+/// Some numbers of the rows of an element.
+struct Wanted<'a> {
+    /// Which of the elements.
+    element: usize,
+    /// Which of its properties; none of them is a list.
+    properties: &'a [usize],
+}
+
+/// Visits the rows of an element: the numbers that are wanted, and how many corners a face has.
+fn visit_rows(
+    source: Source<'_>,
+    header: &Header,
+    bytes: &[u8],
+    wanted: &Wanted<'_>,
+    visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
+) -> Result<(), SceneError> {
+    match header.encoding {
+        Encoding::Ascii => ascii::visit_rows(source, header, bytes, wanted, visit),
+        Encoding::LittleEndian => binary::visit_rows(source, header, bytes, false, wanted, visit),
+        Encoding::BigEndian => binary::visit_rows(source, header, bytes, true, wanted, visit),
+    }
 }
 
 /// Unfolds a file where it is compressed, and reads its header.
@@ -53,14 +139,31 @@ fn open<T>(
     } else {
         bytes
     };
-    read(source, &Header::parse(source, bytes)?, bytes)
+    let body = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
+    if body.starts_with(b"ply") {
+        let header = Header::parse(source, body)?;
+        if header.encoding != Encoding::Ascii {
+            return read(source, &header, body);
+        }
+    }
+    // Text from start to end. That the encoding of comments was guessed is nothing to tell of.
+    let text = decode(source.path, bytes, source.budget)?.text;
+    let header = Header::parse(source, text.as_bytes())?;
+    if header.encoding != Encoding::Ascii {
+        return Err(source.damaged("its header was changed to another encoding, and what follows it with the header"));
+    }
+    read(source, &header, text.as_bytes())
 }
+
+/// The byte order mark of UTF-8.
+const UTF8_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 
 /// Whether a file is one of ours, by its first bytes, or by its name where it is compressed.
 pub(crate) fn recognizes(path: &Path, bytes: &[u8]) -> bool {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    bytes.starts_with(b"ply\n")
-        || bytes.starts_with(b"ply\r")
+    let start = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
+    start.starts_with(b"ply\n")
+        || start.starts_with(b"ply\r")
         || name.ends_with(".ply")
         || (bytes.starts_with(inflate::GZIP_MAGIC) && name.ends_with(".ply.gz"))
 }

@@ -151,7 +151,7 @@ mod tests {
     }
 
     fn read(kind: fn(&Params, Place) -> Result<Geometry, Fault>, text: &str) -> Result<Mesh, Fault> {
-        let mut tokens = super::super::super::token::Tokens::new(0, text.as_bytes())?;
+        let mut tokens = super::super::super::token::Tokens::new(0, text);
         let params = Params::read(&mut tokens, Place::default(), Default::default())?;
         match kind(&params, Place::default())? {
             Geometry::Mesh { mesh, .. } => Ok(*mesh),

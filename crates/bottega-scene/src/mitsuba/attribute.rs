@@ -1,0 +1,215 @@
+//! Values by vertex and by face, which textures of the type `mesh_attribute` read.
+//!
+//! They become pictures: each triangle has four texels of its own, between which bilinear interpolation is what
+//! interpolation over the triangle is. So they can stand wherever a picture can.
+
+use glam::{Affine2, Vec2, Vec3};
+
+use super::Importer;
+use super::document::Object;
+use super::texture::Texture;
+use crate::mesh_file::ply::{self, Attribute};
+use crate::text::shortened;
+use crate::{Channel, Image, ImageId, Mesh, SceneError, Spectrum, TextureMap, Wrap};
+
+/// A texture that waits for its mesh.
+#[derive(Clone, Debug)]
+pub(super) struct Awaited {
+    name: String,
+    /// Its picture, which is 0.5 until the mesh is there.
+    image: ImageId,
+    /// Whether its luminance is wanted.
+    is_number: bool,
+}
+
+/// Texture coordinates are so many times as large as the picture: the width of lookups, which is that of other pictures,
+/// is nothing beside them, and no lookup leaves its triangle.
+const UNITS: f32 = 1_048_576.0;
+
+/// Where the corners of a triangle lie between its four texels: far enough from the edges that rounding leads over none.
+const CORNERS: [Vec2; 3] = [Vec2::new(0.125, 0.125), Vec2::new(0.875, 0.125), Vec2::new(0.125, 0.875)];
+
+impl Importer<'_> {
+    /// A texture of the attribute of a name. Its picture is made when the mesh is there.
+    ///
+    /// - `is_number`: its luminance is wanted.
+    pub(super) fn await_attribute(&mut self, name: &str, is_number: bool, scale: f32) -> Texture {
+        let image = self.pictures.add(Image::from_linear_rgb(shortened(name), 1, 1, vec![[0.5; 3]]));
+        self.awaited.push(Awaited { name: name.into(), image, is_number });
+        let map = TextureMap {
+            uv_set: 1,
+            picture_from_uv: Affine2::from_scale(Vec2::splat(UNITS.recip())),
+            wrap_u: Wrap::Clamp,
+            wrap_v: Wrap::Clamp,
+            smooth: !name.starts_with("face_"),
+            ..TextureMap::new(image)
+        };
+        Texture { factor: Spectrum::splat(scale), map: Some((map, Some(Channel::R))) }
+    }
+
+    /// Makes the pictures that the material of a mesh waits for, and lays them on it.
+    pub(super) fn with_attributes(
+        &mut self,
+        object: &Object,
+        mut mesh: Mesh,
+        awaited: &[Awaited],
+    ) -> Result<Mesh, SceneError> {
+        let mut file = None;
+        if object.plugin == "ply" {
+            let location = self.filename(object)?;
+            file = Some((self.resources.read(&location)?, location));
+        }
+        let mut found = Vec::new();
+        for awaited in awaited {
+            let mut attribute = None;
+            if awaited.name == "vertex_color" && !mesh.colors.is_empty() {
+                let values = mesh.colors.iter().map(|color| color.truncate().to_array()).collect();
+                attribute = Some(Attribute { channels: 3, values });
+            } else if let Some((bytes, location)) = &file {
+                attribute = self.attribute(location, bytes, &awaited.name)?;
+            }
+            let is_of_faces = awaited.name.starts_with("face_");
+            let count = if is_of_faces { mesh.triangles.len() } else { mesh.positions.len() };
+            match attribute.filter(|attribute| attribute.values.len() == count) {
+                Some(attribute) => found.push((awaited, attribute)),
+                None => {
+                    let name = shortened(&awaited.name);
+                    let message = format!("the {} has no attribute `{name}`; 0.5 stands for it", object.describe());
+                    self.report.warn(object.at, message);
+                }
+            }
+        }
+        if found.is_empty() {
+            return Ok(mesh);
+        }
+        let tiles = Tiles::new(mesh.triangles.len());
+        // Four texels with their mip levels for each attribute, and corners of its own for each triangle.
+        let texels = found.len().saturating_mul(mesh.triangles.len()).saturating_mul(6 * size_of::<[f32; 3]>());
+        self.take(object.at, texels.saturating_add(mesh.memory_bytes().saturating_mul(3)))?;
+        for (awaited, Attribute { channels, mut values }) in found {
+            if awaited.is_number && channels == 3 {
+                let luminance = |[r, g, b]: [f32; 3]| Vec3::new(r, g, b).dot(Vec3::new(0.2126, 0.7152, 0.0722));
+                values.iter_mut().for_each(|value| *value = [luminance(*value); 3]);
+            }
+            let name = shortened(&awaited.name);
+            let image = if awaited.name.starts_with("face_") {
+                tiles.face_image(&name, &values)
+            } else {
+                tiles.vertex_image(&name, &values, &mesh.triangles)
+            };
+            self.pictures.replace(awaited.image, image);
+        }
+        // Triangles that share no vertices have no smooth normals.
+        if mesh.normals.is_empty() {
+            mesh.smooth_normals();
+        }
+        let mut mesh = mesh.unshared();
+        mesh.uvs[1] = (0..mesh.triangles.len()).flat_map(|triangle| tiles.corners(triangle)).collect();
+        Ok(mesh)
+    }
+
+    /// An attribute of the file itself, or the colours of its faces.
+    fn attribute(
+        &self,
+        location: &crate::resource::Location,
+        bytes: &[u8],
+        name: &str,
+    ) -> Result<Option<Attribute>, SceneError> {
+        let (path, budget) = (location.path(), self.resources.budget());
+        let colors = if name == "face_color" { ply::face_colors(path, bytes, budget)? } else { None };
+        Ok(match colors {
+            Some(colors) => {
+                let values = colors.iter().map(|color| color.truncate().to_array()).collect();
+                Some(Attribute { channels: 3, values })
+            }
+            None => ply::attribute(path, bytes, name, budget)?,
+        })
+    }
+}
+
+/// How the triangles of a mesh share a picture out: two by two texels each, row by row.
+#[derive(Clone, Copy, Debug)]
+struct Tiles {
+    columns: usize,
+    rows: usize,
+}
+
+impl Tiles {
+    fn new(count: usize) -> Self {
+        let columns = count.isqrt().max(1);
+        Self { columns, rows: count.div_ceil(columns).max(1) }
+    }
+
+    /// Texture coordinates of the corners of a triangle.
+    fn corners(&self, triangle: usize) -> [Vec2; 3] {
+        let tile = Vec2::new((triangle % self.columns) as f32, (triangle / self.columns) as f32);
+        let size = Vec2::new(self.columns as f32, self.rows as f32);
+        // From the centre of the first texel to that of the second is half a tile.
+        CORNERS.map(|corner| (tile + 0.25 + 0.5 * corner) / size * UNITS)
+    }
+
+    /// A picture of one value for each triangle.
+    fn face_image(&self, name: &str, values: &[[f32; 3]]) -> Image {
+        let mut texels = values.to_vec();
+        texels.resize(self.columns * self.rows, [0.0; 3]);
+        Image::from_linear_rgb(name, self.columns as u32, self.rows as u32, texels)
+    }
+
+    /// A picture of one value for each vertex.
+    fn vertex_image(&self, name: &str, values: &[[f32; 3]], triangles: &[[u32; 3]]) -> Image {
+        let width = 2 * self.columns;
+        let mut texels = vec![[0.0; 3]; width * 2 * self.rows];
+        let span = CORNERS[1].x - CORNERS[0].x;
+        for (number, triangle) in triangles.iter().enumerate() {
+            let [a, b, c] = triangle.map(|vertex| Vec3::from_array(values[vertex as usize]));
+            // So that no rounding makes what is 0 somewhere negative there.
+            let above = a.max(b).max(c) * f32::EPSILON;
+            let (along_x, along_y) = ((b - a) / span, (c - a) / span);
+            let origin = a + above - (along_x + along_y) * CORNERS[0].x;
+            let first = (number / self.columns) * 2 * width + (number % self.columns) * 2;
+            for (row, column) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let value = origin + along_x * column as f32 + along_y * row as f32;
+                texels[first + row * width + column] = value.to_array();
+            }
+        }
+        Image::from_numbers(name, width as u32, 2 * self.rows as u32, texels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_interpolate_as_triangles_do() {
+        // Seven triangles, with vertices of their own.
+        let triangles: Vec<[u32; 3]> = (0..7).map(|number| [3 * number, 3 * number + 1, 3 * number + 2]).collect();
+        let value = |vertex: u32, channel: u32| ((vertex * 7 + channel * 5) % 11) as f32 * 0.1;
+        let values: Vec<[f32; 3]> = (0..21).map(|vertex| [0, 1, 2].map(|channel| value(vertex, channel))).collect();
+        let tiles = Tiles::new(7);
+        let image = tiles.vertex_image("a", &values, &triangles);
+        let faces = tiles.face_image("b", &values[..7]);
+        let map = TextureMap {
+            picture_from_uv: Affine2::from_scale(Vec2::splat(UNITS.recip())),
+            wrap_u: Wrap::Clamp,
+            wrap_v: Wrap::Clamp,
+            ..TextureMap::new(ImageId(0))
+        };
+        for (number, triangle) in triangles.iter().enumerate() {
+            let [a, b, c] = tiles.corners(number);
+            let [x, y, z] = triangle.map(|vertex| Vec3::from_array(values[vertex as usize]));
+            for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.6), (0.5, 0.5), (1.0 / 3.0, 1.0 / 3.0)] {
+                let uv = a + (b - a) * u + (c - a) * v;
+                let expected = x + (y - x) * u + (z - x) * v;
+                // However wide the lookup is, for it is in units of other coordinates.
+                for footprint in [0.0, 1.0, 100.0] {
+                    let found = image.eval(&map, uv, footprint).truncate();
+                    assert!((found - expected).abs().max_element() < 2e-6, "{number}: {found} {expected}");
+                    assert!(found.min_element() >= 0.0, "{found}");
+                    let found = faces.eval(&TextureMap { smooth: false, ..map }, uv, footprint).truncate();
+                    assert_eq!(found.to_array(), values[number]);
+                }
+            }
+        }
+    }
+}
