@@ -3,7 +3,7 @@
 #[cfg(test)]
 const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-image", &[]),
-    ("bottega-scene", &[]),
+    ("bottega-scene", &["bottega-image"]),
     ("bottega-fuzzy", &[]),
     ("bottega-kernels", &[]),
     ("bottega-hra", &["bottega-kernels"]),

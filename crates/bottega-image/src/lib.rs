@@ -10,6 +10,7 @@
 
 mod canvas;
 mod color_map;
+mod colorimetry;
 mod error;
 mod exr_read;
 mod exr_write;
@@ -17,6 +18,7 @@ mod film;
 mod layers;
 mod layout;
 mod likeness;
+mod limits;
 mod metadata;
 mod metrics;
 mod output;
@@ -25,19 +27,23 @@ mod picture;
 mod png_read;
 mod png_write;
 mod preview;
+mod radiance_read;
 mod read;
 mod rect;
 mod tile;
 mod tone;
+mod whole;
 
 pub use canvas::Canvas;
 pub use color_map::{ColorMap, false_color};
+pub use colorimetry::{Chromaticities, Conversion, WhitePoint};
 pub use error::ImageError;
 pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};
 pub use layout::{Aov, AovSet, Layout};
+pub use limits::{Packing, ReadLimits, check_announced};
 pub use metadata::Metadata;
 pub use metrics::{
     FlipError, FlipOptions, FlipView, Moments, Seams, USUAL_TRIM, firefly_count, flip, mae, mean_z_score,
@@ -47,7 +53,8 @@ pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
 pub use preview::Preview;
-pub use read::{ImageFile, ReadLimits, read_channels, read_image, read_image_bytes, read_picture};
+pub use read::{ImageFile, read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
 pub use tile::{SampleValues, Tile};
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};
+pub use whole::{WholeHeader, WholePicture, is_float_picture, read_whole};

@@ -1,7 +1,10 @@
 //! Where pictures are written: formats, the check before the work, and files that appear whole or not at all.
+//!
+//! A name that is a symbolic link stays one: what it leads to is replaced. What is no file on a disk, such as a FIFO, is
+//! written into.
 
 use std::{
-    fs::{self, File},
+    fs::{self, File, OpenOptions},
     io::{BufWriter, Write},
     path::{Path, PathBuf},
 };
@@ -42,7 +45,9 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
     if path.is_dir() {
         return Err(not_writable(path, "it is a directory; name a file in it"));
     }
-    let folder = folder_of(path);
+    let destination = Destination::of(path)?;
+    let Destination::File(target) = &destination else { return Ok(format) };
+    let folder = folder_of(target);
     match fs::metadata(folder) {
         Ok(found) if !found.is_dir() => {
             return Err(not_writable(path, format!("`{}` is not a directory", folder.display())));
@@ -60,7 +65,8 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
     AtomicFile::create(path).map(|_| format)
 }
 
-/// Writes `bytes` to `path`, whole or not at all: who reads the file meanwhile sees the old one or the new one.
+/// Writes `bytes` to `path`, whole or not at all: who reads the file meanwhile sees the old one or the new one. A symbolic
+/// link is followed; into a FIFO or a device the bytes are written.
 pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
     let path = path.as_ref();
     let mut file = AtomicFile::create(path)?;
@@ -75,25 +81,62 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
+/// Symbolic links that are followed before they are taken for a circle, as Linux does.
+const LINKS_MAX: usize = 40;
+
+/// Where bytes go that are written to a path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Destination {
+    /// A file of this name, which need not exist yet: no symbolic link.
+    File(PathBuf),
+    /// Something that takes bytes and cannot be replaced: a FIFO, a device.
+    Stream(PathBuf),
+}
+
+impl Destination {
+    /// Follows symbolic links to where they lead.
+    fn of(path: &Path) -> Result<Self, ImageError> {
+        let mut target = path.to_owned();
+        for _ in 0..LINKS_MAX {
+            let Ok(found) = fs::symlink_metadata(&target) else { return Ok(Self::File(target)) };
+            if found.is_symlink() {
+                let next = fs::read_link(&target).map_err(|error| ImageError::write(path, error))?;
+                target = folder_of(&target).join(next);
+            } else if found.is_file() || found.is_dir() {
+                return Ok(Self::File(target));
+            } else {
+                return Ok(Self::Stream(target));
+            }
+        }
+        Err(not_writable(path, "it is a symbolic link that leads back to itself"))
+    }
+}
+
 /// A file that takes its name only when it is complete. Dropped before [`commit`](Self::commit) it leaves nothing
 /// behind.
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
-    path: PathBuf,
+    destination: Destination,
     temporary: PathBuf,
     file: Option<BufWriter<File>>,
 }
 
 impl AtomicFile {
+    /// Opens a file beside the one that it will be, or, for what is written into, among the temporary files.
     pub(crate) fn create(path: &Path) -> Result<Self, ImageError> {
-        let name = path.file_name().ok_or_else(|| not_writable(path, "it names no file"))?.to_string_lossy();
+        let destination = Destination::of(path)?;
+        let (place, folder) = match &destination {
+            Destination::File(target) => (target.as_path(), folder_of(target).to_owned()),
+            Destination::Stream(target) => (target.as_path(), std::env::temp_dir()),
+        };
+        let name = place.file_name().ok_or_else(|| not_writable(path, "it names no file"))?.to_string_lossy();
         let mut attempt = 0;
         loop {
             // A short prefix of the name, so that a name of nearly the longest length still works.
             let prefix: String = name.chars().take(32).collect();
-            let temporary = folder_of(path).join(format!(".{prefix}.{}-{attempt}.part", std::process::id()));
+            let temporary = folder.join(format!(".{prefix}.{}-{attempt}.part", std::process::id()));
             match File::create_new(&temporary) {
-                Ok(file) => return Ok(Self { path: path.to_owned(), temporary, file: Some(BufWriter::new(file)) }),
+                Ok(file) => return Ok(Self { destination, temporary, file: Some(BufWriter::new(file)) }),
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && attempt < 1000 => attempt += 1,
                 Err(error) => return Err(ImageError::write(path, error)),
             }
@@ -105,16 +148,24 @@ impl AtomicFile {
         self.file.as_mut().expect("open until it is committed")
     }
 
-    /// Brings what was written to the disk and gives it its name, in place of what was there.
+    /// Brings what was written to the disk and gives it its name, in place of what was there; or writes it into what
+    /// cannot be replaced, which waits for who reads a FIFO.
     pub(crate) fn commit(mut self) -> Result<(), ImageError> {
         let finish = |writer: BufWriter<File>| -> std::io::Result<()> {
             let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             file.sync_all()
         };
         let writer = self.file.take().expect("open until it is committed");
-        finish(writer)
-            .and_then(|()| fs::rename(&self.temporary, &self.path))
-            .map_err(|error| ImageError::write(&self.path, error))
+        let deliver = || match &self.destination {
+            Destination::File(target) => fs::rename(&self.temporary, target),
+            Destination::Stream(target) => {
+                let mut stream = OpenOptions::new().write(true).open(target)?;
+                std::io::copy(&mut File::open(&self.temporary)?, &mut stream)?;
+                stream.flush()
+            }
+        };
+        let (Destination::File(path) | Destination::Stream(path)) = &self.destination;
+        finish(writer).and_then(|()| deliver()).map_err(|error| ImageError::write(path, error))
     }
 }
 
@@ -183,5 +234,53 @@ mod tests {
         file.writer().write_all(b"new").unwrap();
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_symbolic_link_stays_one_and_what_it_leads_to_is_written() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("disk")).unwrap();
+        fs::write(at("disk/real.png"), b"old").unwrap();
+        symlink("disk/real.png", at("link.png")).unwrap();
+        symlink("link.png", at("second.png")).unwrap();
+        symlink("disk/new.png", at("dangling.png")).unwrap();
+        for (link, target) in [("link.png", "real.png"), ("second.png", "real.png"), ("dangling.png", "new.png")] {
+            assert_eq!(check_writable(at(link)).unwrap(), OutputFormat::Png);
+            write_whole(at(link), link.as_bytes()).unwrap();
+            assert!(fs::symlink_metadata(at(link)).unwrap().is_symlink(), "{link}");
+            assert_eq!(fs::read(at("disk").join(target)).unwrap(), link.as_bytes());
+        }
+        assert_eq!(fs::read_dir(at("disk")).unwrap().count(), 2);
+        symlink("nowhere/a.png", at("lost.png")).unwrap();
+        assert!(reason(&at("lost.png")).contains("does not exist"));
+        symlink("circle.png", at("circle.png")).unwrap();
+        assert!(reason(&at("circle.png")).contains("leads back to itself"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_fifo_is_written_into() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe.png");
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        if !made.is_ok_and(|status| status.success()) {
+            eprintln!("skipped: there is no mkfifo");
+            return;
+        }
+        // The check must not wait for a reader.
+        assert_eq!(check_writable(&path).unwrap(), OutputFormat::Png);
+        let reader = {
+            let path = path.clone();
+            std::thread::spawn(move || fs::read(path).unwrap())
+        };
+        let bytes = vec![7; 100_000];
+        write_whole(&path, &bytes).unwrap();
+        assert_eq!(reader.join().unwrap(), bytes);
+        assert!(fs::symlink_metadata(&path).unwrap().file_type().is_fifo());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -4,11 +4,14 @@ use std::io::{BufRead, Seek};
 
 use crate::{
     ImageError, Metadata, Picture,
-    read::{ImageFile, Source},
+    colorimetry::{Chromaticities, Conversion, WhitePoint},
+    limits::{Packing, check_announced},
+    read::{ImageFile, Source, file_bytes},
     tone::linear_from_srgb,
 };
 
-pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<ImageFile, ImageError> {
+pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<ImageFile, ImageError> {
+    let bytes_of_file = file_bytes(source, &mut input)?;
     let failed = |error: png::DecodingError| match error {
         png::DecodingError::IoError(io) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
             ImageError::read(source.path, io)
@@ -19,8 +22,12 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<I
     let mut decoder = png::Decoder::new(input);
     // Palettes become RGB, fewer than 8 bits 8.
     decoder.set_transformations(png::Transformations::EXPAND);
-    let (width, height) = decoder.read_header_info().map_err(failed)?.size();
-    source.check_size(u64::from(width), u64::from(height))?;
+    let info = decoder.read_header_info().map_err(failed)?;
+    let (width, height) = info.size();
+    let (columns, rows, pixel_bits) = (u64::from(width), u64::from(height), info.bits_per_pixel() as u64);
+    source.check_size(columns, rows)?;
+    check_announced((columns, rows), pixel_bits, Packing::DEFLATE, bytes_of_file)
+        .map_err(|problem| source.malformed("PNG", problem))?;
     // What the decoder holds beside the rows that it gives: metadata and a few rows.
     decoder.set_limits(png::Limits { bytes: (64 << 20) + 64 * width as usize });
     let mut reader = decoder.read_info().map_err(failed)?;
@@ -50,6 +57,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, input: R) -> Result<I
             fill(&mut picture, samples, pixels, |pixel: &[u8], channel| table[usize::from(pixel[channel])]);
         }
     }
+    conversion(info, source.white_point).apply(&mut picture.data);
     Ok(ImageFile { picture, offset: (0, 0), full_size: (width, height), metadata: metadata(info) })
 }
 
@@ -64,6 +72,18 @@ fn fill<'a>(
     for (to, pixel) in picture.data.iter_mut().zip(pixels) {
         *to = channels.map(|channel| value(pixel, channel));
     }
+}
+
+/// By the primaries that the file names, but where it says that it is sRGB.
+fn conversion(info: &png::Info<'_>, white_point: WhitePoint) -> Conversion {
+    let is_color = !matches!(info.color_type, png::ColorType::Grayscale | png::ColorType::GrayscaleAlpha);
+    let Some(found) = info.chrm_chunk.filter(|_| info.srgb.is_none() && is_color) else { return Conversion::NONE };
+    let number = |value: png::ScaledFloat| f64::from(value.into_value());
+    let numbers = [found.red, found.green, found.blue, found.white].map(|(x, y)| [number(x), number(y)]);
+    let [[rx, ry], [gx, gy], [bx, by], [wx, wy]] = numbers;
+    let chromaticities = Chromaticities::from_numbers([rx, ry, gx, gy, bx, by, wx, wy]);
+    // Impossible ones say nothing.
+    chromaticities.to_rec709(white_point).unwrap_or_default()
 }
 
 /// How the file's values become linear.

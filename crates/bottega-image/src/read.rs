@@ -2,15 +2,16 @@
 
 use std::{
     fs::File,
-    io::{BufRead, BufReader, Read, Seek},
+    io::{BufRead, BufReader, Read, Seek, SeekFrom},
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
 };
 
 use crate::{
-    ImageError, Metadata, Picture,
-    exr_read::{self, Planes},
-    png_read,
+    ImageError, Metadata, Picture, WhitePoint,
+    exr_read::{self, Planes, Wanted},
+    limits::ReadLimits,
+    png_read, radiance_read,
 };
 
 /// A picture and what its file says of it.
@@ -26,25 +27,12 @@ pub struct ImageFile {
     pub metadata: Metadata,
 }
 
-/// What [`read_image`] accepts.
-#[derive(Clone, Copy, Debug)]
-pub struct ReadLimits {
-    /// The most pixels, compared with the header before anything is allocated.
-    pub max_pixels: u64,
-}
-
-impl Default for ReadLimits {
-    /// 16384 × 8192: the largest environment maps in use.
-    fn default() -> Self {
-        Self { max_pixels: 1 << 27 }
-    }
-}
-
 /// Reads a picture: OpenEXR, PNG or Radiance HDR, told apart by their first bytes. 8- and 16-bit values are decoded by
-/// the sRGB curve, or the gamma that the file names; alpha is left out.
+/// the sRGB curve, or the gamma that the file names; alpha is left out. Colors of other primaries than ours, which the files
+/// name, become linear Rec. 709, and white stays white.
 ///
 /// Of an EXR file it is the color that a viewer shows first: the channels R, G, B of no layer, else those of a layer,
-/// else the gray of Y. Accepts what [`ReadLimits::default`] allows.
+/// else X, Y and Z, or the gray of Y or of the only channel. Accepts what [`ReadLimits::default`] allows.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture, ImageError> {
     read_image(path, ReadLimits::default()).map(|file| file.picture)
 }
@@ -56,7 +44,7 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
     if file.metadata().is_ok_and(|found| found.is_dir()) {
         return Err(ImageError::read(path, std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(&Source { path, limits }, BufReader::new(file), &[]).map(|(file, _)| file)
+    read_from(&Source::new(path, limits), BufReader::new(file), &[]).map(|(file, _)| file)
 }
 
 /// As [`read_image`], with further channels of an OpenEXR file by their full names, such as `depth.Z`: a plane each,
@@ -68,21 +56,26 @@ pub fn read_channels(
 ) -> Result<(ImageFile, Planes), ImageError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
-    read_from(&Source { path, limits }, BufReader::new(file), names)
+    read_from(&Source::new(path, limits), BufReader::new(file), names)
 }
 
 /// As [`read_image`], of the bytes of a file; `name` stands in errors.
 pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
-    read_from(&Source { path: name.as_ref(), limits }, std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
+    read_from(&Source::new(name.as_ref(), limits), std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
 }
 
 /// What the readers of all formats need to know.
 pub(crate) struct Source<'a> {
     pub(crate) path: &'a Path,
     pub(crate) limits: ReadLimits,
+    pub(crate) white_point: WhitePoint,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    pub(crate) fn new(path: &'a Path, limits: ReadLimits) -> Self {
+        Self { path, limits, white_point: WhitePoint::default() }
+    }
+
     pub(crate) fn malformed(&self, format: &'static str, detail: impl Into<String>) -> ImageError {
         ImageError::malformed(self.path, format, detail)
     }
@@ -107,42 +100,42 @@ fn read_from<R: BufRead + Seek>(
     mut input: R,
     names: &[String],
 ) -> Result<(ImageFile, Planes), ImageError> {
-    let mut magic = Vec::new();
-    input.by_ref().take(10).read_to_end(&mut magic).map_err(|error| ImageError::read(source.path, error))?;
-    input.rewind().map_err(|error| ImageError::read(source.path, error))?;
+    let start = start_of(source, &mut input)?;
     // Other formats have no channels but the color's.
     let alone = |file| (file, vec![None; names.len()]);
-    match magic.as_slice() {
-        [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || exr_read::read(source, input, names)),
+    match start.as_slice() {
+        [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || {
+            exr_read::read(source, input, Wanted { names, alpha: false }).map(|read| (read.file, read.planes))
+        }),
         [0x89, b'P', b'N', b'G', ..] => guarded(source, "PNG", || png_read::read(source, input)).map(alone),
-        [b'#', b'?', ..] => guarded(source, "HDR", || read_hdr(source, input)).map(alone),
+        start if radiance_read::recognizes(start) => {
+            let bytes = file_bytes(source, &mut input)?;
+            radiance_read::read(source, input, bytes).map(|(file, _)| alone(file))
+        }
         _ => Err(ImageError::UnknownFormat { path: source.path.to_owned() }),
     }
 }
 
+/// The first bytes of a file, which stays at its beginning.
+fn start_of<R: BufRead + Seek>(source: &Source<'_>, input: &mut R) -> Result<Vec<u8>, ImageError> {
+    let mut start = Vec::new();
+    let read = input.by_ref().take(64).read_to_end(&mut start).and_then(|_| input.rewind());
+    read.map_err(|error| ImageError::read(source.path, error))?;
+    Ok(start)
+}
+
+/// How long a file is, which stays at its beginning.
+pub(crate) fn file_bytes<R: Seek>(source: &Source<'_>, input: &mut R) -> Result<u64, ImageError> {
+    let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length));
+    length.map_err(|error| ImageError::read(source.path, error))
+}
+
 /// The decoders are other people's, and fuzzing has found panics in such before: one becomes an error of the file.
-fn guarded<T>(
+pub(crate) fn guarded<T>(
     source: &Source<'_>,
     format: &'static str,
     read: impl FnOnce() -> Result<T, ImageError>,
 ) -> Result<T, ImageError> {
     // Nothing that `read` leaves half changed outlives it, so unwinding out of it is safe.
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(source.malformed(format, "its decoder gave up")))
-}
-
-fn read_hdr<R: BufRead>(source: &Source<'_>, input: R) -> Result<ImageFile, ImageError> {
-    use image::ImageDecoder;
-    let failed = |error: image::ImageError| match error {
-        image::ImageError::IoError(io) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
-            ImageError::read(source.path, io)
-        }
-        image::ImageError::IoError(_) => source.malformed("HDR", "it ends too early; was it cut off?"),
-        other => source.malformed("HDR", other.to_string()),
-    };
-    let decoder = image::codecs::hdr::HdrDecoder::new_nonstrict(input).map_err(failed)?;
-    let (width, height) = decoder.dimensions();
-    source.check_size(u64::from(width), u64::from(height))?;
-    let mut picture = Picture::new(width, height);
-    decoder.read_image(bytemuck::cast_slice_mut(&mut picture.data)).map_err(failed)?;
-    Ok(ImageFile { picture, offset: (0, 0), full_size: (width, height), metadata: Metadata::default() })
 }

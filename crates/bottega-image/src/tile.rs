@@ -75,7 +75,9 @@ impl Tile {
         pixel[Layout::COLOR + 1] += g;
         pixel[Layout::COLOR + 2] += b;
         pixel[Layout::ALPHA] += values.alpha;
-        pixel[Layout::LUMINANCE_SQUARED] += luminance * luminance;
+        // It only tells how noisy a pixel is: where the square of a lamp's own light overflows, the picture is still sound.
+        let squares = pixel[Layout::LUMINANCE_SQUARED] + luminance * luminance;
+        pixel[Layout::LUMINANCE_SQUARED] = squares.min(f32::MAX);
         pixel[Layout::SAMPLE_COUNT] += 1.0;
         let mut put = |aov: Aov, channels: &[f32]| {
             if let Some(offset) = self.layout.offset(aov) {
@@ -131,5 +133,20 @@ impl Tile {
             let from = other.rect.index(shared.x0, y) * stride;
             self.sums[to..to + row].copy_from_slice(&other.sums[from..from + row]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_whose_square_overflows_leaves_finite_sums() {
+        let mut tile = Tile::new(Rect::of_size(1, 1), Layout::new(crate::AovSet::NONE));
+        for _ in 0..4 {
+            tile.add(0, 0, &SampleValues { radiance: [1e25; 3], alpha: 1.0, ..SampleValues::default() });
+        }
+        assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{:?}", tile.sums());
+        assert_eq!(tile.pixel(0, 0)[Layout::COLOR], 4e25);
     }
 }

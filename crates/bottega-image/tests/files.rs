@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use bottega_image::{
     Aov, AovSet, Combine, Encoding, ExrCompression, ExrOptions, Film, HalfOrFloat, ImageError, Layer, Layout, Metadata,
-    Picture, PngBits, PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, read_channels, read_image,
-    read_image_bytes, read_picture, write_exr, write_picture_exr, write_png, write_png_rgb8,
+    Picture, PngBits, PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, WhitePoint, WholeHeader,
+    read_channels, read_image, read_image_bytes, read_picture, read_whole, write_exr, write_picture_exr, write_png,
+    write_png_rgb8,
 };
 
 /// A film with every AOV, whose values tell the pixel that they belong to.
@@ -183,6 +184,30 @@ fn a_png_file_holds_what_was_encoded() {
 }
 
 #[test]
+fn alpha_of_a_png_file_is_straight() {
+    let rect = Rect::of_size(2, 1);
+    let layout = Layout::new(AovSet::NONE);
+    let mut tile = Tile::new(rect, layout.clone());
+    // Half covered by a surface of 0.5 and not at all: of the color nothing is seen there.
+    for (x, alpha, radiance) in [(0, 1.0, 0.5), (0, 0.0, 0.0), (1, 0.0, 0.7), (1, 0.0, 0.7)] {
+        tile.add(x, 0, &SampleValues { radiance: [radiance; 3], alpha, ..SampleValues::default() });
+    }
+    let mut film = Film::new(rect, layout);
+    film.add_tile(&tile, |_, _| 1.0);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let (tone, encoding, bits) = (ToneMap::Linear, Encoding::Linear, PngBits::Sixteen);
+    let options = PngOptions { exposure_stops: 0.0, tone, encoding, bits, alpha: true };
+    write_png(&path, &film, &options, &Metadata::new()).unwrap();
+    let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let codes: Vec<u16> = bytes.as_chunks().0.iter().map(|code| u16::from_be_bytes(*code)).collect();
+    assert_eq!(codes, [32768, 32768, 32768, 32768, 0, 0, 0, 0]);
+}
+
+#[test]
 fn gray_palette_and_sixteen_bit_png_files_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
@@ -228,9 +253,14 @@ fn an_exr_file_of_layers_gives_its_color_and_not_its_albedo() {
     assert_eq!(read_picture(&path).unwrap().data, [[1.0, 2.0, 3.0]]);
     write(&[("Y", float(0.5)), ("Z", float(7.0))]);
     assert_eq!(read_picture(&path).unwrap().data, [[0.5; 3]]);
-    write(&[("Z", float(7.0))]);
+    write(&[("R", float(0.25))]);
+    assert_eq!(read_picture(&path).unwrap().data, [[0.25; 3]]);
+    write(&[("X", float(0.9505)), ("Y", float(1.0)), ("Z", float(1.0891))]);
+    let white = read_picture(&path).unwrap().data[0];
+    assert!(white.iter().all(|value| (value - 1.0).abs() < 1e-3), "{white:?}");
+    write(&[("Z", float(7.0)), ("id", float(7.0))]);
     let error = read_picture(&path).unwrap_err();
-    assert!(matches!(&error, ImageError::NoColor { found, .. } if found == "Z"), "{error}");
+    assert!(matches!(&error, ImageError::NoColor { found, .. } if found == "Z, id"), "{error}");
 }
 
 #[test]
@@ -341,6 +371,90 @@ fn a_header_that_announces_too_much_is_refused_before_allocating() {
     bytes[x_max..x_max + 4].copy_from_slice(&1_000_000_000i32.to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();
     assert!(matches!(read_picture(&path), Err(ImageError::TooLarge { .. })));
+}
+
+/// An EXR file of one gray level and these chromaticities, data window and display window.
+fn exr_of(chromaticities: Option<[f32; 8]>, data: Rect, display: (u32, u32)) -> Vec<u8> {
+    use exr::prelude::*;
+    let channels = SpecificChannels::rgb(|_| (1.0_f32, 0.1_f32, 0.1_f32));
+    let layer_position = Vec2(data.x0 as i32, data.y0 as i32);
+    let attributes = LayerAttributes { layer_position, ..LayerAttributes::default() };
+    let size = (data.width() as usize, data.height() as usize);
+    let layer = Layer::new(size, attributes, exr::prelude::Encoding::SMALL_LOSSLESS, channels);
+    let mut image = Image::from_layer(layer);
+    image.attributes.display_window = IntegerBounds::new((0, 0), (display.0 as usize, display.1 as usize));
+    image.attributes.chromaticities =
+        chromaticities.map(|[rx, ry, gx, gy, bx, by, wx, wy]| exr::meta::attribute::Chromaticities {
+            red: Vec2(rx, ry),
+            green: Vec2(gx, gy),
+            blue: Vec2(bx, by),
+            white: Vec2(wx, wy),
+        });
+    let mut file = std::io::Cursor::new(Vec::new());
+    image.write().to_buffered(&mut file).unwrap();
+    file.into_inner()
+}
+
+#[test]
+fn colors_of_other_primaries_become_ours() {
+    let rec2020 = [0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329];
+    for (chromaticities, expected) in [
+        // Mitsuba 3.9.1, of the same file.
+        (Some(rec2020), [1.594_442, -0.012_096, 0.083_664]),
+        (Some([0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329]), [1.0, 0.1, 0.1]),
+        (Some([0.0; 8]), [1.0, 0.1, 0.1]),
+        (None, [1.0, 0.1, 0.1]),
+    ] {
+        let bytes = exr_of(chromaticities, Rect::of_size(2, 1), (2, 1));
+        let color = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap().picture.data[0];
+        let is_close = color.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5);
+        assert!(is_close, "{chromaticities:?}: {color:?}");
+        let whole = read_whole("a.exr", &bytes, ReadLimits::default(), WhitePoint::Adapted).unwrap();
+        assert_eq!(whole.picture.data[1], color);
+        assert_eq!(whole.notes.len(), usize::from(chromaticities == Some([0.0; 8])));
+    }
+}
+
+#[test]
+fn a_whole_picture_is_black_where_its_file_holds_nothing() {
+    let bytes = exr_of(None, Rect::new(1, 1, 3, 2), (4, 3));
+    let header = WholeHeader::read("a.exr", &bytes, ReadLimits::default()).unwrap();
+    assert_eq!((header.width, header.height, header.has_alpha), (4, 3, false));
+    let whole = read_whole("a.exr", &bytes, ReadLimits::default(), WhitePoint::Adapted).unwrap();
+    let reds: Vec<f32> = whole.picture.data.iter().map(|color| color[0]).collect();
+    assert_eq!(reds, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    // The file itself holds two pixels.
+    let file = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap();
+    assert_eq!((file.picture.size(), file.offset, file.full_size), ((2, 1), (1, 1), (4, 3)));
+    // A frame that is all but empty is no reason for gigabytes.
+    let bytes = exr_of(None, Rect::of_size(1, 1), (11_000, 11_000));
+    let refused = WholeHeader::read("a.exr", &bytes, ReadLimits::default());
+    assert!(matches!(refused, Err(ImageError::Malformed { .. })), "{refused:?}");
+}
+
+#[test]
+fn small_files_that_announce_much_are_refused_at_once() {
+    let sizes: [(i32, i32); 3] = [(11_000, 11_000), (1 << 26, 1), (1, 1 << 26)];
+    for (width, height) in sizes {
+        let mut exr = exr_of(None, Rect::of_size(2, 1), (2, 1));
+        let window = exr.windows(16).position(|w| w == b"dataWindow\0box2i").unwrap() + 17 + 4;
+        exr[window + 8..window + 12].copy_from_slice(&(width - 1).to_le_bytes());
+        exr[window + 12..window + 16].copy_from_slice(&(height - 1).to_le_bytes());
+        // Files of one part need not tell how many blocks they have; a count that contradicts the size is refused for that.
+        let count = exr.windows(11).position(|w| w == b"chunkCount\0").unwrap();
+        exr[count..count + 10].copy_from_slice(b"chunkOther");
+        let radiance = format!("#?RADIANCE\n\n-Y {height} +X {width}\n\x02\x02").into_bytes();
+        let mut png = Vec::new();
+        let mut encoder = png::Encoder::new(&mut png, width as u32, height as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        drop(encoder.write_header().unwrap());
+        for (name, bytes) in [("a.exr", exr), ("a.hdr", radiance), ("a.png", png)] {
+            assert!(bytes.len() < 500, "{name} has {} bytes", bytes.len());
+            let refused = read_image_bytes(name, &bytes, ReadLimits::default());
+            let is_told = matches!(&refused, Err(ImageError::Malformed { detail, .. }) if detail.contains("announces"));
+            assert!(is_told, "{name}, {width} × {height}: {refused:?}");
+        }
+    }
 }
 
 #[test]

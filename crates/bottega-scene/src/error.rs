@@ -179,6 +179,14 @@ impl SceneError {
             other => other,
         }
     }
+
+    /// The same error, with the file that the scene is of where it does not know it.
+    pub(crate) fn in_file(self, path: &std::path::Path) -> Self {
+        match self {
+            Self::Inconsistent { place, problem } => Self::Invalid { path: path.into(), place, problem },
+            other => other,
+        }
+    }
 }
 
 fn at(place: &str) -> String {

@@ -44,7 +44,8 @@ pub enum GridError {
 }
 
 impl Grid {
-    /// A grid of colours, or of numbers where there is one value a cell. Values that are negative or not finite count as 0.
+    /// A grid of colours, or of numbers where there is one value a cell. Values that are negative or not finite count as 0, those
+    /// above [`VALUE_MAX`](crate::VALUE_MAX) as that.
     ///
     /// - `size`: cells along x, y and z.
     /// - `values`: one or three a cell; x runs fastest.
@@ -59,7 +60,7 @@ impl Grid {
             count => return Err(GridError::Count { cells, values: count }),
         };
         for value in &mut values {
-            *value = if value.is_finite() { value.max(0.0) } else { 0.0 };
+            *value = if value.is_finite() { value.clamp(0.0, crate::VALUE_MAX) } else { 0.0 };
         }
         Ok(Self { size, channels, values, blend })
     }

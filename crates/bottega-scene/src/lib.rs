@@ -36,6 +36,7 @@ mod text;
 mod texture;
 mod tube;
 mod validate;
+mod values;
 
 pub use camera::{Camera, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
@@ -53,6 +54,7 @@ pub use surface::{
     Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Uvs, Wrap};
+pub use values::{FACTOR_MAX, VALUE_MAX};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.
 pub type Spectrum = glam::Vec3;

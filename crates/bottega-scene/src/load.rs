@@ -11,7 +11,7 @@ use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
 use crate::resource::{Resources, SceneFile};
 use crate::{
-    Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt,
+    Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt, values,
 };
 
 /// What is wanted of a scene beyond its file, and how much it may take.
@@ -113,6 +113,8 @@ pub struct RenderHints {
     pub max_depth: Option<u32>,
     /// The pixel filter.
     pub filter: Option<FilmFilter>,
+    /// Whether the film keeps alpha: what shows no surface is transparent in formats that can tell.
+    pub alpha: bool,
     /// Whether the file has no light, and a neutral sky was added.
     pub is_sky_added: bool,
 }
@@ -242,7 +244,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         warnings.add("", "the scene has no surface");
     }
     if let Some(environment) = &options.environment {
-        add_environment(&mut scene, environment, options, &budget, &mut digest)?;
+        add_environment(&mut scene, environment, options, &budget, &mut digest, &mut warnings)?;
     }
     if options.add_sky && !scene.has_light() {
         warnings.add("", "the scene has no light; a neutral sky shines on it");
@@ -254,10 +256,20 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         scene.cameras.push(Camera::framing_scene(&scene, 1.0));
     }
     scene.digest = digest.finalize().to_hex().to_string();
-    scene.validate()?;
+    mend_colors(&mut scene, &mut warnings);
+    scene.validate().map_err(|error| error.in_file(path))?;
     let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
     tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
     Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints, files })
+}
+
+/// Makes sound numbers of the colours of vertices, and tells where there were others.
+fn mend_colors(scene: &mut Scene, warnings: &mut Warnings) {
+    for (index, mesh) in scene.meshes.iter_mut().enumerate() {
+        if let Some(note) = values::mend(bytemuck::cast_slice_mut(&mut mesh.colors)) {
+            warnings.add(format!("meshes[{index}]"), format!("the colours of a mesh's vertices: {note}"));
+        }
+    }
 }
 
 fn describe(file: &[u8]) -> &'static str {
@@ -276,6 +288,7 @@ fn add_environment(
     options: &LoadOptions,
     budget: &MemoryBudget,
     digest: &mut blake3::Hasher,
+    warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
     let bytes = read_file(path, budget)?;
     digest.update(hash(&bytes).as_bytes());
@@ -285,7 +298,10 @@ fn add_environment(
         PictureFault::Unreadable { problem } => unreadable(problem),
     })?;
     budget.take(path, "", header.memory_bytes())?;
-    let decoded = Decoded::read(&bytes, header).map_err(unreadable)?;
+    let mut decoded = Decoded::read(&bytes, header).map_err(unreadable)?;
+    for note in decoded.take_notes() {
+        warnings.add("", format!("the picture `{}`: {note}", path.display()));
+    }
     let image = decoded.into_image(&path.display().to_string(), Encoding::Srgb);
     scene.set_environment(image, options.environment_intensity, options.environment_rotation);
     Ok(())
@@ -367,5 +383,24 @@ pub(crate) struct Held<'a> {
 impl Drop for Held<'_> {
     fn drop(&mut self) {
         self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec4;
+
+    use super::*;
+    use crate::Mesh;
+
+    #[test]
+    fn colours_of_vertices_that_cannot_be_computed_with_are_told() {
+        let colors = vec![Vec4::new(0.5, f32::INFINITY, 1e30, 1.0), Vec4::new(f32::NAN, 0.25, 0.0, 1.0)];
+        let mut scene = Scene { meshes: vec![Mesh { colors, ..Mesh::default() }], ..Scene::default() };
+        let mut warnings = Warnings::default();
+        mend_colors(&mut scene, &mut warnings);
+        assert_eq!(scene.meshes[0].colors, [Vec4::ONE.with_x(0.5), Vec4::new(0.0, 0.25, 0.0, 1.0)]);
+        let told = warnings.finish();
+        assert!(told.len() == 1 && told[0].place == "meshes[0]", "{told:?}");
     }
 }

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::model::is_placeable;
 use crate::{
-    AlphaMode, Back, COORDINATE_MAX, ColorParam, LightKind, Material, Medium, MediumId, Mesh, Portal, Projection,
-    ReliefSource, SURFACE_UV_SETS, Scene, SceneError, Surface,
+    AlphaMode, Back, COORDINATE_MAX, ColorParam, FACTOR_MAX, LightKind, Material, Medium, MediumId, Mesh, Portal,
+    Projection, ReliefSource, SURFACE_UV_SETS, Scene, SceneError, Spectrum, Surface, VALUE_MAX,
 };
 
 impl Scene {
@@ -46,11 +46,10 @@ impl Scene {
         each("lights", &self.lights, |light| self.check_light(&light.kind))?;
         if let Some(environment) = &self.environment {
             let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
-            let is_sound = has_image
-                && environment.factor.is_finite()
-                && environment.factor.min_element() >= 0.0
-                && is_orthonormal(&environment.world_from_environment);
-            check(is_sound, "its image, factor or rotation does not exist")
+            let is_turned = is_orthonormal(&environment.world_from_environment);
+            check(has_image, "its image does not exist")
+                .and_then(|()| check(is_color_factor(environment.factor), FACTOR))
+                .and_then(|()| check(is_turned, "its orientation is no rotation"))
                 .and_then(|()| check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle"))
                 .map_err(|problem| place("environment", problem))?;
         }
@@ -89,7 +88,8 @@ impl Scene {
         let is_tangent = |t: &glam::Vec4| is_unit(t.truncate().length_squared()) && t.w.abs() == 1.0;
         check(mesh.tangents.par_iter().all(is_tangent), "a tangent is not of unit length")?;
         check(mesh.uvs.iter().flatten().all(|uv| uv.is_finite()), "a texture coordinate is not finite")?;
-        check(mesh.colors.iter().all(|c| c.is_finite() && c.min_element() >= 0.0), "a vertex colour is not a colour")
+        let is_color = |c: &glam::Vec4| c.is_finite() && c.min_element() >= 0.0 && c.max_element() <= VALUE_MAX;
+        check(mesh.colors.iter().all(is_color), "a vertex colour is not a colour")
     }
 
     fn check_parameters(&self, material: &Material) -> Result<(), String> {
@@ -159,28 +159,29 @@ impl Scene {
                 (intensity, world_from_light.translation.into(), None)
             }
         };
-        check(power.is_finite() && power.min_element() >= 0.0, "its colour is negative or not finite")?;
+        check(is_color_factor(power), "its colour is negative, not finite or above 1e15")?;
         check(position.is_finite(), "its position is not finite")?;
         check(direction.is_none_or(glam::Vec3::is_normalized), "its direction is not of unit length")
     }
 }
 
-const FACTOR: &str = "a factor is negative or not finite";
+const FACTOR: &str = "a factor is negative, not finite or above 1e15";
 
 fn is_factor(factor: f32) -> bool {
-    factor.is_finite() && factor >= 0.0
+    (0.0..=FACTOR_MAX).contains(&factor)
 }
 
 fn is_color(color: &ColorParam) -> bool {
-    color.factor.is_finite() && color.factor.min_element() >= 0.0
+    is_color_factor(color.factor)
+}
+
+fn is_color_factor(color: Spectrum) -> bool {
+    color.to_array().into_iter().all(is_factor)
 }
 
 fn check_medium(medium: &Medium) -> Result<(), String> {
     let coefficients = [medium.absorption, medium.scattering, medium.emission];
-    check(
-        coefficients.iter().all(|c| c.is_finite() && c.min_element() >= 0.0),
-        "a coefficient is negative or not finite",
-    )?;
+    check(coefficients.into_iter().all(is_color_factor), "a coefficient is negative, not finite or above 1e15")?;
     check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;
     let is_placed = medium.variation.as_ref().is_none_or(|variation| variation.grid_from_world.is_finite());
     check(is_placed, "its grid is nowhere")

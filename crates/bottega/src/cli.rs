@@ -262,6 +262,10 @@ pub(crate) struct RenderArgs {
     /// How a PNG's values are stored.
     #[arg(long, value_enum, default_value_t = EncodingArg::Srgb, help_heading = "Output")]
     pub(crate) encoding: EncodingArg,
+    /// Write alpha into a PNG: transparent where the surroundings are seen. Without it, a PNG has alpha where the scene's film
+    /// asks for it (Mitsuba's `pixel_format`). An EXR file always has it.
+    #[arg(long, help_heading = "Output")]
+    pub(crate) alpha: bool,
     /// Write 16-bit instead of 32-bit values into an EXR file.
     #[arg(long, help_heading = "Output")]
     pub(crate) half: bool,

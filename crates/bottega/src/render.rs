@@ -14,6 +14,7 @@ use bottega_image::{
     write_exr, write_png,
 };
 use bottega_render::{Filter, PathSettings};
+use bottega_scene::RenderHints;
 use bottega_web::{Dashboard, wire::Event};
 
 use crate::{
@@ -136,7 +137,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     if let Some(swarm) = engine.lighting_agents() {
         lighting_agents::tell(&swarm, &reporter, &mut metadata);
     }
-    write(args, &args.output, format, &report.film, &metadata)?;
+    write(args, Some(&subject.hints), &args.output, format, &report.film, &metadata)?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
     {
@@ -453,8 +454,12 @@ pub(crate) fn tone(tone: ToneArg) -> ToneMap {
     }
 }
 
+/// Writes the picture.
+///
+/// - `hints`: what the scene file asks for, where our own engine has read it.
 pub(crate) fn write(
     args: &RenderArgs,
+    hints: Option<&RenderHints>,
     path: &Path,
     format: OutputFormat,
     film: &Film,
@@ -474,6 +479,7 @@ pub(crate) fn write(
                 exposure_stops: args.exposure,
                 tone: tone(args.tonemap),
                 encoding,
+                alpha: args.alpha || hints.is_some_and(|hints| hints.alpha),
                 ..PngOptions::default()
             };
             write_png(path, film, &options, metadata)?;

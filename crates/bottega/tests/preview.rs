@@ -1,4 +1,4 @@
-//! What is seen of a picture while it is painted.
+//! What is seen of a picture while it is painted, and where and how it is written.
 
 mod support;
 
@@ -95,4 +95,40 @@ fn a_preview_is_a_png_file() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains(".png"));
     assert!(!output.exists());
+}
+
+/// The kind of color of a PNG file, as its header tells: 2 is RGB, 6 RGBA.
+fn png_kind(path: &Path) -> u8 {
+    fs::read(path).expect("a picture")[25]
+}
+
+#[test]
+fn a_png_has_alpha_where_the_film_or_the_user_asks_for_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("a.png");
+    for (film, option, kind) in [("rgba", None, 6), ("rgb", None, 2), ("rgb", Some("--alpha"), 6)] {
+        let scene = folder.path().join("scene.xml");
+        let content = format!(
+            "<scene version='3.0.0'><sensor type='perspective'><film type='hdrfilm'>
+                <string name='pixel_format' value='{film}'/></film></sensor>
+             <shape type='sphere'><point name='center' x='0' y='0' z='4'/></shape><emitter type='constant'/></scene>"
+        );
+        fs::write(&scene, content).expect("a scene");
+        let mut arguments = vec!["render", text(&scene), "-o", text(&output), "--size", "8x8", "--spp", "1", "--quiet"];
+        arguments.extend(option);
+        succeed(&arguments);
+        assert_eq!(png_kind(&output), kind, "{film} {option:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_picture_is_written_where_a_link_leads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::create_dir(folder.path().join("disk")).expect("a folder");
+    let link = folder.path().join("link.png");
+    std::os::unix::fs::symlink("disk/real.png", &link).expect("a link");
+    succeed(&["render", "goblets.glb", "-o", text(&link), "--size", "8x8", "--spp", "1", "--quiet"]);
+    assert!(fs::symlink_metadata(&link).expect("a link").is_symlink());
+    assert_eq!(png_kind(&folder.path().join("disk/real.png")), 2);
 }

@@ -117,7 +117,11 @@ impl<'a> Textures<'a> {
         let mut images: Vec<Option<Image>> = vec![None; self.wanted.len()];
         for (index, uses, loaded) in loaded {
             match loaded {
-                Ok(loaded) => {
+                Ok((loaded, notes)) => {
+                    for note in notes {
+                        let picture = format!("the picture `{}`: {note}", name(source, index));
+                        warnings.add(format!("images[{index}]"), picture);
+                    }
                     for ((_, number), image) in uses.iter().zip(loaded) {
                         images[*number] = Some(image);
                     }
@@ -238,16 +242,17 @@ fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header
     }
 }
 
-/// Decodes a picture, once for each use.
+/// Decodes a picture, once for each use. Returns what is to be told, too.
 fn load_picture(
     source: &Source<'_>,
     index: usize,
     header: Header,
     uses: &[(Use, usize)],
-) -> Result<Vec<Image>, String> {
+) -> Result<(Vec<Image>, Vec<String>), String> {
     let bytes = bytes(source, index).map_err(|error| error.to_string())??;
-    let decoded = Decoded::read(&bytes, header)?;
+    let mut decoded = Decoded::read(&bytes, header)?;
     drop(bytes);
+    let notes = decoded.take_notes();
     let name = name(source, index);
     let mut images = Vec::with_capacity(uses.len());
     let (last, others) = uses.split_last().ok_or("it has no use")?;
@@ -255,7 +260,7 @@ fn load_picture(
         images.push(make(decoded.clone(), &name, *picture));
     }
     images.push(make(decoded, &name, last.0));
-    Ok(images)
+    Ok((images, notes))
 }
 
 fn make(decoded: Decoded, name: &str, picture: Use) -> Image {

@@ -5,10 +5,15 @@
 
 use std::io::Cursor;
 
+use bottega_image::{
+    ImageError as FloatError, Packing, ReadLimits, WhitePoint, WholeHeader, check_announced, is_float_picture,
+    read_whole,
+};
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, Image, ktx2, openexr, pfm};
+use super::{Encoding, Image, color_space, ktx2, pfm};
+use crate::values;
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,12 +37,15 @@ pub(crate) struct Header {
     pub(super) width: u32,
     pub(super) height: u32,
     texel_bytes: usize,
+    /// How the white of the file becomes ours.
+    white_point: WhitePoint,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Library(ImageFormat),
-    Exr,
+    /// OpenEXR and Radiance.
+    Float,
     Pfm,
     Ktx2,
 }
@@ -47,8 +55,7 @@ impl Format {
         Some(Self::Library(match bytes {
             [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
             [0xff, 0xd8, 0xff, ..] => ImageFormat::Jpeg,
-            [b'#', b'?', ..] => ImageFormat::Hdr,
-            [0x76, 0x2f, 0x31, 0x01, ..] => return Some(Self::Exr),
+            bytes if is_float_picture(bytes) => return Some(Self::Float),
             [b'P', b'F' | b'f', b'\n' | b'\r' | b' ', ..] => return Some(Self::Pfm),
             [b'P', b'1'..=b'7', b'\n' | b'\r' | b' ' | b'\t', ..] => ImageFormat::Pnm,
             [b'B', b'M', ..] => ImageFormat::Bmp,
@@ -92,7 +99,11 @@ impl Header {
         let unreadable = |problem: String| PictureFault::Unreadable { problem };
         let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
         let (width, height, texel_bytes) = match format {
-            Format::Exr => openexr::header(bytes).map_err(unreadable)?,
+            Format::Float => {
+                let header = WholeHeader::read("", bytes, ReadLimits { max_pixels: pixels_max });
+                let WholeHeader { width, height, has_alpha } = header.map_err(|error| float_fault(&error))?;
+                (width, height, if has_alpha { 16 } else { 12 })
+            }
             Format::Ktx2 => ktx2::header(bytes).map_err(unreadable)?,
             Format::Pfm => pfm::header(bytes).map(|header| header.size()).map_err(unreadable)?,
             Format::Library(library_format) => {
@@ -106,32 +117,17 @@ impl Header {
             return Err(unreadable(format!("it has {width} × {height} pixels")));
         }
         if pixels > pixels_max {
-            let problem = format!("the picture has {width} × {height} pixels, more than the limit of {pixels_max}");
-            return Err(PictureFault::TooLarge { problem });
+            return Err(too_many_pixels(u64::from(width), u64::from(height), pixels_max));
         }
-        let header = Self { format, width, height, texel_bytes };
-        header.check_plausible(bytes.len()).map_err(unreadable)?;
-        Ok(header)
+        let (pixel_bits, packing) = stored(format, bytes, texel_bytes);
+        check_announced((u64::from(width), u64::from(height)), pixel_bits, packing, bytes.len() as u64)
+            .map_err(unreadable)?;
+        Ok(Self { format, width, height, texel_bytes, white_point: WhitePoint::default() })
     }
 
-    /// A file cannot hold more than its compression can unfold: 1032 : 1 for the deflate of PNG, 1 byte for 32 pixels of one
-    /// channel for the runs of HDR, 2 bytes for 128 pixels for those of TGA. A picture that announces more was cut off, or lies.
-    fn check_plausible(&self, file_bytes: usize) -> Result<(), String> {
-        let pixels = (self.width as usize).saturating_mul(self.height as usize);
-        let needed = match self.format {
-            // At 1 bit a pixel.
-            Format::Library(ImageFormat::Png) => pixels / 8 / 1032,
-            Format::Library(ImageFormat::Hdr) => pixels / 32,
-            Format::Library(ImageFormat::Tga) => pixels / 128,
-            Format::Library(ImageFormat::Pnm) => pixels / 8,
-            Format::Pfm => pixels.saturating_mul(4),
-            _ => 0,
-        };
-        if file_bytes < needed {
-            let (width, height) = (self.width, self.height);
-            return Err(format!("it announces {width} × {height} pixels, but has only {file_bytes} bytes"));
-        }
-        Ok(())
+    /// The same picture, its white as it is asked for.
+    pub(crate) fn with_white_point(self, white_point: WhitePoint) -> Self {
+        Self { white_point, ..self }
     }
 
     /// Columns and rows.
@@ -142,6 +138,50 @@ impl Header {
     /// Bytes that the picture takes in memory, its mip levels included.
     pub(crate) fn memory_bytes(&self) -> usize {
         (self.width as usize * self.height as usize).saturating_mul(self.texel_bytes.max(1)).saturating_mul(4) / 3
+    }
+}
+
+fn too_many_pixels(width: u64, height: u64, pixels_max: u64) -> PictureFault {
+    let problem = format!("the picture has {width} × {height} pixels, more than the limit of {pixels_max}");
+    PictureFault::TooLarge { problem }
+}
+
+/// What is wrong with a file of floats, said of "it".
+fn float_fault(error: &FloatError) -> PictureFault {
+    let problem = match error {
+        FloatError::TooLarge { width, height, max_pixels, .. } => {
+            return too_many_pixels(*width, *height, *max_pixels);
+        }
+        FloatError::Malformed { detail, .. } if detail.starts_with("it announces") => detail.clone(),
+        FloatError::Malformed { detail, .. } => format!("it is damaged or of an unknown kind ({detail})"),
+        FloatError::Unsupported { format, detail, .. } => {
+            format!("it uses a feature of {format} that is not read ({detail}); save it again with common settings")
+        }
+        FloatError::NoColor { found, .. } => format!("it has no channels R, G and B, or Y, but {found}"),
+        other => other.to_string(),
+    };
+    PictureFault::Unreadable { problem }
+}
+
+/// How a picture lies in its file: bits of a pixel, at least, and how far they are packed.
+fn stored(format: Format, bytes: &[u8], texel_bytes: usize) -> (u64, Packing) {
+    let byte = |at: usize| bytes.get(at).copied().unwrap_or(0);
+    let texel_bits = 8 * texel_bytes as u64;
+    match format {
+        // Checked already.
+        Format::Float | Format::Pfm => (0, Packing::None),
+        Format::Library(ImageFormat::Png) => (1, Packing::DEFLATE),
+        Format::Library(ImageFormat::Jpeg) => (8, Packing::JPEG),
+        Format::Library(ImageFormat::Tiff) => (1, Packing::LZW),
+        // At least a bit for each of black and white.
+        Format::Library(ImageFormat::Pnm) => (1, Packing::None),
+        // Kinds 9 to 11 are runs; of a palette a byte is enough.
+        Format::Library(ImageFormat::Tga) if byte(2) >= 9 => (8, Packing::Ratio(128)),
+        Format::Library(ImageFormat::Tga) => (u64::from(byte(16)), Packing::None),
+        // Headers of 40 bytes and more tell the kind of packing and the bits of a pixel.
+        Format::Library(ImageFormat::Bmp) if byte(14) >= 40 && byte(30) == 0 => (u64::from(byte(28)), Packing::None),
+        // One colour takes no bytes, and what Zstandard and BasisLZ make of one neither.
+        _ => (texel_bits, Packing::Unbounded),
     }
 }
 
@@ -160,6 +200,7 @@ pub(crate) struct Decoded {
     width: u32,
     height: u32,
     texels: DecodedTexels,
+    notes: Vec<String>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -175,13 +216,20 @@ pub(super) enum DecodedTexels {
 impl Decoded {
     /// Decodes the file whose header was read. An error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
-        let texels = match header.format {
-            Format::Exr => openexr::texels(bytes, header)?,
+        let mut notes = Vec::new();
+        let mut texels = match header.format {
+            Format::Float => float_texels(bytes, header, &mut notes)?,
             Format::Ktx2 => DecodedTexels::Rgba8(ktx2::texels(bytes)?),
             Format::Pfm => pfm::texels(bytes)?,
-            Format::Library(format) => library_texels(bytes, format, header)?,
+            Format::Library(format) => library_texels(bytes, format, header, &mut notes)?,
         };
-        Ok(Self { width: header.width, height: header.height, texels })
+        notes.extend(texels.mend());
+        Ok(Self { width: header.width, height: header.height, texels, notes })
+    }
+
+    /// What was chosen, changed or left out when it was decoded: to be told, said of "it".
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     /// Makes an image of it. Pictures of high dynamic range are linear whatever `encoding` says.
@@ -210,6 +258,35 @@ impl Decoded {
     }
 }
 
+impl DecodedTexels {
+    /// Makes sound numbers of floats; see [`values::mend`].
+    fn mend(&mut self) -> Option<String> {
+        match self {
+            Self::Rgb32(texels) => values::mend(texels.as_flattened_mut()),
+            Self::Rgba32(texels) => values::mend(texels.as_flattened_mut()),
+            _ => None,
+        }
+    }
+}
+
+fn float_texels(bytes: &[u8], header: Header, notes: &mut Vec<String>) -> Result<DecodedTexels, String> {
+    let limits = ReadLimits { max_pixels: u64::from(header.width) * u64::from(header.height) };
+    let whole = read_whole("", bytes, limits, header.white_point).map_err(|error| match float_fault(&error) {
+        PictureFault::TooLarge { problem } | PictureFault::Unreadable { problem } => problem,
+    })?;
+    if whole.picture.size() != (header.width, header.height) {
+        return Err("it changed while it was read".into());
+    }
+    notes.extend(whole.notes);
+    Ok(match whole.alpha {
+        None => DecodedTexels::Rgb32(whole.picture.data),
+        Some(alpha) => {
+            let texels = whole.picture.data.into_iter().zip(alpha);
+            DecodedTexels::Rgba32(texels.map(|([r, g, b], alpha)| [r, g, b, alpha]).collect())
+        }
+    })
+}
+
 fn decoder(bytes: &[u8], format: ImageFormat) -> Result<impl ImageDecoder + '_, ImageError> {
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     // The size of the picture itself is limited by our caller, who knows why; this is for what decoders need besides.
@@ -223,8 +300,14 @@ fn explain(error: &ImageError) -> String {
     format!("it is damaged or of an unknown kind ({error})")
 }
 
-fn library_texels(bytes: &[u8], format: ImageFormat, header: Header) -> Result<DecodedTexels, String> {
-    let decoder = decoder(bytes, format).map_err(|error| explain(&error))?;
+fn library_texels(
+    bytes: &[u8],
+    format: ImageFormat,
+    header: Header,
+    notes: &mut Vec<String>,
+) -> Result<DecodedTexels, String> {
+    let mut decoder = decoder(bytes, format).map_err(|error| explain(&error))?;
+    notes.extend(color_space::left_out(bytes, format, &mut decoder));
     let color_type = decoder.color_type();
     if decoder.dimensions() != (header.width, header.height) {
         return Err("it changed while it was read".into());
@@ -354,9 +437,72 @@ mod tests {
         assert_eq!(texel(&[("R", 1.0), ("G", 2.0), ("B", 3.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
         assert_eq!(texel(&[("R", 1.0), ("G", 2.0), ("B", 3.0), ("A", 0.5)]), Vec4::new(1.0, 2.0, 3.0, 0.5));
         assert_eq!(texel(&[("Y", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
-        assert!(Header::read(&exr_file(&[("Z", 7.0)]), 100).is_err());
+        assert_eq!(texel(&[("R", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
+        assert_eq!(texel(&[("b", 3.0), ("g", 2.0), ("r", 1.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
+        assert!(Header::read(&exr_file(&[("Z", 7.0), ("id", 1.0)]), 100).is_err());
         // What is no radiance becomes black.
         assert_eq!(texel(&[("R", f32::NAN), ("G", -1.0), ("B", f32::INFINITY)]), Vec4::W);
+    }
+
+    #[test]
+    fn what_cannot_be_computed_with_is_replaced_and_told_in_every_format_of_floats() {
+        let bright = [f32::NAN, f32::INFINITY, 3.0, 1e30, -f32::INFINITY, 0.5];
+        let exr = exr_file(&[("R", f32::INFINITY), ("G", 3.0), ("B", f32::NAN)]);
+        let mut pfm = b"PF\n2 1\n-1\n".to_vec();
+        pfm.extend(bright.iter().flat_map(|value| value.to_le_bytes()));
+        let tiff = DynamicImage::ImageRgb32F(ImageBuffer::from_vec(2, 1, bright.to_vec()).unwrap());
+        let hdr = [b"#?RADIANCE\nEXPOSURE=1e-30\n\n-Y 1 +X 2\n".to_vec(), vec![9, 9, 9, 255, 9, 9, 9, 40]].concat();
+        for (name, file) in [("exr", exr), ("pfm", pfm), ("tiff", encoded(&tiff, ImageFormat::Tiff)), ("hdr", hdr)] {
+            let header = Header::read(&file, 1 << 20).unwrap();
+            let mut decoded = Decoded::read(&file, header).unwrap();
+            let notes = decoded.take_notes().join(" ");
+            assert!(notes.contains("infinite"), "{name}: {notes}");
+            let image = decoded.into_image(name, Encoding::Linear);
+            let texel = image.texel(0, 0);
+            assert!(texel.is_finite() && texel.max_element() <= values::VALUE_MAX, "{name}: {texel}");
+            assert!(image.mean().is_finite() && image.mean().max_element() > 0.0, "{name}");
+        }
+    }
+
+    #[test]
+    fn small_files_that_announce_much_are_refused_by_their_header() {
+        let small = DynamicImage::ImageRgb8(ImageBuffer::from_pixel(2, 2, Rgb([1, 2, 3])));
+        let patched = |format: ImageFormat, at: usize, big_endian: bool, bytes: usize| {
+            let mut file = encoded(&small, format);
+            for at in [at, at + bytes] {
+                let side = 16_000_u32;
+                let side = if big_endian { side.to_be_bytes() } else { side.to_le_bytes() };
+                let side = if big_endian { &side[4 - bytes..] } else { &side[..bytes] };
+                file[at..at + bytes].copy_from_slice(side);
+            }
+            file
+        };
+        let jpeg = encoded(&small, ImageFormat::Jpeg);
+        let frame = jpeg.windows(2).position(|mark| mark == [0xff, 0xc0]).unwrap();
+        let files = [
+            ("jpeg", patched(ImageFormat::Jpeg, frame + 5, true, 2)),
+            ("tga", patched(ImageFormat::Tga, 12, false, 2)),
+            ("bmp", patched(ImageFormat::Bmp, 18, false, 4)),
+            ("ppm", b"P6 16000 16000 255 \0".to_vec()),
+            ("pfm", b"PF\n16000 16000\n-1\n\0".to_vec()),
+            ("hdr", b"#?RADIANCE\n\n-Y 16000 +X 16000\n\x02\x02".to_vec()),
+            ("webp", {
+                // Lossless, of one colour: 14 bits each of the sides less one.
+                let mut file = encoded(&small, ImageFormat::WebP);
+                let at = file.windows(4).position(|name| name == b"VP8L").unwrap() + 9;
+                let rest = u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) & !0xfff_ffff;
+                file[at..at + 4].copy_from_slice(&(rest | (15_999 << 14) | 15_999).to_le_bytes());
+                file
+            }),
+        ];
+        for (name, file) in files {
+            let start = std::time::Instant::now();
+            let refused = Header::read(&file, 1 << 28);
+            let is_told =
+                matches!(&refused, Err(PictureFault::Unreadable { problem }) if problem.contains("announces"));
+            assert!(is_told, "{name}: {refused:?}");
+            assert!(start.elapsed().as_millis() < 200, "{name}: {:?}", start.elapsed());
+        }
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Pictures with their mip levels: decoding, storage, lookup.
 
+mod color_space;
 mod decode;
 mod ktx2;
 mod lookup;
-mod openexr;
 mod pfm;
 mod pictures;
 mod pyramid;
@@ -72,7 +72,8 @@ macro_rules! rearranged {
 }
 
 impl Image {
-    /// A picture of linear RGB without alpha, row-major from the upper row. What is not finite, or negative, becomes 0.
+    /// A picture of linear RGB without alpha, row-major from the upper row. What is not finite, or negative, becomes 0, and what
+    /// is above [`VALUE_MAX`](crate::VALUE_MAX) becomes that.
     ///
     /// Panics unless `texels` has `width × height` elements, at least one.
     pub fn from_linear_rgb(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 3]>) -> Self {
@@ -224,9 +225,7 @@ impl Image {
 }
 
 fn make_radiance(value: &mut f32) {
-    if !(value.is_finite() && *value > 0.0) {
-        *value = 0.0;
-    }
+    *value = if value.is_finite() && *value > 0.0 { value.min(crate::VALUE_MAX) } else { 0.0 };
 }
 
 /// sRGB to linear, for one channel in [0, 1]. Codes of 8 bits are looked up.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use bottega_image::WhitePoint;
 use rayon::prelude::*;
 
 use super::{Decoded, Encoding, Header, Image, PictureFault};
@@ -15,6 +16,7 @@ use crate::{ImageId, SceneError};
 pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
+    white_point: WhitePoint,
     wanted: Vec<Wanted>,
     id_of: BTreeMap<(Location, bool, Change), ImageId>,
     /// Pictures that are there already: where they go in the list.
@@ -53,10 +55,16 @@ impl<'a> Pictures<'a> {
         Self {
             resources,
             pixels_max: options.max_image_pixels,
+            white_point: WhitePoint::default(),
             wanted: Vec::new(),
             id_of: BTreeMap::new(),
             made: Vec::new(),
         }
+    }
+
+    /// Colours of files whose white is another than ours become ours so.
+    pub(crate) fn with_white_point(self, white_point: WhitePoint) -> Self {
+        Self { white_point, ..self }
     }
 
     /// Asks for a picture. Its id is its index in what [`load`](Self::load) returns.
@@ -143,23 +151,32 @@ impl<'a> Pictures<'a> {
     pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
         let checked: Vec<Result<Header, String>> =
             self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
-        let decoded: Vec<Result<Image, String>> = (self.wanted.par_iter().zip(checked))
+        let white_point = self.white_point;
+        let decoded: Vec<Result<(Image, Vec<String>), String>> = (self.wanted.par_iter().zip(checked))
             .map(|(wanted, header)| {
                 let bytes = self.resources.read(&wanted.location).map_err(|error| unreadable(&error))?;
-                let decoded = Decoded::read(&bytes, header?)?;
+                let mut decoded = Decoded::read(&bytes, header?.with_white_point(white_point))?;
                 drop(bytes);
+                let notes = decoded.take_notes();
                 let image = decoded.into_image(&wanted.location.name, wanted.encoding);
-                Ok(match wanted.change {
+                let image = match wanted.change {
                     Change::None => image,
                     Change::Gray => image.luminance(),
                     Change::Framed => image.framed(),
                     Change::Octahedral => image.octahedral_period(),
-                })
+                };
+                Ok((image, notes))
             })
             .collect();
-        let finish = |(wanted, image): (&Wanted, Result<Image, String>)| {
-            image.unwrap_or_else(|problem| {
-                let name = shortened(&wanted.location.name).into_owned();
+        let finish = |(wanted, decoded): (&Wanted, Result<(Image, Vec<String>), String>)| {
+            let name = shortened(&wanted.location.name).into_owned();
+            let told = decoded.map(|(image, notes)| {
+                for note in notes {
+                    warnings.add(wanted.place.as_str(), format!("the picture `{name}`: {note}"));
+                }
+                image
+            });
+            told.unwrap_or_else(|problem| {
                 let (stand_in, image) = match wanted.encoding {
                     Encoding::Srgb => ("magenta", Image::missing(name.as_str())),
                     Encoding::Linear => ("1", Image::from_gray8(name.as_str(), 1, 1, vec![255], false)),

@@ -33,6 +33,7 @@ mod xml;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use bottega_image::WhitePoint;
 use document::{Class, Document, Object, ObjectId};
 use glam::DMat4;
 use report::Report;
@@ -68,7 +69,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         document: &document,
         resources,
         report,
-        pictures: Pictures::new(resources, options),
+        pictures: Pictures::new(resources, options).with_white_point(WhitePoint::Absolute),
         scene: Scene::default(),
         hints: RenderHints::default(),
         slides: Vec::new(),
@@ -91,7 +92,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let Importer { report, pictures, mut scene, hints, slides, .. } = importer;
     report.finish(warnings);
     scene.images = pictures.load(warnings)?;
-    emitter::add_slides(&mut scene, &slides);
+    emitter::add_slides(&mut scene, &slides, resources.budget(), path)?;
     let metadata = Metadata {
         format: if document.is_old { "Mitsuba 0.x" } else { "Mitsuba 3" },
         generator: None,

@@ -138,7 +138,10 @@ impl Importer<'_> {
     /// Returns columns and rows.
     fn read_film(&mut self, id: ObjectId) -> Result<[u32; 2], SceneError> {
         let object = self.visit(id)?;
-        object.ignore(&["file_format", "pixel_format", "component_format", "banner", "compensate", "sample_border"]);
+        object.ignore(&["file_format", "component_format", "banner", "compensate", "sample_border"]);
+        let has_alpha = self.bad(object.string("pixel_format"))?.is_some_and(|format| {
+            matches!(format.to_ascii_lowercase().as_str(), "rgba" | "luminance_alpha" | "luminancealpha" | "xyza")
+        });
         object.ignore(&["high_quality_edges", "attach_log", "gamma", "label", "variable"]);
         let side = |name: &str, default: u32| {
             let value = self.bad(object.integer(name))?.unwrap_or(i64::from(default));
@@ -173,6 +176,7 @@ impl Importer<'_> {
             self.hints.resolution = Some(resolution);
             self.hints.crop = (crop != [0, 0, resolution[0], resolution[1]]).then_some(crop);
             self.hints.filter = Some(filter);
+            self.hints.alpha = has_alpha;
         }
         Ok(resolution)
     }

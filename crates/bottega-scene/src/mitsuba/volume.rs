@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::{Blend, Grid};
+use crate::{Blend, Grid, VALUE_MAX};
 
 /// A grid, and the place that its file gives it.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,9 +41,9 @@ pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
         ));
     };
     let float = |bytes: &[u8]| bytes.try_into().map_or(0.0, f32::from_le_bytes);
-    let is_number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes).is_finite();
+    let is_number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes).abs() <= VALUE_MAX;
     if let Some(index) = values[..4 * count].as_chunks::<4>().0.iter().position(|bytes| !is_number(bytes)) {
-        return Err(format!("the value at byte {} is no finite number", HEADER_BYTES + 4 * index));
+        return Err(format!("the value at byte {} is no finite number up to {VALUE_MAX:e}", HEADER_BYTES + 4 * index));
     }
     let cells = values[..4 * count].chunks_exact(4 * channels);
     let numbers = cells.flat_map(|cell| cell.chunks_exact(4).take(channels.min(3)).map(float)).collect();
@@ -94,5 +94,9 @@ mod tests {
         assert!(grid([2, 2, 2], 1, &[1.0; 7]).is_err());
         assert!(grid([-1, 2, 2], 1, &[1.0; 7]).is_err());
         assert!(read(b"VOL\x03", Blend::Linear).is_err());
+        for value in [f32::NAN, f32::INFINITY, 1e30] {
+            let refused = grid([1, 1, 2], 1, &[1.0, value]).unwrap_err();
+            assert!(refused.contains("byte 52"), "{refused}");
+        }
     }
 }

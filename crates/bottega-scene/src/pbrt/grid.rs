@@ -9,7 +9,7 @@ use super::params::{Params, Values};
 use super::token::{Fault, Place};
 use super::transform::rounded;
 use super::world::Entity;
-use crate::{Blend, Density, Grid, Spectrum, Variation};
+use crate::{Blend, Density, Grid, Spectrum, VALUE_MAX, Variation};
 
 /// The grid of a `uniformgrid`: densities that multiply both coefficients.
 pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> Outcome<Variation> {
@@ -72,6 +72,9 @@ fn size(params: &Params, at: Place) -> Result<[u32; 3], Fault> {
 }
 
 fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: Place) -> Result<Grid, Fault> {
+    if let Some(index) = values.iter().position(|value| value.is_nan() || value.abs() > VALUE_MAX) {
+        return Err(at.fault(format!("value {index} of the grid is no finite number up to {VALUE_MAX:e}")));
+    }
     Grid::new(size, values, blend).map_err(|problem| at.fault(problem.to_string()))
 }
 

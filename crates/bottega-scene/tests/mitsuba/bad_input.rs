@@ -7,6 +7,22 @@ use bottega_scene::LoadOptions;
 use crate::support::{Folder, bare, refuse};
 
 #[test]
+fn light_beyond_all_that_can_be_computed_with_is_refused_by_file_and_part() {
+    for (content, place) in [
+        ("<emitter type='point'><rgb name='intensity' value='1e39'/></emitter>", "lights[0]"),
+        ("<emitter type='constant'><rgb name='radiance' value='1e20'/></emitter>", "environment"),
+        ("<emitter type='directional'><rgb name='irradiance' value='3e38'/></emitter>", "lights[0]"),
+        (
+            "<shape type='sphere'><emitter type='area'><rgb name='radiance' value='1e39'/></emitter></shape>",
+            "materials[",
+        ),
+    ] {
+        let error = refuse(content);
+        assert!(error.contains("scene.xml") && error.contains(place), "{content}: {error}");
+    }
+}
+
+#[test]
 fn errors_name_line_and_column() {
     for (content, place, reason) in [
         ("<shape type='sphere'>", "line ", ""),

@@ -84,6 +84,58 @@ fn a_projector_shows_its_texture_as_the_file_lays_it() {
     assert_eq!((picture.smooth, picture.wrap_u), (true, Wrap::Repeat));
 }
 
+/// An OpenEXR file of one color.
+fn exr_of(color: [f32; 3], chromaticities: [f32; 8]) -> Vec<u8> {
+    use exr::prelude::*;
+    let [r, g, b] = color;
+    let mut image = Image::from_channels((4, 2), SpecificChannels::rgb(|_| (r, g, b)));
+    let [rx, ry, gx, gy, bx, by, wx, wy] = chromaticities;
+    image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities {
+        red: Vec2(rx, ry),
+        green: Vec2(gx, gy),
+        blue: Vec2(bx, by),
+        white: Vec2(wx, wy),
+    });
+    let mut file = std::io::Cursor::new(Vec::new());
+    image.write().to_buffered(&mut file).unwrap();
+    file.into_inner()
+}
+
+#[test]
+fn colours_of_pictures_are_converted_by_their_chromaticities() {
+    let rec2020 = [0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329];
+    let aces_cg = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.321_68, 0.337_67];
+    // Mitsuba 3.9.1, which leaves white as it is.
+    for (chromaticities, color, expected) in [
+        (rec2020, [1.0, 0.2, 0.1], Vec3::new(1.5357, 0.1012, 0.0736)),
+        (aces_cg, [1.0; 3], Vec3::new(1.047_103, 0.994_543, 0.915_319)),
+    ] {
+        let scene = "<emitter type='envmap'><string name='filename' value='a.exr'/></emitter>";
+        let folder = Folder::new().with("a.exr", exr_of(color, chromaticities)).scene(scene);
+        let loaded = folder.load(&bare()).unwrap();
+        assert_eq!(told(&loaded), Vec::<String>::new());
+        let texel = loaded.scene.images[0].texel(1, 1).truncate();
+        assert!((texel - expected).abs().max_element() < 2e-3, "{texel} {expected}");
+        // As a picture from the command line white stays white.
+        let bare = Folder::new().with("a.exr", exr_of([1.0; 3], chromaticities)).scene("");
+        let environment = Some(bare.path().with_file_name("a.exr"));
+        let loaded = bare.load(&bottega_scene::LoadOptions { environment, ..crate::support::bare() }).unwrap();
+        let texel = loaded.scene.images[0].texel(1, 1).truncate();
+        assert!((texel - 1.0).abs().max_element() < 1e-4, "{texel}");
+    }
+}
+
+#[test]
+fn a_sun_too_bright_for_its_file_is_told_and_stays_bright() {
+    let numbers = [5.0f32, 2.0, 1.0, f32::INFINITY, f32::NAN, 3.0].map(f32::to_le_bytes).concat();
+    let scene = "<emitter type='envmap'><string name='filename' value='a.pfm'/></emitter>";
+    let folder = Folder::new().with("a.pfm", [&b"PF\n2 1\n-1\n"[..], &numbers].concat()).scene(scene);
+    let loaded = folder.load(&bare()).unwrap();
+    let told = told(&loaded);
+    assert!(told.len() == 1 && told[0].contains("a.pfm") && told[0].contains("infinite"), "{told:?}");
+    assert_eq!(loaded.scene.images[0].texel(1, 0).truncate(), Vec3::new(5.0, 0.0, 3.0));
+}
+
 #[test]
 fn an_environment_ends_at_the_poles() {
     let numbers = [1.0f32, 2.0].map(f32::to_le_bytes).concat();

@@ -64,7 +64,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut metadata = painter.metadata(args, &report);
     let mut report = report;
     denoise::finish(denoiser.as_ref(), args, &mut report, &mut metadata, &reporter, stop)?;
-    render::write(args, &args.output, format, &report.film, &metadata)?;
+    render::write(args, None, &args.output, format, &report.film, &metadata)?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
     {

@@ -152,7 +152,9 @@ impl Drop for Asked {
 
 /// Writes a picture that another process has made. The file is there as a whole or not at all.
 pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    super::scene_files::write_whole(path, bytes)
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|source| CliError::Write { path: path.to_owned(), source })?;
+    Ok(bottega_image::write_whole(path, bytes)?)
 }
 
 /// A job that is asked for now.

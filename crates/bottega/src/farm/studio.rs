@@ -5,6 +5,7 @@ use std::{fs, path::Path, sync::Arc};
 use bottega_engines::{BuiltinEngine, RenderEngine};
 use bottega_farm::{Expert, JobReport, JobSettings};
 use bottega_image::{Film, Metadata, check_writable};
+use bottega_scene::RenderHints;
 
 use super::{
     cache::Cache,
@@ -107,7 +108,7 @@ impl Studio {
         let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             let format = check_writable(&path)?;
-            render::write(&self.args, &path, format, film, metadata)?;
+            render::write(&self.args, self.hand.hints(), &path, format, film, metadata)?;
             let bytes = fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
             board.keep_picture(job, &bytes)
         };
@@ -158,6 +159,14 @@ impl Hand {
         match self {
             Self::Own { engine, .. } => engine.samples_done(),
             Self::Other(painter) => painter.counter()(),
+        }
+    }
+
+    /// What the scene file asks for, where our own engine has read it.
+    fn hints(&self) -> Option<&RenderHints> {
+        match self {
+            Self::Own { subject, .. } => Some(&subject.hints),
+            Self::Other(_) => None,
         }
     }
 

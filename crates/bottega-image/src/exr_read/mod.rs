@@ -1,5 +1,7 @@
 //! Pictures from OpenEXR files, ours and other programs'.
 
+mod color;
+
 use std::{
     io::{BufRead, Seek},
     ops::Range,
@@ -18,9 +20,12 @@ use exr::{
     prelude::{Compression, Error, SampleType, Vec2, f16},
 };
 
+use self::color::{Color, find_color};
 use crate::{
     ImageError, Metadata, Picture,
-    read::{ImageFile, Source},
+    colorimetry::{Chromaticities, Conversion, WhitePoint},
+    limits::{Packing, check_announced},
+    read::{ImageFile, Source, file_bytes},
 };
 
 /// The most bytes that one compressed block of a file may unfold to.
@@ -29,46 +34,177 @@ const MAX_BLOCK_BYTES: u64 = 1 << 30;
 /// Planes of further channels, in the order in which they were asked for; `None` where the file has no such channel.
 pub type Planes = Vec<Option<Vec<f32>>>;
 
-/// The color of a file, and the channels of these full names.
-pub(crate) fn read<R: BufRead + Seek>(
-    source: &Source<'_>,
-    input: R,
-    names: &[String],
-) -> Result<(ImageFile, Planes), ImageError> {
-    let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
-    let headers = reader.headers();
-    let found = find_color(headers).ok_or_else(|| ImageError::NoColor {
-        path: source.path.to_owned(),
-        found: headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect::<Vec<_>>().join(", "),
-    })?;
-    for header in headers {
-        source.check_size(header.layer_size.0 as u64, header.layer_size.1 as u64)?;
-        if block_bytes(header) > MAX_BLOCK_BYTES {
-            return Err(source.malformed("EXR", "a block of pixels is larger than 1 GiB"));
-        }
+/// What is wanted of a file beside its color.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wanted<'a> {
+    /// Full names of further channels.
+    pub(crate) names: &'a [String],
+    pub(crate) alpha: bool,
+}
+
+/// What a file holds.
+pub(crate) struct Read {
+    pub(crate) file: ImageFile,
+    pub(crate) planes: Planes,
+    /// `None` where it was not asked for, or the color has none.
+    pub(crate) alpha: Option<Vec<f32>>,
+    /// What was chosen, and what was not followed; for people.
+    pub(crate) notes: Vec<String>,
+}
+
+/// What the header of a file tells of its color.
+pub(crate) struct Described {
+    color: Color,
+    /// Columns and rows of the data window, its upper left corner, and columns and rows of the display window.
+    window: Window,
+}
+
+impl Described {
+    pub(crate) fn has_alpha(&self) -> bool {
+        self.color.alpha.is_some()
     }
 
-    let header = headers[found.part].clone();
-    let size = header.layer_size;
-    let mut targets: Vec<Target> = found
-        .channels
-        .iter()
-        .enumerate()
-        .map(|(i, &channel)| Target { part: found.part, channel, to: To::Color(i) })
-        .collect();
-    let more = names.iter().enumerate();
-    targets.extend(more.filter_map(|(i, name)| {
-        let (part, channel) = find_channel(headers, found.part, name)?;
-        // A part of another size is another picture.
-        (headers[part].layer_size == size).then_some(Target { part, channel, to: To::Plane(i) })
-    }));
-    let headers = headers.to_vec();
-    let mut canvas = Canvas { picture: Picture::new(size.0 as u32, size.1 as u32), planes: vec![None; names.len()] };
-    for target in &targets {
-        if let To::Plane(index) = target.to {
-            canvas.planes[index] = Some(vec![0.0; size.0 * size.1]);
+    pub(crate) fn window(&self) -> Window {
+        self.window
+    }
+}
+
+/// The pixels that a file holds, and where they lie in the whole picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    pub(crate) size: (u32, u32),
+    pub(crate) offset: (i32, i32),
+    pub(crate) full_size: (u32, u32),
+}
+
+impl Window {
+    fn of(header: &Header) -> Self {
+        let position = header.own_attributes.layer_position;
+        let display = header.shared_attributes.display_window;
+        Self {
+            size: (header.layer_size.0 as u32, header.layer_size.1 as u32),
+            offset: (position.0.saturating_sub(display.position.0), position.1.saturating_sub(display.position.1)),
+            full_size: (display.size.0 as u32, display.size.1 as u32),
         }
     }
+}
+
+/// Chooses the color of a file and checks its size; allocates nothing by it.
+pub(crate) fn describe<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<Described, ImageError> {
+    let bytes_of_file = file_bytes(source, &mut input)?;
+    let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
+    let headers = reader.headers();
+    let color = choose(source, headers)?;
+    headers.iter().try_for_each(|header| check_header(source, header, bytes_of_file))?;
+    let window = Window::of(&headers[color.part]);
+    Ok(Described { color, window })
+}
+
+fn choose(source: &Source<'_>, headers: &[Header]) -> Result<Color, ImageError> {
+    find_color(headers).ok_or_else(|| ImageError::NoColor {
+        path: source.path.to_owned(),
+        found: headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect::<Vec<_>>().join(", "),
+    })
+}
+
+/// What a part announces must be within the limits, and within what the file can hold.
+fn check_header(source: &Source<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
+    let size = (header.layer_size.0 as u64, header.layer_size.1 as u64);
+    source.check_size(size.0, size.1)?;
+    if block_bytes(header) > MAX_BLOCK_BYTES {
+        return Err(source.malformed("EXR", "a block of pixels is larger than 1 GiB"));
+    }
+    let pixel_bits = 8 * header.channels.bytes_per_pixel as u64;
+    check_announced(size, pixel_bits, packing(header.compression), file_bytes)
+        .map_err(|problem| source.malformed("EXR", problem))
+}
+
+/// How far a block can unfold at most.
+fn packing(compression: Compression) -> Packing {
+    match compression {
+        Compression::Uncompressed => Packing::None,
+        Compression::RLE => Packing::RUNS,
+        // Of 32 bits 24 are kept.
+        Compression::PXR24 => Packing::Ratio(1032 * 4 / 3),
+        // 32 bytes in 3, or in 14; what is no half is stored as it is.
+        Compression::B44 | Compression::B44A => Packing::Ratio(11),
+        // Of 64 values of a block the first is kept, and where the others are nothing one word more, both deflated.
+        Compression::DWAA(_) | Compression::DWAB(_) => Packing::Ratio(1 << 16),
+        // PIZ: runs of 255 values of two bytes in some nine bits; and whatever is still to be invented.
+        _ => Packing::DEFLATE,
+    }
+}
+
+/// The color of a file, and what else is wanted of it.
+pub(crate) fn read<R: BufRead + Seek>(
+    source: &Source<'_>,
+    mut input: R,
+    wanted: Wanted<'_>,
+) -> Result<Read, ImageError> {
+    let bytes_of_file = file_bytes(source, &mut input)?;
+    let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
+    let headers = reader.headers().to_vec();
+    let color = choose(source, &headers)?;
+    headers.iter().try_for_each(|header| check_header(source, header, bytes_of_file))?;
+    let header = &headers[color.part];
+    let mut notes: Vec<String> = color.note.iter().cloned().collect();
+    let conversion = conversion(header, &color, source.white_point, &mut notes);
+
+    let targets = targets(&headers, &color, wanted);
+    let window = Window::of(header);
+    let count = header.layer_size.0 * header.layer_size.1;
+    let plane = |to: To| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
+    let mut canvas = Canvas {
+        picture: Picture::new(window.size.0, window.size.1),
+        planes: (0..wanted.names.len()).map(|index| plane(To::Plane(index))).collect(),
+        alpha: plane(To::Alpha),
+    };
+    read_blocks(source, reader, &headers, &targets, &mut canvas)?;
+    conversion.apply(&mut canvas.picture.data);
+    let Window { offset, full_size, .. } = window;
+    let file = ImageFile { picture: canvas.picture, offset, full_size, metadata: metadata(header) };
+    Ok(Read { file, planes: canvas.planes, alpha: canvas.alpha, notes })
+}
+
+/// From the colors of a file to ours, by its chromaticities.
+fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &mut Vec<String>) -> Conversion {
+    if color.is_xyz {
+        return Conversion::from_xyz();
+    }
+    let is_gray = color.channels[0] == color.channels[1];
+    let Some(found) = header.shared_attributes.chromaticities.filter(|_| !is_gray) else { return Conversion::NONE };
+    let numbers = [found.red, found.green, found.blue, found.white].map(|at| [f64::from(at.0), f64::from(at.1)]);
+    let [[rx, ry], [gx, gy], [bx, by], [wx, wy]] = numbers;
+    let chromaticities = Chromaticities::from_numbers([rx, ry, gx, gy, bx, by, wx, wy]);
+    chromaticities.to_rec709(white_point).unwrap_or_else(|problem| {
+        notes.push(format!("{problem}, and count as those of Rec. 709"));
+        Conversion::NONE
+    })
+}
+
+/// The channels to read. A part of another size is another picture.
+fn targets(headers: &[Header], color: &Color, wanted: Wanted<'_>) -> Vec<Target> {
+    let (part, size) = (color.part, headers[color.part].layer_size);
+    let components = color.channels.iter().enumerate();
+    let mut targets: Vec<Target> = components.map(|(i, &channel)| Target { part, channel, to: To::Color(i) }).collect();
+    let alpha = color.alpha.filter(|_| wanted.alpha);
+    targets.extend(alpha.map(|channel| Target { part, channel, to: To::Alpha }));
+    let more = wanted.names.iter().enumerate();
+    targets.extend(more.filter_map(|(i, name)| {
+        let (part, channel) = find_channel(headers, color.part, name)?;
+        (headers[part].layer_size == size).then_some(Target { part, channel, to: To::Plane(i) })
+    }));
+    targets
+}
+
+/// Reads all blocks with targets into the canvas, which must then be covered.
+fn read_blocks<R: BufRead + Seek>(
+    source: &Source<'_>,
+    reader: exr::block::reader::Reader<R>,
+    headers: &[Header],
+    targets: &[Target],
+    canvas: &mut Canvas,
+) -> Result<(), ImageError> {
     let mut covered = vec![0; headers.len()];
     let mut chunks = reader.all_chunks(false).map_err(|error| failed(source, error))?;
     while let Some(chunk) = chunks.read_next_chunk() {
@@ -84,23 +220,15 @@ pub(crate) fn read<R: BufRead + Seek>(
         let block = UncompressedBlock::decompress_chunk(chunk, chunks.meta_data(), false)
             .map_err(|error| failed(source, error))?;
         if block.index.level == Vec2(0, 0) {
-            covered[part] += copy_block(&block, &headers[part], &wanted, &mut canvas)
+            covered[part] += copy_block(&block, &headers[part], &wanted, canvas)
                 .ok_or_else(|| source.malformed("EXR", "a block of pixels lies outside the data window"))?;
         }
     }
-    if let Some(target) = targets.iter().find(|target| covered[target.part] != size.0 * size.1) {
-        let count = covered[target.part];
-        return Err(source.malformed("EXR", format!("{count} of {} pixels are there", size.0 * size.1)));
+    let count = canvas.picture.data.len();
+    match targets.iter().find(|target| covered[target.part] != count) {
+        Some(target) => Err(source.malformed("EXR", format!("{} of {count} pixels are there", covered[target.part]))),
+        None => Ok(()),
     }
-    let position = header.own_attributes.layer_position;
-    let display = header.shared_attributes.display_window;
-    let file = ImageFile {
-        picture: canvas.picture,
-        offset: (position.0.saturating_sub(display.position.0), position.1.saturating_sub(display.position.1)),
-        full_size: (display.size.0 as u32, display.size.1 as u32),
-        metadata: metadata(&header),
-    };
-    Ok((file, canvas.planes))
 }
 
 /// A channel of the file, and where its values go.
@@ -110,10 +238,11 @@ struct Target {
     to: To,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum To {
     /// A component of the picture.
     Color(usize),
+    Alpha,
     /// A plane of its own.
     Plane(usize),
 }
@@ -122,6 +251,7 @@ enum To {
 struct Canvas {
     picture: Picture,
     planes: Planes,
+    alpha: Option<Vec<f32>>,
 }
 
 /// The channel of this name: as it stands, in the part of the color first, or in a part that has the name of its layer.
@@ -187,46 +317,6 @@ fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
     UNFOLDED.iter().filter_map(|&i| numbers.get(i)).any(|number| u64::from_le_bytes(*number) > limit)
 }
 
-/// Which channels of which part of the file are the color.
-struct Color {
-    part: usize,
-    /// Channel of red, green and blue; the same one three times for gray.
-    channels: [usize; 3],
-}
-
-/// The first of: R, G, B without a layer; R, G, B of a layer called by a usual name of the whole picture; those of any
-/// other layer that is no AOV; those of any layer; Y. Parts in the order of the file.
-fn find_color(headers: &[Header]) -> Option<Color> {
-    let rank = |prefix: &str| match prefix.to_ascii_lowercase().as_str() {
-        "" => 0,
-        p if ["combined", "rgba", "rgb", "color", "beauty", "image"].iter().any(|name| p.contains(name)) => 1,
-        p if ["albedo", "normal", "position", "uv", "depth"].iter().any(|name| p.contains(name)) => 3,
-        _ => 2,
-    };
-    let mut best: Option<((usize, usize), Color)> = None;
-    for (layer, header) in headers.iter().enumerate() {
-        let names: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
-        let find = |wanted: String| names.iter().position(|name| name.eq_ignore_ascii_case(&wanted));
-        for name in &names {
-            let (prefix, last) = name.rsplit_once('.').map_or(("", name.as_str()), |(prefix, last)| (prefix, last));
-            let dotted = if prefix.is_empty() { String::new() } else { format!("{prefix}.") };
-            let (gray, channels) = match last {
-                "R" | "r" => (0, [find(format!("{dotted}R")), find(format!("{dotted}G")), find(format!("{dotted}B"))]),
-                "Y" | "y" => (4, [find(format!("{dotted}Y")); 3]),
-                _ => continue,
-            };
-            let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
-            let key = (gray + rank(prefix), rank(&part));
-            if let [Some(r), Some(g), Some(b)] = channels
-                && best.as_ref().is_none_or(|(other, _)| key < *other)
-            {
-                best = Some((key, Color { part: layer, channels: [r, g, b] }));
-            }
-        }
-    }
-    best.map(|(_, color)| color)
-}
-
 /// Copies what is wanted of a block; the number of its pixels, or `None` when they are not all in the picture.
 fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], canvas: &mut Canvas) -> Option<usize> {
     let Vec2(x, y) = block.index.pixel_position;
@@ -252,6 +342,10 @@ fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], ca
                 To::Color(component) => {
                     let pixels = &mut canvas.picture.data[start..start + width];
                     decode(bytes, *sample_type, pixels.iter_mut().map(|pixel| &mut pixel[component]));
+                }
+                To::Alpha => {
+                    let plane = canvas.alpha.as_mut()?;
+                    decode(bytes, *sample_type, plane[start..start + width].iter_mut());
                 }
                 To::Plane(index) => {
                     let plane = canvas.planes[index].as_mut()?;

@@ -1,0 +1,239 @@
+//! Which channels of an OpenEXR file are its color.
+
+use exr::meta::header::Header;
+
+/// Which channels of which part of the file are the color.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Color {
+    pub(super) part: usize,
+    /// Channel of red, green and blue, or of X, Y and Z; the same one three times for gray.
+    pub(super) channels: [usize; 3],
+    pub(super) alpha: Option<usize>,
+    /// The channels are X, Y and Z.
+    pub(super) is_xyz: bool,
+    /// What was chosen where a viewer would have to choose; for people.
+    pub(super) note: Option<String>,
+}
+
+/// How likely a layer is the picture itself, by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Likeness {
+    /// It has no name.
+    Plain,
+    /// It is called so as the whole picture usually is.
+    Beauty,
+    Other,
+    /// It is called like an AOV.
+    Aov,
+}
+
+impl Likeness {
+    /// - `name`: of the layer, with those that it lies in: `ViewLayer.Combined`.
+    fn of(name: &str) -> Self {
+        const BEAUTY: [&str; 6] = ["combined", "rgba", "rgb", "color", "beauty", "image"];
+        const AOVS: [&str; 8] = ["albedo", "normal", "position", "uv", "depth", "crypto", "motion", "mist"];
+        let name = name.to_ascii_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        match name.as_str() {
+            "" => Self::Plain,
+            _ if has(&AOVS) => Self::Aov,
+            _ if has(&BEAUTY) => Self::Beauty,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// What a layer's channels can be taken for, the best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Rgb,
+    Xyz,
+    Luminance,
+}
+
+/// Channels of one part whose names begin alike, up to their last dot.
+struct Layer<'a> {
+    part: usize,
+    /// With its dot; empty for none.
+    prefix: &'a str,
+    /// Index and last part of the name of each channel.
+    channels: Vec<(usize, &'a str)>,
+}
+
+impl Layer<'_> {
+    fn find(&self, name: &str) -> Option<usize> {
+        self.channels.iter().find(|(_, last)| last.eq_ignore_ascii_case(name)).map(|&(index, _)| index)
+    }
+
+    fn triple(&self, names: [&str; 3]) -> Option<[usize; 3]> {
+        let [a, b, c] = names.map(|name| self.find(name));
+        Some([a?, b?, c?])
+    }
+
+    /// The channels that are color, if any are.
+    fn color(&self, likeness: Likeness) -> Option<(Kind, [usize; 3])> {
+        let rgb = self.triple(["R", "G", "B"]).or_else(|| self.triple(["red", "green", "blue"]));
+        if let Some(channels) = rgb {
+            return Some((Kind::Rgb, channels));
+        }
+        // Of other layers they are places, normals or motion.
+        let xyz = self.triple(["X", "Y", "Z"]).filter(|_| likeness <= Likeness::Beauty);
+        if let Some(channels) = xyz {
+            return Some((Kind::Xyz, channels));
+        }
+        self.find("Y").map(|channel| (Kind::Luminance, [channel; 3]))
+    }
+}
+
+/// The best of: R, G, B without a layer; of a layer called by a usual name of the whole picture; of any other layer that is no
+/// AOV; X, Y, Z and then Y of the same; what AOVs have of these; the only channel that there is. Parts in the order of the
+/// file. Names are told apart without regard to case.
+pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
+    let names: Vec<Vec<String>> = headers
+        .iter()
+        .map(|header| header.channels.list.iter().map(|channel| channel.name.to_string()).collect())
+        .collect();
+    let part_name =
+        |part: usize| headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
+    let layers: Vec<Layer<'_>> =
+        (0..headers.len()).filter(|&part| !headers[part].deep).flat_map(|part| layers(part, &names[part])).collect();
+    // A part has a name in files of one part as well.
+    let label = |layer: &Layer<'_>| {
+        let inner = layer.prefix.trim_matches('.');
+        let outer = if headers.len() > 1 { part_name(layer.part) } else { String::new() };
+        if outer.is_empty() || inner.is_empty() { outer + inner } else { format!("{outer}.{inner}") }
+    };
+    let ranked = layers.iter().filter_map(|layer| {
+        let likeness = Likeness::of(&label(layer));
+        let (kind, channels) = layer.color(likeness)?;
+        Some(((likeness == Likeness::Aov, kind, likeness), layer, channels))
+    });
+    let candidates: Vec<_> = ranked.collect();
+    // The first of equals.
+    let best = candidates.iter().min_by_key(|(rank, ..)| *rank);
+    if let Some(&((_, kind, likeness), layer, channels)) = best {
+        let others: Vec<String> = candidates.iter().map(|(_, other, _)| label(other)).collect();
+        let name = label(layer);
+        let note = match (likeness, others.len()) {
+            (Likeness::Plain, _) => None,
+            (_, 1) => Some(format!("its color is taken from its layer `{name}`")),
+            _ => Some(format!("of its layers {} the color is taken from `{name}`", list(&others))),
+        };
+        let alpha = layer.find("A").or_else(|| layer.find("alpha"));
+        return Some(Color { part: layer.part, channels, alpha, is_xyz: kind == Kind::Xyz, note });
+    }
+    single(&layers, &names)
+}
+
+/// The one channel of a file that is no alpha, as gray.
+fn single(layers: &[Layer<'_>], names: &[Vec<String>]) -> Option<Color> {
+    let is_alpha = |name: &str| name.eq_ignore_ascii_case("A") || name.eq_ignore_ascii_case("alpha");
+    let channels = layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
+    let mut values = channels.filter(|(_, (_, last))| !is_alpha(last));
+    let (layer, &(channel, _)) = values.next()?;
+    if values.next().is_some() {
+        return None;
+    }
+    let name = &names[layer.part][channel];
+    Some(Color {
+        part: layer.part,
+        channels: [channel; 3],
+        alpha: layer.find("A").or_else(|| layer.find("alpha")),
+        is_xyz: false,
+        note: Some(format!("its only channel, `{name}`, is taken as gray")),
+    })
+}
+
+/// The layers of a part, in the order of its channels.
+fn layers(part: usize, names: &[String]) -> Vec<Layer<'_>> {
+    let mut layers: Vec<Layer<'_>> = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let (prefix, last) = name.split_at(name.rfind('.').map_or(0, |dot| dot + 1));
+        match layers.iter_mut().find(|layer| layer.prefix == prefix) {
+            Some(layer) => layer.channels.push((index, last)),
+            None => layers.push(Layer { part, prefix, channels: vec![(index, last)] }),
+        }
+    }
+    layers
+}
+
+/// The first few names, for people.
+fn list(names: &[String]) -> String {
+    let shown: Vec<String> = names.iter().take(5).map(|name| format!("`{name}`")).collect();
+    let rest = names.len().saturating_sub(shown.len());
+    if rest > 0 { format!("{} and {rest} more", shown.join(", ")) } else { shown.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::{
+        meta::header::Header,
+        prelude::{ChannelDescription, SampleType, SmallVec, Text},
+    };
+
+    use super::*;
+
+    /// The name of a part, and those of its channels.
+    type Part<'a> = (&'a str, &'a [&'a str]);
+
+    fn headers(parts: &[Part<'_>]) -> Vec<Header> {
+        let header = |(name, channels): &Part<'_>| {
+            let list: SmallVec<[ChannelDescription; 5]> =
+                channels.iter().map(|name| ChannelDescription::named(*name, SampleType::F32)).collect();
+            Header::new(Text::from(*name), (2_usize, 2_usize), list)
+        };
+        parts.iter().map(header).collect()
+    }
+
+    /// Part and names of the channels that are taken.
+    fn taken(parts: &[Part<'_>]) -> Option<(usize, String, Option<String>)> {
+        let headers = headers(parts);
+        let color = find_color(&headers)?;
+        let list = &headers[color.part].channels.list;
+        let names = color.channels.into_iter().chain(color.alpha).map(|index| list[index].name.to_string());
+        Some((color.part, names.collect::<Vec<_>>().join(" "), color.note))
+    }
+
+    #[test]
+    fn the_picture_itself_is_found_among_layers() {
+        let cases: [(&[Part<'_>], usize, &str, bool); 14] = [
+            (&[("", &["A", "B", "G", "R"])], 0, "R G B A", false),
+            (&[("", &[".B", ".G", ".R"])], 0, ".R .G .B", false),
+            (&[("", &["b", "g", "r"])], 0, "r g b", false),
+            (&[("", &["Beauty.B", "Beauty.G", "Beauty.R"])], 0, "Beauty.R Beauty.G Beauty.B", true),
+            (
+                &[(
+                    "",
+                    &[
+                        "V.Albedo.B",
+                        "V.Albedo.G",
+                        "V.Albedo.R",
+                        "V.Combined.A",
+                        "V.Combined.B",
+                        "V.Combined.G",
+                        "V.Combined.R",
+                    ],
+                )],
+                0,
+                "V.Combined.R V.Combined.G V.Combined.B V.Combined.A",
+                true,
+            ),
+            (&[("", &["B", "G", "R", "beauty.B", "beauty.G", "beauty.R"])], 0, "R G B", false),
+            (&[("", &["Y"])], 0, "Y Y Y", false),
+            (&[("", &["X", "Y", "Z"])], 0, "X Y Z", false),
+            (&[("", &["Y", "albedo.B", "albedo.G", "albedo.R"])], 0, "Y Y Y", false),
+            (&[("", &["R"])], 0, "R R R", true),
+            (&[("", &["A", "depth.Z"])], 0, "depth.Z depth.Z depth.Z", true),
+            (&[("albedo", &["B", "G", "R"]), ("beauty", &["B", "G", "R"])], 1, "R G B", true),
+            (&[("N", &["X", "Y", "Z"]), ("left", &["B", "G", "R"])], 1, "R G B", true),
+            (&[("", &["a.B", "a.G", "a.R", "b.B", "b.G", "b.R"])], 0, "a.R a.G a.B", true),
+        ];
+        for (parts, part, names, is_told) in cases {
+            let (found, found_names, note) = taken(parts).unwrap_or_else(|| panic!("{parts:?}"));
+            assert_eq!((found, found_names.as_str(), note.is_some()), (part, names, is_told), "{parts:?}: {note:?}");
+        }
+        for parts in [&[("", &["Z", "id"][..])][..], &[("", &["A"])], &[("", &["normal.X", "normal.Z"])]] {
+            assert_eq!(taken(parts), None, "{parts:?}");
+        }
+    }
+}

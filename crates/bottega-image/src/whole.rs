@@ -1,0 +1,167 @@
+//! Whole pictures of high dynamic range for who lays them on surfaces and around scenes: OpenEXR and Radiance.
+//!
+//! Where the pixels of an OpenEXR file are a part of the picture, or reach beyond it, the picture counts: what the file does
+//! not hold is black and transparent, and what lies outside is left out.
+
+use std::{io::Cursor, path::Path};
+
+use crate::{
+    ImageError, Picture, WhitePoint,
+    exr_read::{self, Described, Wanted, Window},
+    limits::{Packing, ReadLimits, check_announced},
+    radiance_read,
+    read::{Source, guarded},
+};
+
+/// Whether these are the bytes of an OpenEXR or a Radiance file.
+pub fn is_float_picture(bytes: &[u8]) -> bool {
+    is_exr(bytes) || radiance_read::recognizes(bytes)
+}
+
+fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+/// What the header of a file announces; nothing was allocated by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WholeHeader {
+    /// Columns of the picture.
+    pub width: u32,
+    /// Rows of the picture.
+    pub height: u32,
+    /// Whether there is an alpha beside the color.
+    pub has_alpha: bool,
+}
+
+/// A picture, with all of its pixels.
+#[derive(Clone, Debug)]
+pub struct WholePicture {
+    /// Linear Rec. 709.
+    pub picture: Picture,
+    /// Row by row from the top; `None` where the file has none.
+    pub alpha: Option<Vec<f32>>,
+    /// What was chosen where there was a choice, and what was not followed: to be told, each beginning with "it" or "its".
+    pub notes: Vec<String>,
+}
+
+impl WholeHeader {
+    /// Reads the header of a file whose bytes these are, and checks what it announces. `name` stands in errors.
+    pub fn read(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<Self, ImageError> {
+        let source = Source::new(name.as_ref(), limits);
+        if is_exr(bytes) {
+            let described = guarded(&source, "EXR", || exr_read::describe(&source, Cursor::new(bytes)))?;
+            return Self::of(&source, &described);
+        }
+        let mut input = bytes;
+        let header = radiance_read::Header::read(&source, &mut input, bytes.len() as u64)?;
+        let (width, height) = header.size();
+        Ok(Self { width, height, has_alpha: false })
+    }
+
+    fn of(source: &Source<'_>, described: &Described) -> Result<Self, ImageError> {
+        let placing = Placing::of(described.window());
+        let (width, height) = placing.size;
+        source.check_size(u64::from(width), u64::from(height))?;
+        // A few pixels in a wide frame take no bytes for what is around them.
+        let held = described.window().size;
+        check_announced(
+            (u64::from(width), u64::from(height)),
+            32,
+            Packing::Unbounded,
+            u64::from(held.0) * u64::from(held.1),
+        )
+        .map_err(|_| {
+            let (columns, rows) = held;
+            source.malformed("EXR", format!("it announces {width} × {height} pixels and holds {columns} × {rows}"))
+        })?;
+        Ok(Self { width, height, has_alpha: described.has_alpha() })
+    }
+}
+
+/// Reads the picture of a file whose bytes these are; see [`WholeHeader::read`].
+pub fn read_whole(
+    name: impl AsRef<Path>,
+    bytes: &[u8],
+    limits: ReadLimits,
+    white_point: WhitePoint,
+) -> Result<WholePicture, ImageError> {
+    let source = Source { white_point, ..Source::new(name.as_ref(), limits) };
+    if !is_exr(bytes) {
+        let (file, notes) = radiance_read::read(&source, bytes, bytes.len() as u64)?;
+        return Ok(WholePicture { picture: file.picture, alpha: None, notes });
+    }
+    let described = guarded(&source, "EXR", || exr_read::describe(&source, Cursor::new(bytes)))?;
+    WholeHeader::of(&source, &described)?;
+    let read =
+        guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), Wanted { names: &[], alpha: true }))?;
+    let placing = Placing::of(described.window());
+    let mut notes = read.notes;
+    notes.extend(placing.is_apart.then(|| "its data window lies outside of its display window, and counts".to_owned()));
+    let (width, height) = placing.size;
+    let data = placing.place(read.file.picture.data, [0.0; 3]);
+    let alpha = read.alpha.map(|alpha| placing.place(alpha, 0.0));
+    Ok(WholePicture { picture: Picture { width, height, data }, alpha, notes })
+}
+
+/// Where the pixels of a file lie in its picture.
+struct Placing {
+    window: Window,
+    /// Columns and rows of the picture.
+    size: (u32, u32),
+    /// The file has no pixel of its picture: then its pixels are the picture.
+    is_apart: bool,
+}
+
+impl Placing {
+    fn of(window: Window) -> Self {
+        let overlaps = |offset: i32, size: u32, full: u32| {
+            i64::from(offset) < i64::from(full) && i64::from(offset) + i64::from(size) > 0
+        };
+        let is_apart = !overlaps(window.offset.0, window.size.0, window.full_size.0)
+            || !overlaps(window.offset.1, window.size.1, window.full_size.1);
+        Self { window, size: if is_apart { window.size } else { window.full_size }, is_apart }
+    }
+
+    /// - `pixels`: those that the file holds, row by row.
+    fn place<T: Copy>(&self, pixels: Vec<T>, outside: T) -> Vec<T> {
+        let Window { size, offset, full_size } = self.window;
+        if self.is_apart || (offset == (0, 0) && size == full_size) {
+            return pixels;
+        }
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let mut placed = vec![outside; width * height];
+        // First pixel in the picture, first pixel of the file, and how many.
+        let overlap = |offset: i32, size: u32, full: u32| {
+            let start = offset.max(0) as usize;
+            let end = (i64::from(offset) + i64::from(size)).min(i64::from(full)) as usize;
+            (start, (start as i64 - i64::from(offset)) as usize, end.saturating_sub(start))
+        };
+        let (x, first_column, columns) = overlap(offset.0, size.0, full_size.0);
+        let (y, first_row, rows) = overlap(offset.1, size.1, full_size.1);
+        let lines = pixels.chunks_exact(size.0 as usize).skip(first_row).take(rows);
+        for (row, line) in placed.chunks_exact_mut(width).skip(y).zip(lines) {
+            row[x..x + columns].copy_from_slice(&line[first_column..first_column + columns]);
+        }
+        placed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn placed(size: (u32, u32), offset: (i32, i32), full_size: (u32, u32)) -> (Vec<u32>, bool) {
+        let placing = Placing::of(Window { size, offset, full_size });
+        (placing.place((1..=size.0 * size.1).collect(), 0), placing.is_apart)
+    }
+
+    #[test]
+    fn the_data_window_is_placed_in_the_display_window() {
+        assert_eq!(placed((2, 1), (0, 0), (2, 1)).0, [1, 2]);
+        assert_eq!(placed((2, 1), (1, 1), (3, 2)).0, [0, 0, 0, 0, 1, 2]);
+        // Beyond all edges.
+        assert_eq!(placed((4, 3), (-1, -1), (2, 1)).0, [6, 7]);
+        assert_eq!(placed((2, 2), (-1, 1), (2, 2)).0, [0, 0, 2, 0]);
+        assert_eq!(placed((2, 1), (5, 0), (3, 1)), (vec![1, 2], true));
+    }
+}

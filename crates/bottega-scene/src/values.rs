@@ -1,0 +1,63 @@
+//! Numbers that files hold and that cannot be computed with: no numbers, infinite ones, and those beyond all that shines.
+
+/// The largest value of a texel, a vertex color or a cell of a grid: some hundred times the disk of the sun in cd/m².
+pub const VALUE_MAX: f32 = 1e12;
+
+/// The largest factor of a light or a material. Its product with [`VALUE_MAX`], and what comes of that on the way from a lamp
+/// to a wall a millimetre away, is still a number.
+pub const FACTOR_MAX: f32 = 1e15;
+
+/// Makes sound numbers of all values: 0 of what is none, and of what is infinite or beyond [`VALUE_MAX`] the largest of the
+/// others, so that a sun that is too bright for its file stays the brightest place. Returns what was done, to be told:
+/// `None` where all were sound.
+pub(crate) fn mend(values: &mut [f32]) -> Option<String> {
+    let (mut nones, mut enormous, mut largest) = (0_usize, 0_usize, 0.0_f32);
+    for value in values.iter() {
+        if value.is_nan() {
+            nones += 1;
+        } else if value.abs() > VALUE_MAX {
+            enormous += 1;
+        } else {
+            largest = largest.max(*value);
+        }
+    }
+    if nones + enormous == 0 {
+        return None;
+    }
+    for value in values {
+        if value.is_nan() {
+            *value = 0.0;
+        } else if value.abs() > VALUE_MAX {
+            *value = largest.copysign(*value);
+        }
+    }
+    let nones = (nones > 0).then(|| format!("{nones} of its values are no numbers, and count as 0"));
+    let enormous = (enormous > 0).then(|| {
+        let limit = VALUE_MAX;
+        format!("{enormous} of its values are infinite or above {limit:e}, and count as {largest}, the largest of the others")
+    });
+    Some(nones.into_iter().chain(enormous).collect::<Vec<_>>().join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_computed_with_becomes_a_number_and_is_told() {
+        let mended = |values: &[f32]| {
+            let mut values = values.to_vec();
+            let note = mend(&mut values);
+            (values, note)
+        };
+        assert_eq!(mended(&[0.0, -3.0, 1e12]), (vec![0.0, -3.0, 1e12], None));
+        let (values, note) = mended(&[f32::NAN, f32::INFINITY, 5.0, 1e30, f32::NEG_INFINITY]);
+        assert_eq!(values, [0.0, 5.0, 5.0, 5.0, -5.0]);
+        let note = note.unwrap();
+        assert!(
+            note.contains("1 of its values are no numbers") && note.contains("3 of its values are infinite"),
+            "{note}"
+        );
+        assert_eq!(mended(&[f32::INFINITY]).0, [0.0]);
+    }
+}
