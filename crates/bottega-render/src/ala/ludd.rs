@@ -208,8 +208,11 @@ impl Samples {
                     _ => all.clone(),
                 };
                 let estimator = Estimator::new(&photons, radius);
-                let irradiance =
-                    |photon: &Photon, found: &mut Nearest| luminance(estimator.irradiance(&all, photon, found));
+                let irradiance = |photon: &Photon, found: &mut Nearest| {
+                    let mut sum = Spectrum::ZERO;
+                    estimator.irradiance(&all, photon, found, |_, light| sum += light);
+                    luminance(sum)
+                };
                 vec![layer(map, criteria, importance.as_ref(), |photon| luminance(photon.mark().power()), irradiance)]
             }),
         };

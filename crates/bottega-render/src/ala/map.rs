@@ -24,7 +24,7 @@ use crate::{
     AgentSettings, Oracle, RenderError,
     integrator::PhotonIntegrator,
     photon::{
-        Nearest, Photon, PhotonMap, PhotonMaps,
+        ByBounces, IrradianceMap, Nearest, Photon, PhotonMap, PhotonMaps,
         cache::{Estimate, IrradianceCache, Record, Surroundings},
         parts,
     },
@@ -145,7 +145,7 @@ impl Agents {
     ) -> Result<(Self, [u64; 4]), RenderError> {
         let sensed = run(parts(swarm.len() as u32, SENSING).map(Errand::Dig).collect())?;
         let answers = paper::answers(network, &sensed.discoveries);
-        let (sensors, object_distance) = (PhotonMap::new(sensed.irradiance), swarm.object_distance);
+        let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
         let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
         let visibility = Arc::new(Visibility::new(swarm, network, &answers));
         Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
@@ -248,22 +248,29 @@ impl Agents {
     /// "Should I compute incoming irradiance?" `None`: yes; else what is known of it.
     ///
     /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
+    /// - `bounces`: of the light, the one at the place among them; at most.
     #[inline(always)]
-    pub(crate) fn irradiance_at(&self, p: Vec3, normals: [Vec3; 2], found: &mut Nearest) -> Option<Spectrum> {
+    pub(crate) fn irradiance_at(
+        &self,
+        p: Vec3,
+        normals: [Vec3; 2],
+        bounces: u32,
+        found: &mut Nearest,
+    ) -> Option<Spectrum> {
         if !self.settings.decides_irradiance {
             return None;
         }
         match &self.indirect {
-            Indirect::Fitted(fitted) => fitted.at(p, normals[0], found),
-            Indirect::Records(..) => self.known_irradiance(p, normals[1]),
+            Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found),
+            Indirect::Records(..) => self.known_irradiance(p, normals[1], bounces),
         }
     }
 
     /// What our own records say of a place, where they agree.
     #[inline(always)]
-    fn known_irradiance(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
+    fn known_irradiance(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
-        let estimate = cache.estimate(p, normal)?;
+        let estimate = cache.estimate(p, normal, bounces)?;
         self.is_taken(&estimate).then_some(estimate.irradiance)
     }
 
@@ -278,14 +285,23 @@ impl Agents {
     /// "What comes from where?" `None`: nobody knows.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    /// - `bounces`: of the light, the one at the place among them; at most.
     #[inline(always)]
-    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3) -> Option<Surroundings<'_>> {
+    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Surroundings<'_>> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         if !self.settings.decides_radiance || !self.settings.decides_irradiance {
             return None;
         }
-        let (estimate, surroundings) = cache.surroundings(p, normal)?;
+        let (estimate, surroundings) = cache.surroundings(p, normal, bounces)?;
         self.is_taken(&estimate).then_some(surroundings)
+    }
+
+    /// What share of the indirect light that is known of a place has been scattered how often; `None`: nobody tells.
+    ///
+    /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3) -> Option<ByBounces> {
+        let Indirect::Records(cache, _) = &self.indirect else { return None };
+        Some(cache.shares(p, normal))
     }
 
     /// How many rays to a cell of the hemisphere a record takes, by what our own records know of the noise at a place.
@@ -303,9 +319,9 @@ impl Agents {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
         let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
         let estimate = if is_directed {
-            cache.surroundings(p, normal).map(|(estimate, _)| estimate)
+            cache.surroundings(p, normal, u32::MAX).map(|(estimate, _)| estimate)
         } else {
-            cache.estimate(p, normal)
+            cache.estimate(p, normal, u32::MAX)
         };
         estimate.is_some_and(is_enough)
     }
@@ -319,7 +335,7 @@ impl Agents {
     /// Where the agents are, and their irradiance sensors.
     pub(crate) fn maps(&self) -> [PhotonMap; 2] {
         let sensors = match &self.indirect {
-            Indirect::Fitted(fitted) => fitted.sensors.clone(),
+            Indirect::Fitted(fitted) => fitted.sensors.places().clone(),
             Indirect::Records(cache, _) => PhotonMap::new(cache.as_photons().collect()),
         };
         [self.visibility.places().clone(), sensors]

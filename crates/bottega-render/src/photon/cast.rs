@@ -6,18 +6,17 @@ use bottega_hra::HraClient;
 use bottega_kernels::compiled;
 
 use super::{
-    bytes::{Reader, Writer},
+    bounces::{IrradianceMap, IrradiancePlaces},
     irradiance::{IrradianceAt, irradiance_count},
     map::PhotonMap,
-    maps::{Estimator, PhotonMaps, caustic_tracer, photon_counts, tracer},
-    record::Photon,
+    maps::{Estimator, PhotonMaps, caustic_tracer, joined, photon_counts, tracer},
     trace::{Traced, Tracing},
 };
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
     integrator::PhotonIntegrator,
-    sharing::{Hands, Sharing, Told},
+    sharing::{Hands, Sharing},
 };
 
 /// Photons of one unit of work: some milliseconds.
@@ -62,19 +61,9 @@ impl PhotonWork {
 
 impl IrradianceWork {
     /// Computes it on the calling thread.
-    pub fn perform(self) -> Vec<Photon> {
+    pub fn perform(self) -> IrradiancePlaces {
         let (prepared, all) = (&*self.scene, &*self.all);
         compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })
-    }
-}
-
-impl Told for Vec<Photon> {
-    fn write(&self, to: &mut Writer) {
-        to.photons(self);
-    }
-
-    fn read(from: &mut Reader<'_>) -> Option<Self> {
-        from.photons()
     }
 }
 
@@ -135,7 +124,7 @@ fn maps(
         });
         let answer = |output| if let RenderOutput::Irradiance(part) = output { Some(part) } else { None };
         let known = hands.run(works.collect(), answer)?;
-        maps.irradiance = scene.on_threads(|| PhotonMap::new(known.concat()));
+        maps.irradiance = scene.on_threads(|| IrradianceMap::new(joined(known)));
     }
     Ok(maps)
 }

@@ -8,6 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
+    bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
     irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
@@ -38,14 +39,45 @@ const SHRINKING: f32 = 2.0 / 3.0;
 pub(crate) struct PhotonMaps {
     /// Of light over mirrors and through glass; with the indirect light, where no rays are gathered.
     pub(crate) seen: PhotonMap,
-    /// In place of a power the irradiance, all light together.
-    pub(crate) irradiance: PhotonMap,
+    /// The irradiance by all light.
+    pub(crate) irradiance: IrradianceMap,
     /// Where light arrives straight, and where not.
     pub(crate) visibility: PhotonMap,
     pub(crate) estimator: Estimator,
     /// How far photons of `seen` may be, and those of the irradiance.
     pub(crate) reach: f32,
     pub(crate) irradiance_reach: f32,
+}
+
+/// What a photon brings to a point near it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrived {
+    /// Back along the way that it came.
+    pub(crate) to_light: Vec3,
+    /// Whether it arrived on the side of the normal.
+    pub(crate) is_before: bool,
+    /// How often it was scattered before.
+    pub(crate) bounces: u32,
+    /// Its share of the irradiance.
+    pub(crate) light: Spectrum,
+}
+
+/// Where photons count.
+#[derive(Clone, Copy)]
+struct Disc {
+    p: Vec3,
+    normal: Vec3,
+    radius_squared: f32,
+    /// What a photon's power counts in its middle.
+    share: f32,
+}
+
+/// Joins parts in their order.
+pub(super) fn joined(parts: Vec<IrradiancePlaces>) -> IrradiancePlaces {
+    parts.into_iter().fold(IrradiancePlaces::default(), |mut all, part| {
+        all.append(part);
+        all
+    })
 }
 
 /// How the density of photons is estimated.
@@ -122,7 +154,7 @@ impl PhotonMaps {
                 let points = points[0]..points[points.len() - 1] + 1;
                 compiled::run(IrradianceAt { prepared, estimator: maps.estimator, all: &all, points })
             });
-            maps.irradiance = PhotonMap::new(known.collect::<Vec<_>>().concat());
+            maps.irradiance = IrradianceMap::new(joined(known.collect()));
         }
         maps
     }
@@ -141,7 +173,7 @@ impl PhotonMaps {
         let estimator = Estimator::new(settings, reach);
         let mut maps = Self {
             seen: PhotonMap::default(),
-            irradiance: PhotonMap::default(),
+            irradiance: IrradianceMap::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
             reach,
@@ -166,13 +198,15 @@ impl PhotonMaps {
 
     pub(crate) fn write(&self, to: &mut Writer) {
         [self.reach, self.irradiance_reach].into_iter().for_each(|reach| to.value(reach));
-        [&self.seen, &self.irradiance, &self.visibility].into_iter().for_each(|map| to.map(map));
+        to.map(&self.seen);
+        self.irradiance.write(to);
+        to.map(&self.visibility);
     }
 
     /// - `settings`: of the picture.
     pub(crate) fn read(settings: &PhotonSettings, from: &mut Reader<'_>) -> Option<Self> {
         let [reach, irradiance_reach] = [from.value()?, from.value()?];
-        let [seen, irradiance, visibility] = [from.map()?, from.map()?, from.map()?];
+        let (seen, irradiance, visibility) = (from.map()?, IrradianceMap::read(from)?, from.map()?);
         let estimator = Estimator::new(settings, irradiance_reach);
         Some(Self { seen, irradiance, visibility, estimator, reach, irradiance_reach })
     }
@@ -182,21 +216,21 @@ impl PhotonMaps {
         self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
     }
 
-    /// Irradiance on a surface near a point; `None`: nothing is known there. What lies beside the plane of the surface belongs to
-    /// another one, such as the floor below a shelf.
+    /// Where the irradiance on a surface near a point is known; `None`: nothing is known there. What lies beside the plane of the surface belongs to
+    /// another one, such as the floor below a shelf. The number is that of the place in [`Self::irradiance`].
     #[inline(always)]
-    pub(crate) fn irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
+    pub(crate) fn irradiance_near(&self, p: Vec3, normal: Vec3) -> Option<u32> {
         let reach = self.irradiance_reach;
+        let places = self.irradiance.places();
         let accept = |index: u32| {
-            let photon = self.irradiance.photon(index);
+            let photon = places.photon(index);
             let away = photon.p - p;
             let off_plane = away.dot(normal);
             let is_flat =
                 off_plane * off_plane <= FLATNESS * FLATNESS * (reach * reach).min(4.0 * away.length_squared());
             is_flat && is_alike(photon.mark().normal(), normal)
         };
-        let index = self.irradiance.nearest_where(p, reach * reach, accept)?;
-        Some(self.irradiance.mark(index).power())
+        places.nearest_where(p, reach * reach, accept)
     }
 
     /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,
@@ -233,14 +267,21 @@ impl Estimator {
         self.gather as usize
     }
 
-    /// Irradiance on the side of a surface where a photon arrived, by those near it.
-    pub(crate) fn irradiance(&self, map: &PhotonMap, photon: &Photon, found: &mut Nearest) -> Spectrum {
-        let on_this_side = |_: Vec3, is_before: bool| if is_before { Spectrum::ONE } else { Spectrum::ZERO };
-        self.gather(map, photon.p, photon.mark().normal(), self.reach, found, on_this_side)
+    /// Irradiance on the side of a surface where a photon arrived, by those near it: `add` takes it apart, with the number of
+    /// bounces.
+    pub(crate) fn irradiance(
+        &self,
+        map: &PhotonMap,
+        photon: &Photon,
+        found: &mut Nearest,
+        mut add: impl FnMut(u32, Spectrum),
+    ) {
+        let on_this_side = |arrived: &Arrived| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
+        let on_this_side = |arrived: &Arrived| add(arrived.bounces, arrived.light * on_this_side(arrived));
+        self.gather(map, photon.p, photon.mark().normal(), self.reach, found, on_this_side);
     }
 
-    /// What all photons near a point bring to it, each weighed by `scattered`, which is given the direction that it came
-    /// from and whether it arrived on the side of the normal: without weights that is the irradiance.
+    /// Looks for the photons near a point, and tells `take` what each brings to it: all of it together is the irradiance.
     ///
     /// - `map`: where to look; `found` says for how many of them.
     /// - `normal`: of the surface, on the side that is lit if light cannot go through.
@@ -252,19 +293,20 @@ impl Estimator {
         normal: Vec3,
         reach: f32,
         found: &mut Nearest,
-        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+        mut take: impl FnMut(&Arrived),
+    ) {
         map.nearest(p, reach * reach, found);
         let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
         if found.is_empty() || radius_squared <= 0.0 {
-            return Spectrum::ZERO;
+            return;
         }
-        let mut sum = Spectrum::ZERO;
+        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
         // The farthest only says how large the disc is: counted, it would make all a little too bright.
         for (index, distance_squared) in found.iter().filter(|&(_, distance)| distance < radius_squared) {
-            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
+                take(&arrived);
+            }
         }
-        sum * (self.scale / (PI * radius_squared))
     }
 
     /// The same for all photons within a radius, however many.
@@ -275,30 +317,23 @@ impl Estimator {
         p: Vec3,
         normal: Vec3,
         reach: f32,
-        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+        mut take: impl FnMut(&Arrived),
+    ) {
         let radius_squared = reach * reach;
         if radius_squared <= 0.0 {
-            return Spectrum::ZERO;
+            return;
         }
-        let mut sum = Spectrum::ZERO;
+        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
         map.within(p, radius_squared, |index, distance_squared| {
-            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
+                take(&arrived);
+            }
         });
-        sum * (self.scale / (PI * radius_squared))
     }
 
     #[inline(always)]
-    fn weighed(
-        &self,
-        map: &PhotonMap,
-        index: u32,
-        p: Vec3,
-        normal: Vec3,
-        distance_squared: f32,
-        radius_squared: f32,
-        scattered: &mut impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+    fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<Arrived> {
+        let Disc { p, normal, radius_squared, share } = *disc;
         let photon = map.photon(index);
         let off_plane = (photon.p - p).dot(normal);
         // Photons on the other side of the surface are those of light that goes through: their normal is the opposite.
@@ -306,14 +341,15 @@ impl Estimator {
         let is_before = is_alike(its_normal, normal);
         let is_behind = is_alike(-its_normal, normal);
         if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
-            return Spectrum::ZERO;
+            return None;
         }
         let part = distance_squared / radius_squared;
         let weight = match self.filter {
             PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),
             PhotonFilter::Cone => (1.0 - part.sqrt() / CONE) / (1.0 - 2.0 / (3.0 * CONE)),
         };
-        scattered(photon.mark().to_light(), is_before) * photon.mark().power() * weight
+        let light = photon.mark().power() * (weight * share);
+        Some(Arrived { to_light: photon.mark().to_light(), is_before, bounces: photon.mark().bounces(), light })
     }
 }
 

@@ -4,6 +4,7 @@
 //! Illumination*.
 
 mod around;
+pub(crate) mod bounces;
 pub(crate) mod bytes;
 pub(crate) mod cache;
 mod cast;
@@ -15,10 +16,12 @@ mod record;
 mod store;
 mod trace;
 
+pub use bounces::IrradiancePlaces;
+pub(crate) use bounces::{BOUNCES_KEPT, ByBounces, IrradianceMap, kept};
 pub(crate) use cast::parts;
 pub use cast::{IrradianceWork, PhotonWork, cast_photons};
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};
-pub(crate) use maps::{Estimator, PhotonMaps, traced, tracer};
+pub(crate) use maps::{Arrived, Estimator, PhotonMaps, traced, tracer};
 pub(crate) use projection::Projection;
 pub use record::{Mark, Photon};
 pub use store::MapBytes;

@@ -159,7 +159,8 @@ impl Tracer<'_> {
             let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
             if bsdf.has_non_delta() {
                 let normal = if point.front { point.ng } else { -point.ng };
-                let photon = Photon::new(point.p, point.wo, normal, power * (arriving / self.opacity(&ray, &hit)));
+                let power = power * (arriving / self.opacity(&ray, &hit));
+                let photon = Photon::new(point.p, point.wo, normal, power).with_bounces(depth);
                 match (is_direct, is_specular) {
                     (true, _) if self.only_caustics => {}
                     (true, _) => traced.direct.push(photon),

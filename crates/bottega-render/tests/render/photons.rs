@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    BlockWork, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError, RenderWork,
-    View,
+    AgentSettings, BlockWork, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene,
+    RenderError, RenderWork, View,
     photon::{PhotonWork, cast_photons},
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
@@ -179,14 +179,63 @@ fn photons_at_the_first_surface_show_nearly_the_same() {
     assert!(((found.0 - expected.0) / expected.0).abs().max_element() < 0.03, "{found:?} {expected:?}");
 }
 
+/// A closed room with a lamp below its ceiling and a ball; its back wall may be a mirror.
+fn closed_room(has_mirror: bool) -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.97), Vec3::ZERO, 1.2)], ..Scene::default() };
+    add_room(&mut scene, Vec3::ONE, &matte(Vec3::new(0.7, 0.5, 0.4)));
+    if has_mirror {
+        add_quad(&mut scene, Vec3::new(-1.0, -1.0, -0.99), Vec3::X * 2.0, Vec3::Y * 2.0, mirror());
+    }
+    add_quad(&mut scene, Vec3::new(-0.4, 0.97, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8, Material::lamp(Vec3::splat(4.0)));
+    add_sphere(&mut scene, Vec3::new(0.0, -0.5, 0.0), 0.35, matte(Vec3::new(0.7, 0.5, 0.4)));
+    scene
+}
+
 #[test]
-fn depth_counts_bounces() {
-    let scene = prepare(cornell());
-    for max_depth in [0, 1] {
-        let path = PathSettings { max_depth, guiding: false, ..PathSettings::default() };
-        let expected = mean_color(&paint(&scene, SIZE, 256, path));
-        let found = mean_color(&paint(&scene, SIZE, 256, PathSettings { max_depth, ..by_photons(few(), 1, 256) }));
-        assert!(((found - expected) / expected).abs().max_element() < 0.03, "{max_depth}: {found} {expected}");
+fn depth_is_the_same_number_of_bounces_for_all() {
+    let small = |scene: &Arc<PreparedScene>, samples: u32, settings: &dyn Fn(u64) -> PathSettings| {
+        let means: Vec<Vec3> =
+            (0..6).map(|seed| mean_color(&paint(scene, (12, 12), samples, settings(seed)))).collect();
+        let mean = means.iter().sum::<Vec3>() / 6.0;
+        (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
+    };
+    let agents = |oracle| Some(AgentSettings { cast: 6_000, oracle, ..AgentSettings::default() });
+    for (name, room) in [("box", closed_room(false)), ("mirror", closed_room(true))] {
+        let scene = prepare(room.clone());
+        let mut clear = room;
+        clear.cameras[0].medium = Some(clear.push_medium(Medium::absorbing(Vec3::splat(1e-9))));
+        let clear = prepare(clear);
+        for max_depth in [0, 1, 2, 3, 4, 8] {
+            let path = |max_depth: u32, seed: u64| PathSettings {
+                max_depth,
+                seed: seed + 100,
+                guiding: false,
+                ..PathSettings::default()
+            };
+            let expected = small(&scene, 1024, &|seed| path(max_depth, seed));
+            let more = small(&scene, 1024, &|seed| path(max_depth + 1, seed));
+            let through_medium = small(&clear, 512, &|seed| path(max_depth, seed));
+            let z = distance(through_medium, expected, 0.0);
+            assert!(z < 4.0, "{name} {max_depth}, in a medium: {through_medium:?} {expected:?}, {z}");
+            let modes = [
+                ("gathered", few(), 0.004),
+                ("cached", PhotonSettings { irradiance_cache: 0.2, ..few() }, 0.008),
+                ("progressive", PhotonSettings { progressive: true, radius: 0.05, ..few() }, 0.006),
+                ("at once", PhotonSettings { final_rays: 0, radius: 0.05, count: 60_000, ..few() }, 0.01),
+                ("ala", PhotonSettings { agents: agents(Oracle::Error), ..few() }, 0.008),
+                ("ala by the paper", PhotonSettings { agents: agents(Oracle::Paper), ..few() }, 0.012),
+            ];
+            for (mode, photons, margin) in modes {
+                let photons = PhotonSettings { bounces: max_depth, ..photons };
+                let found = small(&scene, 48, &|seed| PathSettings { max_depth, ..by_photons(photons, seed, 48) });
+                let z = distance(found, expected, margin);
+                eprintln!("{name} {max_depth} {mode}: {:?}, z {z}", found.0 / expected.0);
+                assert!(z < 4.0, "{name} {max_depth} {mode}: {found:?} {expected:?}, {z}");
+                if (2..=4).contains(&max_depth) {
+                    assert!(distance(found, more, margin) > 4.0, "{name} {max_depth} {mode}: {found:?} {more:?}");
+                }
+            }
+        }
     }
 }
 

@@ -85,10 +85,10 @@ impl Task for Search<'_> {
         let Self { integrator, maps, cache, x, y, radius_max } = self;
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
-        let mut hands = Hands::new(integrator);
+        let mut hands = Hands::new(integrator).telling_bounces();
         let known = Known { maps, cache: None, agents: None };
         let mut eye = Eye::new(integrator, known, sampler, &mut hands);
-        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n()).is_none())?;
+        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n(), u32::MAX).is_none())?;
         let n: Vec3 = spot.n();
         let looks: Vec<_> = (0..RAYS)
             .map(|index| {
@@ -96,6 +96,7 @@ impl Task for Search<'_> {
                 eye.look_from(&spot, direction(n, index, [u, v]), index)
             })
             .collect();
-        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), [PIXELS_MIN / BEAM * spot.width(), radius_max]))
+        let reach = [PIXELS_MIN / BEAM * spot.width(), radius_max];
+        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), reach).with_bounces(hands.bounces()))
     }
 }
