@@ -24,6 +24,7 @@ mod mend;
 mod mesh_file;
 mod mitsuba;
 mod model;
+mod origin;
 mod pbrt;
 mod resource;
 mod shapes;
