@@ -13,7 +13,7 @@ use super::{
 use crate::{
     AgentSettings, Oracle,
     photon::{
-        IrradianceMap, IrradiancePlaces,
+        Extent, IrradianceMap, IrradiancePlaces,
         bytes::{Reader, Writer},
         cache::{IrradianceCache, Record},
     },
@@ -78,8 +78,8 @@ impl Agents {
                 to.value(*object_distance);
                 sensors.write(to);
             }
-            Indirect::Records(cache, most) => {
-                to.value(*most);
+            Indirect::Records(cache, _) => {
+                to.value(0.0);
                 cache.write(to);
             }
         }
@@ -92,13 +92,13 @@ impl Agents {
         counts.chain(nanoseconds).for_each(|number| to.long(number));
     }
 
-    /// - `settings`: of the picture.
-    pub(crate) fn read(settings: AgentSettings, from: &mut Reader<'_>) -> Option<Self> {
+    /// - `settings`, `extent`: of the picture.
+    pub(crate) fn read(settings: AgentSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let visibility = Arc::new(Visibility::read(from)?);
         let length = from.value()?;
         let indirect = match settings.oracle {
             Oracle::Paper => Indirect::Fitted(Fitted { sensors: IrradianceMap::read(from)?, object_distance: length }),
-            Oracle::Error => Indirect::Records(IrradianceCache::read(settings.tolerance(), from)?, length),
+            Oracle::Error => Indirect::Records(IrradianceCache::read(settings.tolerance(), from)?, extent),
         };
         let (cast, object_distance) = (from.number()?, from.value()?);
         let mut long = || from.long();

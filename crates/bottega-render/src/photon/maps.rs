@@ -10,8 +10,10 @@ use rayon::prelude::*;
 use super::{
     bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
+    extent::Extent,
     irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
+    plan::PhotonPlan,
     projection::SHARE,
     record::Photon,
     trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
@@ -44,9 +46,8 @@ pub(crate) struct PhotonMaps {
     /// Where light arrives straight, and where not.
     pub(crate) visibility: PhotonMap,
     pub(crate) estimator: Estimator,
-    /// How far photons of `seen` may be, and those of the irradiance.
-    pub(crate) reach: f32,
-    pub(crate) irradiance_reach: f32,
+    /// How far photons of `seen` may be, as a share of how far those of the irradiance may.
+    reach: f32,
 }
 
 /// What a photon brings to a point near it.
@@ -86,18 +87,26 @@ pub(crate) struct Estimator {
     /// What a photon's power counts.
     scale: f32,
     filter: PhotonFilter,
-    /// How many photons are looked for, and how far.
+    /// How many photons are looked for, and how far, as a share of the length that counts there.
     gather: u32,
     reach: f32,
+    extent: Extent,
 }
 
 /// What photons of a pass are traced by.
-pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Tracer<'a> {
+pub(crate) fn tracer<'a>(
+    prepared: &'a PreparedScene,
+    plan: &'a PhotonPlan,
+    settings: &PhotonSettings,
+    seed: u64,
+    pass: u32,
+) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
     let emission = prepared.emission();
     Tracer {
         prepared,
         emission,
+        plan: &plan.emission,
         seed,
         pass,
         bounces,
@@ -109,19 +118,24 @@ pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings,
 }
 
 /// What photons are traced by that are sent to mirrors and glass alone.
-pub(crate) fn caustic_tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64) -> Tracer<'a> {
-    let projection = Some(prepared.projection());
+pub(crate) fn caustic_tracer<'a>(
+    prepared: &'a PreparedScene,
+    plan: &'a PhotonPlan,
+    settings: &PhotonSettings,
+    seed: u64,
+) -> Tracer<'a> {
+    let projection = Some(plan.projection(prepared));
     // An estimate divides by the number of all photons, whoever they are.
     let strength = settings.count as f32 / settings.count.div_ceil(SHARE).max(1) as f32;
-    let all = tracer(prepared, settings, seed, 0);
+    let all = tracer(prepared, plan, settings, seed, 0);
     Tracer { with_shadows: false, only_caustics: true, strength, projection, ..all }
 }
 
 /// How many photons of all light a pass has, and how many are sent to mirrors and glass.
-pub(crate) fn photon_counts(prepared: &PreparedScene, settings: &PhotonSettings) -> [u32; 2] {
+pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, settings: &PhotonSettings) -> [u32; 2] {
     let is_gathered = settings.final_rays > 0 && !settings.progressive;
     let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
-    let sent = if is_wanted && !prepared.projection().is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
+    let sent = if is_wanted && !plan.projection(prepared).is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
     [if settings.agents.is_some() { 0 } else { settings.count }, sent]
 }
 
@@ -140,14 +154,20 @@ pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
 
 impl PhotonMaps {
     /// The maps of one pass. The pool of the present thread does the work.
-    pub(crate) fn new(prepared: &PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Self {
-        let [count, sent] = photon_counts(prepared, settings);
-        let all_light = traced(tracer(prepared, settings, seed, pass), count);
+    pub(crate) fn new(
+        prepared: &PreparedScene,
+        plan: &PhotonPlan,
+        settings: &PhotonSettings,
+        seed: u64,
+        pass: u32,
+    ) -> Self {
+        let [count, sent] = photon_counts(prepared, plan, settings);
+        let all_light = traced(tracer(prepared, plan, settings, seed, pass), count);
         let caustics = match sent {
             0 => Vec::new(),
-            sent => traced(caustic_tracer(prepared, settings, seed), sent).caustic,
+            sent => traced(caustic_tracer(prepared, plan, settings, seed), sent).caustic,
         };
-        let (mut maps, all) = Self::begun(prepared, settings, pass, all_light, caustics);
+        let (mut maps, all) = Self::begun(*plan.extent(), settings, pass, all_light, caustics);
         if let Some(all) = all {
             let points: Vec<u32> = (0..irradiance_count(&all)).collect();
             let known = points.par_chunks(POINTS).map(|points| {
@@ -161,54 +181,50 @@ impl PhotonMaps {
 
     /// All but the irradiance, and the photons from which that is to be computed, if it is wanted.
     pub(crate) fn begun(
-        prepared: &PreparedScene,
+        extent: Extent,
         settings: &PhotonSettings,
         pass: u32,
         traced: Traced,
         caustics: Vec<Photon>,
     ) -> (Self, Option<PhotonMap>) {
-        let bounds = prepared.accel().bounds();
-        let radius = 0.5 * (bounds.max - bounds.min).length();
-        let reach = settings.radius.clamp(0.0, 2.0) * if radius.is_finite() { radius } else { 0.0 };
-        let estimator = Estimator::new(settings, reach);
+        let estimator = Estimator::new(settings, extent);
         let mut maps = Self {
             seen: PhotonMap::default(),
             irradiance: IrradianceMap::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
-            reach,
-            irradiance_reach: reach,
+            reach: 1.0,
         };
         let mut all = None;
         if settings.agents.is_some() {
             maps.seen = PhotonMap::new(caustics);
-            maps.reach *= CAUSTIC_REACH;
+            maps.reach = CAUSTIC_REACH;
         } else if settings.final_rays > 0 && !settings.progressive {
             all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic].concat()));
             maps.seen = PhotonMap::new(caustics);
-            maps.reach *= CAUSTIC_REACH;
+            maps.reach = CAUSTIC_REACH;
         } else {
             maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
         }
         if settings.progressive {
-            maps.reach = reach * FIRST_RADIUS * shrunk(pass);
+            maps.reach = FIRST_RADIUS * shrunk(pass);
         }
         (maps, all)
     }
 
     pub(crate) fn write(&self, to: &mut Writer) {
-        [self.reach, self.irradiance_reach].into_iter().for_each(|reach| to.value(reach));
+        to.value(self.reach);
         to.map(&self.seen);
         self.irradiance.write(to);
         to.map(&self.visibility);
     }
 
-    /// - `settings`: of the picture.
-    pub(crate) fn read(settings: &PhotonSettings, from: &mut Reader<'_>) -> Option<Self> {
-        let [reach, irradiance_reach] = [from.value()?, from.value()?];
+    /// - `settings`, `extent`: of the picture.
+    pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
+        let reach = from.value()?;
         let (seen, irradiance, visibility) = (from.map()?, IrradianceMap::read(from)?, from.map()?);
-        let estimator = Estimator::new(settings, irradiance_reach);
-        Some(Self { seen, irradiance, visibility, estimator, reach, irradiance_reach })
+        let estimator = Estimator::new(settings, extent);
+        Some(Self { seen, irradiance, visibility, estimator, reach })
     }
 
     /// Bytes held.
@@ -216,11 +232,23 @@ impl PhotonMaps {
         self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
     }
 
+    /// How far photons of `seen` may be from a place.
+    #[inline(always)]
+    pub(crate) fn reach_at(&self, p: Vec3) -> f32 {
+        self.reach * self.estimator.reach_at(p)
+    }
+
+    /// How far places of the irradiance may be.
+    #[inline(always)]
+    pub(crate) fn irradiance_reach_at(&self, p: Vec3) -> f32 {
+        self.estimator.reach_at(p)
+    }
+
     /// Where the irradiance on a surface near a point is known; `None`: nothing is known there. What lies beside the plane of the surface belongs to
     /// another one, such as the floor below a shelf. The number is that of the place in [`Self::irradiance`].
     #[inline(always)]
     pub(crate) fn irradiance_near(&self, p: Vec3, normal: Vec3) -> Option<u32> {
-        let reach = self.irradiance_reach;
+        let reach = self.irradiance_reach_at(p);
         let places = self.irradiance.places();
         let accept = |index: u32| {
             let photon = places.photon(index);
@@ -236,7 +264,7 @@ impl PhotonMaps {
     /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,
     /// *Efficiently Rendering Shadows Using the Photon Map*).
     pub(crate) fn visibility_at(&self, p: Vec3, normal: Vec3, light: u32, found: &mut Nearest) -> Option<bool> {
-        let reach = VISIBILITY_REACH * self.irradiance_reach;
+        let reach = VISIBILITY_REACH * self.irradiance_reach_at(p);
         self.visibility.nearest(p, reach * reach, found);
         let (lit, shaded) = (visibility_tag(light, true), visibility_tag(light, false));
         let (mut lit_count, mut shaded_count) = (0, 0);
@@ -256,10 +284,17 @@ impl PhotonMaps {
 }
 
 impl Estimator {
-    /// - `reach`: how far photons may be.
-    pub(crate) fn new(settings: &PhotonSettings, reach: f32) -> Self {
+    /// - `extent`: of what is seen.
+    pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;
-        Self { scale, filter: settings.filter, gather: settings.gather, reach }
+        let reach = settings.radius.clamp(0.0, 2.0);
+        Self { scale, filter: settings.filter, gather: settings.gather, reach, extent }
+    }
+
+    /// How far photons may be from a place.
+    #[inline(always)]
+    fn reach_at(&self, p: Vec3) -> f32 {
+        self.reach * self.extent.length_at(p)
     }
 
     /// How many photons are looked for.
@@ -278,7 +313,7 @@ impl Estimator {
     ) {
         let on_this_side = |arrived: &Arrived| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
         let on_this_side = |arrived: &Arrived| add(arrived.bounces, arrived.light * on_this_side(arrived));
-        self.gather(map, photon.p, photon.mark().normal(), self.reach, found, on_this_side);
+        self.gather(map, photon.p, photon.mark().normal(), self.reach_at(photon.p), found, on_this_side);
     }
 
     /// Looks for the photons near a point, and tells `take` what each brings to it: all of it together is the irradiance.

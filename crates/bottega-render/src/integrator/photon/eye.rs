@@ -299,7 +299,7 @@ impl<'a> Eye<'a> {
         let is_first = matches!(walk.comes, Comes::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
-            let is_near = distance < NEAR * self.maps.irradiance_reach;
+            let is_near = distance < NEAR * self.maps.irradiance_reach_at(place.point.p);
             if is_gathered && is_matte(bsdf) && !is_near && self.add_known(walk, place, bsdf) {
                 return Left::Nothing;
             }
@@ -377,10 +377,10 @@ impl<'a> Eye<'a> {
         };
         let maps = self.maps;
         if self.integrator.photons.progressive {
-            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach, take);
+            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach_at(point.p), take);
         } else {
             // What is brought together by glass is sharper than what is spread all over.
-            let reach = if is_gathered { maps.reach } else { maps.irradiance_reach };
+            let reach = if is_gathered { maps.reach_at(point.p) } else { maps.irradiance_reach_at(point.p) };
             maps.estimator.gather(&maps.seen, point.p, normal, reach, found, take);
         }
         self.radiance += sum;

@@ -16,7 +16,7 @@ use crate::{
     integrator::path::PathIntegrator,
     interaction::Interaction,
     photon::{
-        Passes, PhotonMaps,
+        Passes, PhotonMaps, PhotonPlan,
         cache::{self, Look, Measurement, Record},
     },
     sampler::{DimensionSet, PixelSampler},
@@ -72,6 +72,11 @@ impl<'a> PhotonIntegrator<'a> {
 
     pub(crate) fn prepared(&self) -> &'a PreparedScene {
         self.base.prepared()
+    }
+
+    /// Where photons and agents are sent.
+    pub(crate) fn plan(&self) -> &PhotonPlan {
+        self.passes.plan()
     }
 
     /// Indirect irradiance at a point, on the side that it was looked at from: light that shines there straight is left out,

@@ -28,7 +28,7 @@ pub(crate) struct Record {
     pub(super) n: Vec3,
     pub(super) irradiance: Spectrum,
     /// Which share of it comes by no more than 0, 1, 2 … bounces; beyond the list, all of it.
-    shares: Box<[Share]>,
+    pub(super) shares: Box<[Share]>,
     /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
     pub(super) turning: [Vec3; 3],
     pub(super) moving: [Vec3; 3],
@@ -45,7 +45,7 @@ pub(crate) struct Record {
 }
 
 /// A share of red, green and blue, each in 65535ths.
-type Share = [u16; 3];
+pub(super) type Share = [u16; 3];
 
 /// What a ray found.
 #[derive(Clone, Copy, Debug, Default)]
