@@ -144,14 +144,15 @@ impl BuiltinEngine {
 
     /// What the lighting agents of the picture were like and what they were asked so far, if it has any.
     pub fn lighting_agents(&self) -> Option<AgentReport> {
-        let settings = &self.shared.options.settings;
-        self.shared.scene.lighting_agents(settings.photons?, settings.seed)
+        let BuiltinOptions { view, settings, .. } = &self.shared.options;
+        self.shared.scene.lighting_agents(*view, settings.photons?, settings.seed)
     }
 
     /// What the maps of a picture by photons take so far.
     pub fn map_bytes(&self) -> MapBytes {
-        let settings = &self.shared.options.settings;
-        settings.photons.map_or_else(MapBytes::default, |photons| self.shared.scene.map_bytes(photons, settings.seed))
+        let BuiltinOptions { view, settings, .. } = &self.shared.options;
+        let bytes = |photons| self.shared.scene.map_bytes(*view, photons, settings.seed);
+        settings.photons.map_or_else(MapBytes::default, bytes)
     }
 
     /// What the resources of the allocator have done so far.

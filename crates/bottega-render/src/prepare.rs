@@ -20,7 +20,7 @@ use crate::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
-    photon::{MapBytes, PhotonStore, Projection},
+    photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
 };
 
 /// How a scene is prepared.
@@ -55,7 +55,7 @@ pub struct PreparedScene {
     guides: Mutex<Vec<(Learnt, GuidePlace)>>,
     emission: OnceLock<Emission>,
     photons: PhotonStore,
-    projection: OnceLock<Projection>,
+    photon_plans: PhotonPlans,
     id: DataId,
 }
 
@@ -148,7 +148,7 @@ impl PreparedScene {
             guides: Mutex::default(),
             emission: OnceLock::new(),
             photons: PhotonStore::default(),
-            projection: OnceLock::new(),
+            photon_plans: PhotonPlans::default(),
             id,
         }
     }
@@ -225,25 +225,25 @@ impl PreparedScene {
         self.emission.get_or_init(|| Emission::new(self))
     }
 
-    /// Where photons must leave the lights to come to mirrors and glass; the first who asks tries it out.
-    pub(crate) fn projection(&self) -> &Projection {
-        self.projection.get_or_init(|| Projection::new(self))
+    /// Where photons and agents of a view are sent; the first who asks looks at it.
+    pub(crate) fn photon_plan(&self, view: View) -> Arc<PhotonPlan> {
+        self.photon_plans.of_view(self, view)
     }
 
-    /// Photon maps that are kept.
-    pub(crate) fn photons(&self) -> &PhotonStore {
-        &self.photons
+    /// The photon maps of a picture.
+    pub(crate) fn passes(&self, view: View, photons: PhotonSettings, seed: u64, pass_count: u32) -> Arc<Passes> {
+        self.photons.passes(self.photon_plan(view), photons, seed, pass_count)
     }
 
     /// What the lighting agents of a picture are like, and what they were asked so far; `None` where there are none.
-    pub fn lighting_agents(&self, photons: PhotonSettings, seed: u64) -> Option<AgentReport> {
+    pub fn lighting_agents(&self, view: View, photons: PhotonSettings, seed: u64) -> Option<AgentReport> {
         photons.agents?;
-        self.photons.passes(photons, seed, 1).known_agents().map(Agents::report)
+        self.passes(view, photons, seed, 1).known_agents().map(Agents::report)
     }
 
     /// What the maps of a picture by photons take.
-    pub fn map_bytes(&self, photons: PhotonSettings, seed: u64) -> MapBytes {
-        self.photons.passes(photons, seed, 1).bytes()
+    pub fn map_bytes(&self, view: View, photons: PhotonSettings, seed: u64) -> MapBytes {
+        self.passes(view, photons, seed, 1).bytes()
     }
 
     /// Does something on as many threads as are meant for what is made once.
@@ -272,7 +272,7 @@ impl PreparedScene {
     pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
         match settings.photons {
             None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
-            Some(photons) => self.photons.passes(photons, settings.seed, 1).to_bytes(),
+            Some(photons) => self.passes(view, photons, settings.seed, 1).to_bytes(),
         }
     }
 
@@ -283,7 +283,7 @@ impl PreparedScene {
     /// The bytes are nothing of the kind.
     pub fn learn_from(&self, view: View, settings: &PathSettings, bytes: &[u8]) -> Result<(), UnreadGuide> {
         if let Some(photons) = settings.photons {
-            let is_taken = self.photons.passes(photons, settings.seed, 1).take_bytes(bytes);
+            let is_taken = self.passes(view, photons, settings.seed, 1).take_bytes(bytes);
             return is_taken.then_some(()).ok_or(UnreadGuide);
         }
         let guide = Guide::from_bytes(bytes)?;

@@ -78,8 +78,8 @@ pub struct PhotonSettings {
     pub count: u32,
     /// The nearest photons from which light is estimated; [`NEAREST_MAX`](crate::photon::NEAREST_MAX) at most.
     pub gather: u32,
-    /// How far photons may lie, as a share of the radius of the scene; those of a progressive picture a fifth of it in the
-    /// first pass, and less in each later one.
+    /// How far photons may lie, as a share of the radius of what is seen (of the scene, unless that is much wider); those of a
+    /// progressive picture a fifth of it in the first pass, and less in each later one.
     pub radius: f32,
     /// Rays of the final gathering in each sample, whose ends are lit by the map. 0: what the camera sees is lit by it.
     pub final_rays: u32,

@@ -10,7 +10,7 @@ use crate::{
     PathSettings, PreparedScene, RenderError, View,
     ala::{Agent, AgentWork, Sensed, SensorWork},
     integrator::{Integrator, Wanted},
-    photon::{IrradianceWork, Photon, PhotonWork, Traced},
+    photon::{IrradiancePlaces, IrradianceWork, PhotonWork, Traced},
     survey::{SurveyPixel, probe},
 };
 
@@ -91,8 +91,8 @@ pub enum RenderOutput {
     Probe(Vec<SurveyPixel>),
     /// Where they arrived, in the order of their indices.
     Photons(Traced),
-    /// One a point: in place of a photon's power the irradiance.
-    Irradiance(Vec<Photon>),
+    /// One a point.
+    Irradiance(IrradiancePlaces),
     /// Where they were stored, in the order of their identities.
     Agents(Vec<Agent>),
     /// What they found out, in the same order.

@@ -25,6 +25,7 @@ mod mesh_file;
 mod mitsuba;
 mod model;
 pub mod objects_only;
+mod origin;
 mod pbrt;
 mod resource;
 mod shapes;

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::{Mat3, Quat};
+use glam::{DVec3, Mat3, Quat};
 use serde::Deserialize;
 
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
+use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::{
     Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt, values,
@@ -196,6 +197,8 @@ pub(crate) struct Request<'a> {
     /// Its bytes.
     pub(crate) file: &'a [u8],
     pub(crate) options: &'a LoadOptions,
+    /// What is taken from all places of the world before they are rounded to single precision; 0 but for scenes far away.
+    pub(crate) origin: DVec3,
     /// What it refers to.
     pub(crate) resources: &'a Resources<'a>,
 }
@@ -211,12 +214,11 @@ pub(crate) type Imported = (Scene, Metadata, RenderHints);
 /// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
 /// guessed or left out is in the warnings.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
-    let budget = MemoryBudget::new(options.max_memory_bytes);
+    let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
     let mut digest = blake3::Hasher::new();
     digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
-    let mut warnings = Warnings::default();
     let import: fn(&Request<'_>, &mut Warnings) -> Result<Imported, SceneError> = if gltf::recognizes(path, &file) {
         gltf::import
     } else if mitsuba::recognizes(path, &file) {
@@ -231,10 +233,26 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if let Some(path) = options.asset_roots.iter().find(|path| !path.is_dir()) {
         return Err(SceneError::NotAFolder { path: path.clone() });
     }
-    let resources = Resources::new(path, options, &budget);
-    let request = Request { path, file: &file, options, resources: &resources };
-    let (mut scene, metadata, mut hints) = import(&request, &mut warnings)?;
-    let files = resources.finish(&mut digest, &mut warnings);
+    let plain_digest = digest.clone();
+    let read = |origin: DVec3, budget: &MemoryBudget, digest: &mut blake3::Hasher| {
+        let resources = Resources::new(path, options, budget);
+        let mut warnings = Warnings::default();
+        let imported = import(&Request { path, file: &file, options, origin, resources: &resources }, &mut warnings)?;
+        let files = resources.finish(digest, &mut warnings);
+        Ok::<_, SceneError>((imported, files, warnings))
+    };
+    let ((mut scene, mut metadata, mut hints), mut files, mut warnings) = read(DVec3::ZERO, &budget, &mut digest)?;
+    if let Some(origin) = far_origin(&scene) {
+        // The first one goes before the second one is made: both together would take twice the memory.
+        drop(scene);
+        budget = MemoryBudget::new(options.max_memory_bytes);
+        budget.take(path, "", file.len())?;
+        digest = plain_digest;
+        ((scene, metadata, hints), files, warnings) = read(origin, &budget, &mut digest)?;
+        scene.origin = origin;
+        let far = origin.length();
+        warnings.add("", format!("the scene is some {far:.0} units from the origin; it is computed around its camera"));
+    }
     let unsupported = warnings.take_unsupported();
     if options.strict && !unsupported.is_empty() {
         return Err(SceneError::Unsupported { path: path.into(), places: unsupported });

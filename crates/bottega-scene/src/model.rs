@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::{Camera, Environment, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
@@ -75,6 +75,9 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// At least one after import: a framing camera is made where the file has none.
     pub cameras: Vec<Camera>,
+    /// Where the origin of the scene lies in the world of its file: 0, but for scenes far away from theirs, which are computed
+    /// around their camera.
+    pub origin: DVec3,
     /// BLAKE3 of all the bytes that were read and of what was chosen among them, hexadecimal.
     pub digest: String,
 }

@@ -373,7 +373,7 @@ pub(crate) struct AnalyzeArgs {
     /// criteria: normal,power,direction,irradiance,importance.
     #[arg(long, value_name = "CRITERIA", value_delimiter = ',', value_parser = parse_criterion, help_heading = "Useful data density")]
     pub(crate) ludd: Vec<Criterion>,
-    /// How near, as a share of the radius of the scene.
+    /// How near, as a share of the radius of what the camera sees, or of the scene where that is not much wider.
     #[arg(long, value_name = "R", default_value_t = 0.05, requires = "ludd", value_parser = parse_share, help_heading = "Useful data density")]
     pub(crate) ludd_radius: f32,
     /// Photons that leave the lights.

@@ -13,6 +13,7 @@ use super::{
 use crate::{
     AgentSettings, Oracle,
     photon::{
+        Extent, IrradianceMap, IrradiancePlaces,
         bytes::{Reader, Writer},
         cache::{IrradianceCache, Record},
     },
@@ -50,7 +51,7 @@ impl Told for Sensed {
         to.number(self.discoveries.len() as u32);
         let numbers = self.discoveries.iter().flat_map(|&Discovery { lit, shaded, lost }| [lit, shaded, lost]);
         numbers.for_each(|number| to.number(number));
-        to.photons(&self.irradiance);
+        self.irradiance.write(to);
         to.number(self.records.len() as u32);
         self.records.iter().for_each(|record| record.write(to));
         self.sensors.into_iter().for_each(|count| to.long(count));
@@ -61,7 +62,7 @@ impl Told for Sensed {
         let count = from.count(DISCOVERY_BYTES)?;
         let mut discovery = || Some(Discovery { lit: from.number()?, shaded: from.number()?, lost: from.number()? });
         let discoveries = (0..count).map(|_| discovery()).collect::<Option<_>>()?;
-        let irradiance = from.photons()?;
+        let irradiance = IrradiancePlaces::read(from)?;
         let count = from.count(Record::BYTES_MIN)?;
         let records = (0..count).map(|_| Record::read(from)).collect::<Option<_>>()?;
         let sensors = [from.long()?, from.long()?, from.long()?, from.long()?];
@@ -75,10 +76,10 @@ impl Agents {
         match &self.indirect {
             Indirect::Fitted(Fitted { sensors, object_distance }) => {
                 to.value(*object_distance);
-                to.map(sensors);
+                sensors.write(to);
             }
-            Indirect::Records(cache, most) => {
-                to.value(*most);
+            Indirect::Records(cache, _) => {
+                to.value(0.0);
                 cache.write(to);
             }
         }
@@ -91,13 +92,13 @@ impl Agents {
         counts.chain(nanoseconds).for_each(|number| to.long(number));
     }
 
-    /// - `settings`: of the picture.
-    pub(crate) fn read(settings: AgentSettings, from: &mut Reader<'_>) -> Option<Self> {
+    /// - `settings`, `extent`: of the picture.
+    pub(crate) fn read(settings: AgentSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let visibility = Arc::new(Visibility::read(from)?);
         let length = from.value()?;
         let indirect = match settings.oracle {
-            Oracle::Paper => Indirect::Fitted(Fitted { sensors: from.map()?, object_distance: length }),
-            Oracle::Error => Indirect::Records(IrradianceCache::read(settings.tolerance(), from)?, length),
+            Oracle::Paper => Indirect::Fitted(Fitted { sensors: IrradianceMap::read(from)?, object_distance: length }),
+            Oracle::Error => Indirect::Records(IrradianceCache::read(settings.tolerance(), from)?, extent),
         };
         let (cast, object_distance) = (from.number()?, from.value()?);
         let mut long = || from.long();

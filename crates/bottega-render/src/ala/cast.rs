@@ -12,7 +12,7 @@ use super::{
     swarm::Swarm,
 };
 use crate::{
-    PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork,
+    PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
     integrator::{PhotonIntegrator, sensing_settings},
     photon::{Passes, parts},
     sharing::Hands,
@@ -30,6 +30,8 @@ pub(super) const MEASURING: u32 = 16;
 pub struct AgentWork {
     /// The scene.
     pub scene: Arc<PreparedScene>,
+    /// The picture: agents are sent to what it shows.
+    pub view: View,
     /// Another seed gives other agents.
     pub seed: u64,
     /// Which of them.
@@ -53,7 +55,8 @@ pub struct SensorWork {
 impl AgentWork {
     /// Casts them on the calling thread.
     pub fn perform(self) -> Vec<Agent> {
-        compiled::run(Casting { prepared: &self.scene, seed: self.seed, indices: self.indices })
+        let plan = self.scene.photon_plan(self.view);
+        compiled::run(Casting { prepared: &self.scene, plan: &plan.emission, seed: self.seed, indices: self.indices })
     }
 }
 
@@ -79,6 +82,7 @@ impl SensorWork {
 /// The agents of a picture whose caustics are known.
 pub(crate) fn cast_agents(
     scene: &Arc<PreparedScene>,
+    view: View,
     photons: PhotonSettings,
     seed: u64,
     passes: &Arc<Passes>,
@@ -87,10 +91,10 @@ pub(crate) fn cast_agents(
     let settings = photons.agents.unwrap_or_default();
     let begun = Instant::now();
     let works = parts(settings.cast, AGENTS)
-        .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), seed, indices }));
+        .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), view, seed, indices }));
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = hands.run(works.collect(), answer)?;
-    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, agents.concat(), &settings)));
+    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, passes.plan().extent(), agents.concat(), &settings)));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
     let work = |errand| {
@@ -102,5 +106,5 @@ pub(crate) fn cast_agents(
         let answer = |output| if let RenderOutput::Sensors(part) = output { Some(part) } else { None };
         hands.run(errands.into_iter().map(work).collect(), answer).map(joined)
     };
-    Agents::sense(scene, settings, &swarm, &network, run, [casting, begun.elapsed() - casting])
+    Agents::sense(scene, *passes.plan().extent(), settings, &swarm, &network, run, [casting, begun.elapsed() - casting])
 }

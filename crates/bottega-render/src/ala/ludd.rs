@@ -170,7 +170,7 @@ impl Samples {
     /// Samples of a picture's scene, made as for the picture.
     ///
     /// - `settings`: of the photons, and of the agents.
-    /// - `radius`: of the local sphere, as a share of the radius of the scene.
+    /// - `radius`: of the local sphere, as a share of the radius of what is seen.
     ///
     /// # Errors
     /// There is no such picture, or the scene has media.
@@ -189,27 +189,31 @@ impl Samples {
         };
         let settings = PathSettings { photons: Some(photons), ..*settings };
         let integrator = PhotonIntegrator::new(scene, view, &settings, photons)?;
-        let bounds = scene.accel().bounds();
-        let size = 0.5 * (bounds.max - bounds.min).length();
-        let radius = if size.is_finite() { radius * size } else { 0.0 };
+        let plan = scene.photon_plan(view);
+        let share = radius;
+        let radius = share * plan.extent().radius;
         let importance =
             criteria.contains(&Criterion::Importance).then(|| scene.on_threads(|| seen(&integrator, view)));
         let layers = match set {
             SampleSet::Agents => {
                 integrator.cast(0..1);
-                let known = scene.photons().passes(photons, settings.seed, 1);
+                let known = scene.passes(view, photons, settings.seed, 1);
                 known.known_agents().map_or_else(Vec::new, |agents| of_agents(agents, criteria, importance.as_ref()))
             }
             _ => scene.on_threads(|| {
-                let traced = traced(tracer(scene, &photons, settings.seed, 0), photons.count);
+                let traced = traced(tracer(scene, &plan, &photons, settings.seed, 0), photons.count);
                 let all = PhotonMap::new([&*traced.direct, &traced.indirect, &traced.caustic].concat());
                 let map = match set {
                     SampleSet::IndirectPhotons => PhotonMap::new(traced.indirect),
                     _ => all.clone(),
                 };
-                let estimator = Estimator::new(&photons, radius);
-                let irradiance =
-                    |photon: &Photon, found: &mut Nearest| luminance(estimator.irradiance(&all, photon, found));
+                let photons = PhotonSettings { radius: share, ..photons };
+                let estimator = Estimator::new(&photons, *plan.extent());
+                let irradiance = |photon: &Photon, found: &mut Nearest| {
+                    let mut sum = Spectrum::ZERO;
+                    estimator.irradiance(&all, photon, found, |_, light| sum += light);
+                    luminance(sum)
+                };
                 vec![layer(map, criteria, importance.as_ref(), |photon| luminance(photon.mark().power()), irradiance)]
             }),
         };

@@ -23,8 +23,9 @@ use super::{
 use crate::{
     AgentSettings, Oracle, RenderError,
     integrator::PhotonIntegrator,
+    lights::EmissionPlan,
     photon::{
-        Nearest, Photon, PhotonMap, PhotonMaps,
+        ByBounces, Extent, IrradianceMap, Nearest, Photon, PhotonMap, PhotonMaps,
         cache::{Estimate, IrradianceCache, Record, Surroundings},
         parts,
     },
@@ -34,7 +35,7 @@ use crate::{
 /// Does errands, and joins what was found in their order.
 pub(super) type Run<'a> = dyn FnMut(Vec<Errand>) -> Result<Sensed, RenderError> + 'a;
 
-/// Greatest radius of a record, in radii of the scene.
+/// Greatest radius of a record, in radii of what is seen.
 const SHARE_MAX: f32 = 0.5;
 /// How much greater than the error that is borne that of a few gathering rays is: where records are no worse they are taken.
 const GATHERED: f32 = 3.0;
@@ -58,15 +59,15 @@ pub(crate) struct Agents {
 pub(super) enum Indirect {
     /// As in the paper.
     Fitted(paper::Fitted),
-    /// By our own rules; the greatest radius of a record.
-    Records(IrradianceCache, f32),
+    /// By our own rules.
+    Records(IrradianceCache, Extent),
 }
 
 /// Casts agents on the threads of the present pool.
-fn cast(prepared: &PreparedScene, settings: AgentSettings, seed: u64) -> Vec<Agent> {
+fn cast(prepared: &PreparedScene, plan: &EmissionPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
     let works: Vec<_> = parts(settings.cast, AGENTS).collect();
     let parts: Vec<Vec<Agent>> =
-        works.into_par_iter().map(|indices| compiled::run(Casting { prepared, seed, indices })).collect();
+        works.into_par_iter().map(|indices| compiled::run(Casting { prepared, plan, seed, indices })).collect();
     parts.concat()
 }
 
@@ -89,7 +90,9 @@ impl Agents {
         seed: u64,
     ) -> Result<Self, RenderError> {
         let begun = Instant::now();
-        let swarm = Swarm::new(prepared, cast(prepared, settings, seed), &settings);
+        let plan = integrator.plan();
+        let agents = cast(prepared, &plan.emission, settings, seed);
+        let swarm = Swarm::new(prepared, plan.extent(), agents, &settings);
         let casting = begun.elapsed();
         let network = Network::new(&swarm);
         let run = |errands: Vec<Errand>| {
@@ -97,11 +100,12 @@ impl Agents {
                 |errand| compiled::run(Sensing { integrator, maps, swarm: &swarm, network: &network, seed, errand });
             Ok(joined(errands.into_par_iter().map(sense).collect()))
         };
-        Self::sense(prepared, settings, &swarm, &network, run, [casting, Duration::ZERO])
+        Self::sense(prepared, *plan.extent(), settings, &swarm, &network, run, [casting, Duration::ZERO])
     }
 
     /// Lets the agents of a swarm look around.
     ///
+    /// - `extent`: of what is seen.
     /// - `run`: does errands.
     /// - `times`: what casting took, and what sensing has taken so far.
     ///
@@ -109,6 +113,7 @@ impl Agents {
     /// The errands were not run.
     pub(super) fn sense(
         prepared: &PreparedScene,
+        extent: Extent,
         settings: AgentSettings,
         swarm: &Swarm,
         network: &Network,
@@ -118,7 +123,7 @@ impl Agents {
         let begun = Instant::now();
         let (mut agents, sensors) = match settings.oracle {
             Oracle::Paper => Self::dig(settings, swarm, network, &mut run)?,
-            Oracle::Error => own::sense(prepared, settings, swarm, network, &mut run)?,
+            Oracle::Error => own::sense(prepared, extent, settings, swarm, network, &mut run)?,
         };
         agents.report = AgentReport {
             cast: settings.cast,
@@ -145,7 +150,7 @@ impl Agents {
     ) -> Result<(Self, [u64; 4]), RenderError> {
         let sensed = run(parts(swarm.len() as u32, SENSING).map(Errand::Dig).collect())?;
         let answers = paper::answers(network, &sensed.discoveries);
-        let (sensors, object_distance) = (PhotonMap::new(sensed.irradiance), swarm.object_distance);
+        let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
         let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
         let visibility = Arc::new(Visibility::new(swarm, network, &answers));
         Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
@@ -154,6 +159,7 @@ impl Agents {
     /// By our own rules, before any has measured indirect light.
     pub(super) fn without_light(
         prepared: &PreparedScene,
+        extent: Extent,
         settings: AgentSettings,
         visibility: Arc<Visibility>,
         answers: &[Answer],
@@ -162,7 +168,7 @@ impl Agents {
         let size = bounds.max - bounds.min;
         let size = if size.is_finite() { size } else { Vec3::ZERO };
         let records = IrradianceCache::new(bounds.min, size.max_element() * 1.001, settings.tolerance());
-        let indirect = Indirect::Records(records, SHARE_MAX * 0.5 * size.length());
+        let indirect = Indirect::Records(records, extent);
         Self::of(settings, visibility, indirect, answers)
     }
 
@@ -210,11 +216,14 @@ impl Agents {
         self.memory_bytes() as u64 <= self.settings.memory_bytes
     }
 
-    /// Least and greatest radius of a record.
+    /// Least and greatest radius of a record at a place.
     ///
     /// - `around`: how far its agent looks around: others will measure no farther off.
-    pub(super) fn reach_of_records(&self, around: f32) -> [f32; 2] {
-        let most = if let Indirect::Records(_, most) = &self.indirect { *most } else { around };
+    pub(super) fn reach_of_records(&self, p: Vec3, around: f32) -> [f32; 2] {
+        let most = match &self.indirect {
+            Indirect::Records(_, extent) => SHARE_MAX * extent.length_at(p),
+            Indirect::Fitted(_) => around,
+        };
         [REACH_MIN * around / self.settings.tolerance(), most]
     }
 
@@ -248,22 +257,29 @@ impl Agents {
     /// "Should I compute incoming irradiance?" `None`: yes; else what is known of it.
     ///
     /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
+    /// - `bounces`: of the light, the one at the place among them; at most.
     #[inline(always)]
-    pub(crate) fn irradiance_at(&self, p: Vec3, normals: [Vec3; 2], found: &mut Nearest) -> Option<Spectrum> {
+    pub(crate) fn irradiance_at(
+        &self,
+        p: Vec3,
+        normals: [Vec3; 2],
+        bounces: u32,
+        found: &mut Nearest,
+    ) -> Option<Spectrum> {
         if !self.settings.decides_irradiance {
             return None;
         }
         match &self.indirect {
-            Indirect::Fitted(fitted) => fitted.at(p, normals[0], found),
-            Indirect::Records(..) => self.known_irradiance(p, normals[1]),
+            Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found),
+            Indirect::Records(..) => self.known_irradiance(p, normals[1], bounces),
         }
     }
 
     /// What our own records say of a place, where they agree.
     #[inline(always)]
-    fn known_irradiance(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
+    fn known_irradiance(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
-        let estimate = cache.estimate(p, normal)?;
+        let estimate = cache.estimate(p, normal, bounces)?;
         self.is_taken(&estimate).then_some(estimate.irradiance)
     }
 
@@ -278,14 +294,23 @@ impl Agents {
     /// "What comes from where?" `None`: nobody knows.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    /// - `bounces`: of the light, the one at the place among them; at most.
     #[inline(always)]
-    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3) -> Option<Surroundings<'_>> {
+    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Surroundings<'_>> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         if !self.settings.decides_radiance || !self.settings.decides_irradiance {
             return None;
         }
-        let (estimate, surroundings) = cache.surroundings(p, normal)?;
+        let (estimate, surroundings) = cache.surroundings(p, normal, bounces)?;
         self.is_taken(&estimate).then_some(surroundings)
+    }
+
+    /// What share of the indirect light that is known of a place has been scattered how often; `None`: nobody tells.
+    ///
+    /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3) -> Option<ByBounces> {
+        let Indirect::Records(cache, _) = &self.indirect else { return None };
+        Some(cache.shares(p, normal))
     }
 
     /// How many rays to a cell of the hemisphere a record takes, by what our own records know of the noise at a place.
@@ -303,9 +328,9 @@ impl Agents {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
         let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
         let estimate = if is_directed {
-            cache.surroundings(p, normal).map(|(estimate, _)| estimate)
+            cache.surroundings(p, normal, u32::MAX).map(|(estimate, _)| estimate)
         } else {
-            cache.estimate(p, normal)
+            cache.estimate(p, normal, u32::MAX)
         };
         estimate.is_some_and(is_enough)
     }
@@ -319,7 +344,7 @@ impl Agents {
     /// Where the agents are, and their irradiance sensors.
     pub(crate) fn maps(&self) -> [PhotonMap; 2] {
         let sensors = match &self.indirect {
-            Indirect::Fitted(fitted) => fitted.sensors.clone(),
+            Indirect::Fitted(fitted) => fitted.sensors.places().clone(),
             Indirect::Records(cache, _) => PhotonMap::new(cache.as_photons().collect()),
         };
         [self.visibility.places().clone(), sensors]

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     integrator::PhotonIntegrator,
-    photon::{Photon, PhotonMaps, cache::Record},
+    photon::{IrradiancePlaces, PhotonMaps, cache::Record},
     prepare::PreparedScene,
 };
 
@@ -54,8 +54,8 @@ pub(crate) struct Sensing<'a> {
 pub struct Sensed {
     /// Of each agent.
     pub(super) discoveries: Vec<Discovery>,
-    /// Irradiance sensors of the paper; in place of a power the indirect irradiance.
-    pub(super) irradiance: Vec<Photon>,
+    /// Irradiance sensors of the paper: the indirect irradiance.
+    pub(super) irradiance: IrradiancePlaces,
     /// Our own irradiance sensors.
     pub(super) records: Vec<Record>,
     /// Sensors by kind: geometry, proximity, penumbra, irradiance.
@@ -76,7 +76,7 @@ impl Sensed {
     /// Adds what the agents that follow found out.
     pub(super) fn append(&mut self, mut later: Self) {
         self.discoveries.append(&mut later.discoveries);
-        self.irradiance.append(&mut later.irradiance);
+        self.irradiance.append(later.irradiance);
         self.records.append(&mut later.records);
         self.sensors.iter_mut().zip(later.sensors).for_each(|(sum, part)| *sum += part);
     }

@@ -4,7 +4,7 @@ use super::agent::Agent;
 use crate::{
     AgentSettings,
     lights::NO_LIGHT,
-    photon::{Nearest, Photon, PhotonMap, is_alike},
+    photon::{Extent, Nearest, Photon, PhotonMap, is_alike},
     prepare::PreparedScene,
 };
 
@@ -29,13 +29,17 @@ pub(crate) struct Swarm {
 impl Swarm {
     /// Builds the tree on the threads of the present pool.
     ///
+    /// - `extent`: of what is seen.
     /// - `agents`: in the order of their identities.
     ///   Those for whom there is no memory are left out.
-    pub(crate) fn new(prepared: &PreparedScene, mut agents: Vec<Agent>, settings: &AgentSettings) -> Self {
+    pub(crate) fn new(
+        prepared: &PreparedScene,
+        extent: &Extent,
+        mut agents: Vec<Agent>,
+        settings: &AgentSettings,
+    ) -> Self {
         agents.truncate(settings.agents_max());
-        let gaps: f64 = agents.iter().map(|agent| f64::from(agent.gap)).sum();
-        let mean = (gaps / agents.len().max(1) as f64) as f32;
-        let object_distance = if mean > 0.0 && mean.is_finite() { mean } else { f32::MIN_POSITIVE };
+        let object_distance = object_distance(extent, &agents);
         let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
         let tree = PhotonMap::new(agents.iter().zip(0..).map(place).collect());
         let cast_by_light = settings.cast as f32 / prepared.emission().source_count().max(1) as f32;
@@ -78,6 +82,20 @@ impl Swarm {
         let farthest = near.get(NEIGHBORHOOD - 1).or(near.last()).map(|&(distance, _)| distance);
         farthest.filter(|&distance| distance > 0.0).unwrap_or(ALONE * self.object_distance)
     }
+}
+
+/// Mean distance between objects, as agents on what is seen tell it: what lies far off would make it far too great.
+fn object_distance(extent: &Extent, agents: &[Agent]) -> f32 {
+    let is_near = |agent: &&Agent| extent.is_whole() || agent.p.distance(extent.center) <= extent.radius;
+    // Light from infinitely far away begins at the edge of the scene.
+    let most = if extent.is_whole() { f32::INFINITY } else { 2.0 * extent.radius };
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for agent in agents.iter().filter(is_near) {
+        sum += f64::from(agent.gap.min(most));
+        count += 1.0;
+    }
+    let mean = (sum / count.max(1.0)) as f32;
+    if mean > 0.0 && mean.is_finite() { mean } else { f32::MIN_POSITIVE }
 }
 
 /// Whether a light is one that agents can tell from others.

@@ -98,8 +98,7 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
     for (vertex, index) in vertices.iter().zip(0..) {
         of_face[usize::from(vertex.face)].push(Place { p: vertex.p, vertex: index });
     }
-    let (low, high) = bounds(vertices.iter().map(|vertex| vertex.p));
-    let lattice = Lattice::new(low, high);
+    let lattice = Lattice::over(&vertices.iter().map(|vertex| vertex.p).collect::<Vec<_>>());
     let grown: Vec<Grown> = of_face.into_par_iter().map(|places| Grown::new(places, lattice)).collect();
     // What leaves a vertex is known from one path, and badly; what leaves its region, from many, but blurred.
     let mut leaving = vec![0.0; vertices.len()];

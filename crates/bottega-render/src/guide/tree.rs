@@ -99,6 +99,28 @@ impl Lattice {
         Self { low, scale: Vec3::from_array(size) / extent, size: size.map(|size| size as u32) }
     }
 
+    /// Over places: all of them, or, where a few are far off, over most. Beyond its edges a place counts as in the cell next to it.
+    pub(super) fn over(places: &[Vec3]) -> Self {
+        /// How many times as wide all must be as most are.
+        const WIDE: f32 = 8.0;
+        /// Places from which it is told where most are.
+        const SOME: usize = 4095;
+        let grow = |(low, high): (Vec3, Vec3), &p: &Vec3| (low.min(p), high.max(p));
+        let (low, high) = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), grow);
+        let some: Vec<Vec3> = places.iter().step_by(places.len() / SOME + 1).copied().collect();
+        // A fiftieth on each side is left out.
+        let most = |axis: usize| {
+            let mut along: Vec<f32> = some.iter().map(|p| p[axis]).collect();
+            along.sort_by(f32::total_cmp);
+            let cut = along.len() / 50;
+            (!along.is_empty()).then(|| (along[cut], along[along.len() - 1 - cut]))
+        };
+        let (Some(x), Some(y), Some(z)) = (most(0), most(1), most(2)) else { return Self::new(low, high) };
+        let (from, to) = (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1));
+        let is_wide = (high - low).max_element() > WIDE * (to - from).max_element();
+        if is_wide { Self::new(from, to) } else { Self::new(low, high) }
+    }
+
     pub(super) fn to_numbers(self) -> [u32; 9] {
         let [low, scale] = [self.low, self.scale].map(|it| it.to_array().map(f32::to_bits));
         let numbers = [low, scale, self.size];
@@ -346,5 +368,25 @@ impl Guide {
             + size_of_val(&*self.regions)
             + size_of_val(&*self.agents)
             + self.expected.memory_bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lattice_lies_over_most_places() {
+        let part = |i: u32, prime: u32| (i * prime % 1009) as f32 / 1009.0;
+        let near: Vec<Vec3> = (0..5000).map(|i| Vec3::new(part(i, 7), part(i, 31), part(i, 101))).collect();
+        let (low, high) = (near.iter().copied().reduce(Vec3::min), near.iter().copied().reduce(Vec3::max));
+        let plain = Lattice::new(low.unwrap(), high.unwrap());
+        assert_eq!(Lattice::over(&near).to_numbers(), plain.to_numbers());
+        // A few to the horizon.
+        let wide = [near, (0..50).map(|i| Vec3::new(1e4 * part(i, 7), 0.0, -1e4)).collect()].concat();
+        let lattice = Lattice::over(&wide);
+        let cells = [0.2, 0.8].map(|x| lattice.cell(Vec3::new(x, 0.5, 0.5)));
+        assert_ne!(cells[0], cells[1]);
+        assert_eq!(lattice.cell(Vec3::new(1e4, 0.5, 0.5)), lattice.cell(Vec3::new(1.0, 0.5, 0.5)));
     }
 }

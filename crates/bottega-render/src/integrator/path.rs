@@ -153,7 +153,7 @@ impl<'a> PathIntegrator<'a> {
     }
 
     /// One whose paths learn nothing.
-    pub(super) fn unguided(
+    pub(crate) fn unguided(
         prepared: &'a PreparedScene,
         view: View,
         settings: &'a PathSettings,

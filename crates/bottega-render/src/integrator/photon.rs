@@ -67,7 +67,7 @@ impl<'a> PhotonIntegrator<'a> {
         let affordable = PASSES_BYTES / (u64::from(photons.count.max(1)) * PHOTON_BYTES);
         let pass_count =
             if photons.progressive { u64::from(settings.planned_samples).min(affordable).max(1) as u32 } else { 1 };
-        let passes = prepared.photons().passes(photons, settings.seed, pass_count);
+        let passes = prepared.passes(view, photons, settings.seed, pass_count);
         let is_cached = photons.irradiance_cache > 0.0 && photons.final_rays > 0 && !photons.progressive;
         let cache = is_cached.then(|| passes.cache(view));
         Ok(Self { base, photons, passes, cache, view })

@@ -2,14 +2,16 @@
 //!
 //! A source is chosen in proportion to its power, and on it a place and a direction so that what a photon carries varies
 //! little. What comes from infinitely far away starts on a disc that covers the sphere around the scene (Pharr, Jakob
-//! and Humphreys 2023, *Physically Based Rendering*, §12.4 and 12.5); through portals it starts on these.
+//! and Humphreys 2023, *Physically Based Rendering*, §12.4 and 12.5); through portals it starts on these. Where what is seen is
+//! small beside the scene, an [`EmissionPlan`] prefers what may come there.
 
 mod place;
+mod plan;
 
 #[cfg(test)]
 mod tests;
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use bottega_kernels::{Ray, math};
 use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum, TextureMap};
@@ -18,10 +20,12 @@ use glam::{Vec2, Vec3};
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
 use crate::{
     luminance,
+    photon::Extent,
     prepare::PreparedScene,
     sampler::Quad,
-    sampling::{orthonormal_basis, uniform_disk, uniform_sphere},
+    sampling::{orthonormal_basis, uniform_sphere},
 };
+pub(crate) use plan::{Aim, EmissionPlan};
 
 /// Part of the mean that every cell of a light's picture has at least, so that nothing is missed that shines between the
 /// middles of its texels.
@@ -42,6 +46,51 @@ pub(crate) struct Emitted {
     pub(crate) power: Spectrum,
     /// Which light of the tree it left; [`NO_LIGHT`] for one infinitely far away.
     pub(crate) light: u32,
+}
+
+/// Where a photon starts, where it goes, and the power that it stands for.
+struct Start {
+    origin: Vec3,
+    direction: Vec3,
+    power: Spectrum,
+    spread: Spread,
+}
+
+/// How densely directions are drawn at a place.
+enum Spread {
+    /// All alike.
+    Everywhere,
+    /// By the cosine to a normal.
+    Cosine(Vec3),
+    /// So that none else may be taken.
+    AsDrawn,
+}
+
+impl Start {
+    /// One whose direction may not be changed.
+    fn as_drawn(origin: Vec3, direction: Vec3, power: Spectrum) -> Self {
+        Self { origin, direction, power, spread: Spread::AsDrawn }
+    }
+
+    /// The same, perhaps in a direction to what is seen; its power then is that by all ways in which the direction is drawn.
+    ///
+    /// - `v`: direction (2), whether it is aimed (1), spare (1).
+    fn aimed(self, plan: &EmissionPlan, v: Quad) -> (Vec3, Vec3, Spectrum) {
+        let Self { origin, mut direction, power, spread } = self;
+        let aim = if matches!(spread, Spread::AsDrawn) { None } else { plan.aim(origin) };
+        let Some(aim) = aim else { return (origin, direction, power) };
+        let mut is_within = v[2] < Aim::SHARE;
+        if is_within {
+            direction = aim.sample([v[0], v[1]]);
+        } else {
+            is_within = aim.contains(direction);
+        }
+        let pdf = match spread {
+            Spread::Cosine(n) => n.dot(direction).max(0.0) * FRAC_1_PI,
+            _ => 0.25 * FRAC_1_PI,
+        };
+        (origin, direction, power * (pdf / aim.mixed(is_within, pdf)))
+    }
 }
 
 /// What emits photons in a scene.
@@ -72,10 +121,9 @@ impl Emission {
     /// Everything that shines. Sources that are black, or whose power is no number, are left out.
     pub(crate) fn new(prepared: &PreparedScene) -> Self {
         let scene = &**prepared.scene();
-        let bounds = prepared.accel().bounds();
-        let (center, radius) = (bounds.center(), 0.5 * (bounds.max - bounds.min).length());
+        let Extent { center, radius, .. } = Extent::whole(prepared);
         // Without a surface nothing far away has anything to shine on.
-        let has_scene = radius.is_finite() && center.is_finite() && radius > 0.0;
+        let has_scene = radius > 0.0;
         let mut emission =
             Self { sources: Vec::new(), sums: vec![0.0], environment: None, center, radius: radius * 1.001 };
         let mut powers = Vec::new();
@@ -138,18 +186,24 @@ impl Emission {
         self.sources.is_empty()
     }
 
+    /// How photons are sent to what is seen.
+    pub(crate) fn plan(&self, prepared: &PreparedScene, extent: Extent) -> EmissionPlan {
+        EmissionPlan::new(prepared, self, extent)
+    }
+
     /// A photon. `None`: these numbers emit none, and count as one that carries nothing.
     ///
+    /// - `plan`: made by [`Self::plan`].
     /// - `u`: choice of the source (1), choice on it (1), place on it (2).
-    /// - `v`: direction (2), spare (2).
-    pub(crate) fn emit(&self, prepared: &PreparedScene, u: Quad, v: Quad) -> Option<Emitted> {
+    /// - `v`: direction (2), whether that is aimed (1), spare (1).
+    pub(crate) fn emit(&self, prepared: &PreparedScene, plan: &EmissionPlan, u: Quad, v: Quad) -> Option<Emitted> {
         if self.is_empty() {
             return None;
         }
         let choice = f64::from(u[0]);
-        let index = self.sums.partition_point(|&sum| sum <= choice).clamp(1, self.sources.len()) - 1;
-        let pmf = (self.sums[index + 1] - self.sums[index]) as f32;
-        let (origin, direction, power) = self.leave(prepared, index, u, [v[0], v[1]])?;
+        let index = plan.sums.partition_point(|&sum| sum <= choice).clamp(1, self.sources.len()) - 1;
+        let pmf = (plan.sums[index + 1] - plan.sums[index]) as f32;
+        let (origin, direction, power) = self.leave(prepared, plan, index, u, [v[0], v[1]])?.aimed(plan, v);
         let power = power / pmf;
         let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
         let is_sound = is_sound && origin.is_finite() && direction.is_finite();
@@ -165,12 +219,17 @@ impl Emission {
     /// as it shines. `power` is what the place sends that way as a photon.
     ///
     /// - `u`, `v`: as for [`Self::emit`].
-    pub(crate) fn cast(&self, prepared: &PreparedScene, u: Quad, v: Quad) -> Option<Emitted> {
+    pub(crate) fn cast(&self, prepared: &PreparedScene, plan: &EmissionPlan, u: Quad, v: Quad) -> Option<Emitted> {
         let index = ((u[0] * self.sources.len() as f32) as usize).min(self.sources.len().checked_sub(1)?);
         let towards = [v[0], v[1]];
-        let (origin, direction, power) = self.leave(prepared, index, u, towards)?;
+        let Start { origin, direction, power, .. } = self.leave(prepared, plan, index, u, towards)?;
         let is_far = self.light_of(index) == NO_LIGHT;
-        let direction = if is_far { direction } else { uniform_sphere(towards) };
+        let aim = plan.aim(origin).filter(|_| v[2] < Aim::SHARE);
+        let direction = match aim {
+            _ if is_far => direction,
+            Some(aim) => aim.sample(towards),
+            None => uniform_sphere(towards),
+        };
         let is_sound = origin.is_finite() && direction.is_finite();
         is_sound.then_some(Emitted { origin, direction, power, light: self.light_of(index) })
     }
@@ -187,10 +246,11 @@ impl Emission {
     fn leave(
         &self,
         prepared: &PreparedScene,
+        plan: &EmissionPlan,
         index: usize,
         u: Quad,
         towards: [f32; 2],
-    ) -> Option<(Vec3, Vec3, Spectrum)> {
+    ) -> Option<Start> {
         let place = [u[2], u[3]];
         Some(match &self.sources[index] {
             Source::Near(number) => match &prepared.lights().lights[*number as usize] {
@@ -199,23 +259,24 @@ impl Emission {
                 Light::Punctual(index) => {
                     let light = &prepared.scene().lights[*index as usize];
                     let LightKind::Point { position, intensity } = light.kind else { return None };
-                    (position, uniform_sphere(place), 4.0 * PI * intensity)
+                    let direction = uniform_sphere(place);
+                    Start { origin: position, direction, power: 4.0 * PI * intensity, spread: Spread::Everywhere }
                 }
             },
             Source::Pictured(_, light, table) => {
                 let (place, density) = table.sample(place);
                 let (origin, direction, power) =
                     punctual::emitted(prepared.scene(), *light, place.into()).filter(|_| density > 0.0)?;
-                (origin, direction, power / density)
+                Start::as_drawn(origin, direction, power / density)
             }
             Source::Parallel(direction, irradiance) => {
-                let disc = PI * self.radius * self.radius;
-                (self.on_disc(*direction, place), *direction, *irradiance * disc)
+                let (origin, disc) = plan.on_disc(self, *direction, u[1], place);
+                Start::as_drawn(origin, *direction, *irradiance * disc)
             }
             Source::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;
-                let disc = PI * self.radius * self.radius;
-                (self.on_disc(-wi, place), -wi, radiance * (disc / pdf))
+                let (origin, disc) = plan.on_disc(self, -wi, u[1], place);
+                Start::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
             Source::Portal(portal) => self.through(prepared, portal, place, towards)?,
         })
@@ -226,21 +287,8 @@ impl Emission {
         self.environment.as_ref()?.sample_at(prepared.scene(), self.center, [0.0, u[0], u[1], 0.0])
     }
 
-    /// A place before the scene from where light goes in `direction`.
-    fn on_disc(&self, direction: Vec3, u: [f32; 2]) -> Vec3 {
-        let (s, t) = orthonormal_basis(direction);
-        let Vec2 { x, y } = uniform_disk(u);
-        self.center + (s * x + t * y - direction) * self.radius
-    }
-
     /// Through a portal, if nothing is behind it.
-    fn through(
-        &self,
-        prepared: &PreparedScene,
-        portal: &Portal,
-        [x, y]: [f32; 2],
-        towards: [f32; 2],
-    ) -> Option<(Vec3, Vec3, Spectrum)> {
+    fn through(&self, prepared: &PreparedScene, portal: &Portal, [x, y]: [f32; 2], towards: [f32; 2]) -> Option<Start> {
         let outwards = portal.edges[0].cross(portal.edges[1]);
         let (wi, radiance, pdf) = self.far(prepared, towards)?;
         let projected = outwards.dot(wi);
@@ -249,7 +297,7 @@ impl Emission {
         }
         let origin = portal.corner + portal.edges[0] * x + portal.edges[1] * y;
         let hidden = prepared.accel().occluded(&Ray::new(origin, wi));
-        (!hidden).then(|| (origin, -wi, radiance * (projected / pdf)))
+        (!hidden).then(|| Start::as_drawn(origin, -wi, radiance * (projected / pdf)))
     }
 }
 

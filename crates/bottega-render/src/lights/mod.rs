@@ -34,7 +34,7 @@ use crate::{
 };
 use bounds::LightBounds;
 pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS, Sight};
-pub(crate) use emission::{Emission, Emitted};
+pub(crate) use emission::{Aim, Emission, EmissionPlan, Emitted};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
 use surface::{Grid, Panel, Shape, SurfaceLight};

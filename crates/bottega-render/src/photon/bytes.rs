@@ -48,6 +48,12 @@ impl Writer {
     }
 
     /// How many there are, and all of them.
+    pub(crate) fn numbers(&mut self, numbers: &[u32]) {
+        self.number(numbers.len() as u32);
+        numbers.iter().for_each(|&number| self.number(number));
+    }
+
+    /// How many there are, and all of them.
     pub(crate) fn photons(&mut self, photons: &[Photon]) {
         self.number(photons.len() as u32);
         photons.iter().for_each(|photon| self.photon(photon));
@@ -55,7 +61,7 @@ impl Writer {
 }
 
 /// Bytes of a photon.
-const PHOTON_BYTES: usize = 20;
+const PHOTON_BYTES: usize = 24;
 
 impl Reader<'_> {
     pub(crate) fn number(&mut self) -> Option<u32> {
@@ -87,8 +93,13 @@ impl Reader<'_> {
         (count.checked_mul(size)? <= self.0.len()).then_some(count)
     }
 
-    fn photon(&mut self) -> Option<(Vec3, [u32; 2])> {
-        Some((self.vector()?, [self.number()?, self.number()?]))
+    fn photon(&mut self) -> Option<(Vec3, [u32; 3])> {
+        Some((self.vector()?, [self.number()?, self.number()?, self.number()?]))
+    }
+
+    pub(crate) fn numbers(&mut self) -> Option<Vec<u32>> {
+        let count = self.count(size_of::<u32>())?;
+        (0..count).map(|_| self.number()).collect()
     }
 
     pub(crate) fn photons(&mut self) -> Option<Vec<Photon>> {

@@ -11,7 +11,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
-    around::Around,
+    bounces::{BOUNCES_KEPT, ByBounces},
     bytes::{Reader, Writer},
     record::Photon,
 };
@@ -52,9 +52,9 @@ pub(crate) struct IrradianceCache {
     tolerance: f32,
     /// Sum of the luminances of all records.
     brightness: f32,
-    /// Places in all nodes that records are put to, and records that know directions.
+    /// Places in all nodes that records are put to, and bytes of the lists of records.
     listed: usize,
-    directed: usize,
+    list_bytes: usize,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -76,7 +76,7 @@ impl IrradianceCache {
             tolerance,
             brightness: 0.0,
             listed: 0,
-            directed: 0,
+            list_bytes: 0,
         }
     }
 
@@ -86,34 +86,54 @@ impl IrradianceCache {
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
-        let lists = self.listed * size_of::<u32>() + self.directed * size_of::<Around>();
+        let lists = self.listed * size_of::<u32>() + self.list_bytes;
         size_of_val(&*self.records) + size_of_val(&*self.nodes) + lists
     }
 
-    /// The irradiance at a place; `None`: no record is near enough.
-    pub(crate) fn at(&self, p: Vec3, n: Vec3) -> Option<Spectrum> {
+    /// The irradiance at a place by light of no more than so many bounces; `None`: no record is near enough.
+    pub(crate) fn at(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<Spectrum> {
         let (mut sum, mut weights) = (Spectrum::ZERO, 0.0);
         self.visit(p, |record| {
             let weight = record.weight(p, n, self.tolerance);
             if weight > 0.0 {
-                sum += record.at(p, n) * weight;
+                sum += record.at(p, n) * record.share(bounces) * weight;
                 weights += weight;
             }
         });
         (weights > 0.0).then(|| sum / weights)
     }
 
-    /// The irradiance at a place, and how far those who say so differ; `None`: no record is near enough.
+    /// The irradiance at a place by light of no more than so many bounces, and how far those who say so differ; `None`: no
+    /// record is near enough.
     #[inline(always)]
-    pub(crate) fn estimate(&self, p: Vec3, n: Vec3) -> Option<Estimate> {
-        self.estimate_by(p, n, |_, _| true)
+    pub(crate) fn estimate(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<Estimate> {
+        self.estimate_by(p, n, bounces, |_, _| true)
+    }
+
+    /// What share of the irradiance at a place has been scattered how often.
+    pub(crate) fn shares(&self, p: Vec3, n: Vec3) -> ByBounces {
+        let (mut sums, mut all) = ([Spectrum::ZERO; BOUNCES_KEPT], Spectrum::ZERO);
+        self.visit(p, |record| {
+            let nearness = record.nearness(p, n, self.tolerance);
+            let weight = nearness * nearness * record.effort as f32;
+            if weight > 0.0 {
+                let light = record.at(p, n) * weight;
+                all += light;
+                for (sum, bounces) in sums.iter_mut().zip(0..) {
+                    *sum += light * record.share(bounces);
+                }
+            }
+        });
+        let inverse = all.max(Spectrum::splat(f32::MIN_POSITIVE)).recip();
+        let mut below = Spectrum::ZERO;
+        sums.map(|sum| (sum - std::mem::replace(&mut below, sum)).max(Spectrum::ZERO) * inverse)
     }
 
     /// The same by those alone who know where light comes from, and what they know of it.
     #[inline(always)]
-    pub(crate) fn surroundings(&self, p: Vec3, n: Vec3) -> Option<(Estimate, Surroundings<'_>)> {
+    pub(crate) fn surroundings(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<(Estimate, Surroundings<'_>)> {
         let mut speakers = Speakers::default();
-        let estimate = self.estimate_by(p, n, |record, weight| {
+        let estimate = self.estimate_by(p, n, bounces, |record, weight| {
             if record.around.is_some() {
                 speakers.hear(record, weight);
             }
@@ -128,6 +148,7 @@ impl IrradianceCache {
         &'a self,
         p: Vec3,
         n: Vec3,
+        bounces: u32,
         mut is_asked: impl FnMut(&'a Record, f32) -> bool,
     ) -> Option<Estimate> {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
@@ -137,7 +158,7 @@ impl IrradianceCache {
             let nearness = record.nearness(p, n, self.tolerance);
             let weight = nearness * nearness * record.effort as f32;
             if weight > 0.0 && is_asked(record, weight) {
-                let value = record.at(p, n);
+                let value = record.at(p, n) * record.share(bounces);
                 sum += value * weight;
                 squares += luminance(value) * luminance(value) * weight;
                 weights += weight;
@@ -240,7 +261,7 @@ impl IrradianceCache {
     fn put(&mut self, record: Record) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
-        self.directed += usize::from(record.around.is_some());
+        self.list_bytes += record.list_bytes();
         let (p, reach) = (record.p, self.tolerance * record.radius);
         self.records.push(record);
         self.insert(0, self.low, self.side, 0, number, p, reach);
@@ -339,11 +360,31 @@ mod tests {
     #[test]
     fn a_cache_answers_near_its_records_alone() {
         let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.2);
-        assert!(cache.at(Vec3::ZERO, Vec3::Y).is_none());
+        let at = |cache: &IrradianceCache, p: Vec3, n: Vec3| cache.at(p, n, u32::MAX);
+        assert!(at(&cache, Vec3::ZERO, Vec3::Y).is_none());
         cache.add(record(Vec3::ZERO, Vec3::Y, &ceiling));
         assert_eq!(cache.len(), 1);
-        assert!(cache.at(Vec3::ZERO, Vec3::Y).is_some() && cache.at(Vec3::X * 0.2, Vec3::Y).is_some());
-        assert!(cache.at(Vec3::X * 3.0, Vec3::Y).is_none() && cache.at(Vec3::ZERO, Vec3::X).is_none());
+        assert!(at(&cache, Vec3::ZERO, Vec3::Y).is_some() && at(&cache, Vec3::X * 0.2, Vec3::Y).is_some());
+        assert!(at(&cache, Vec3::X * 3.0, Vec3::Y).is_none() && at(&cache, Vec3::ZERO, Vec3::X).is_none());
+    }
+
+    #[test]
+    fn records_tell_light_apart_by_its_bounces() {
+        let mut light = [Spectrum::ZERO; BOUNCES_KEPT];
+        (light[2], light[4]) = (Vec3::new(3.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.0));
+        let known = record(Vec3::ZERO, Vec3::Y, &ceiling).with_bounces(&light);
+        let mut to = Writer::default();
+        known.write(&mut to);
+        let known = Record::read(&mut Reader(&to.0)).unwrap();
+        let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.2);
+        cache.add(known);
+        let all = cache.at(Vec3::ZERO, Vec3::Y, u32::MAX).unwrap();
+        let share = |bounces: u32| (cache.at(Vec3::ZERO, Vec3::Y, bounces).unwrap() / all).x;
+        let found = [0, 1, 2, 3, 4, 5].map(share);
+        assert!(found.iter().zip([0.0, 0.0, 0.75, 0.75, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
+        let shares = cache.shares(Vec3::ZERO, Vec3::Y);
+        assert!((shares[2].x - 0.75).abs() < 1e-4 && (shares[4].x - 0.25).abs() < 1e-4 && shares[3].x.abs() < 1e-4);
+        assert!((shares[2].y - 0.5).abs() < 1e-4, "{shares:?}");
     }
 
     #[test]

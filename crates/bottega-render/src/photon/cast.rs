@@ -6,18 +6,17 @@ use bottega_hra::HraClient;
 use bottega_kernels::compiled;
 
 use super::{
-    bytes::{Reader, Writer},
+    bounces::{IrradianceMap, IrradiancePlaces},
     irradiance::{IrradianceAt, irradiance_count},
     map::PhotonMap,
-    maps::{Estimator, PhotonMaps, caustic_tracer, photon_counts, tracer},
-    record::Photon,
+    maps::{Estimator, PhotonMaps, caustic_tracer, joined, photon_counts, tracer},
     trace::{Traced, Tracing},
 };
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
     integrator::PhotonIntegrator,
-    sharing::{Hands, Sharing, Told},
+    sharing::{Hands, Sharing},
 };
 
 /// Photons of one unit of work: some milliseconds.
@@ -32,6 +31,8 @@ pub struct PhotonWork {
     pub scene: Arc<PreparedScene>,
     /// How.
     pub settings: PhotonSettings,
+    /// The picture: photons are sent to what it shows.
+    pub view: View,
     /// Whether they are sent to mirrors and glass alone.
     pub only_caustics: bool,
     /// Another seed gives other photons.
@@ -53,28 +54,22 @@ pub struct IrradianceWork {
 impl PhotonWork {
     /// Traces them on the calling thread.
     pub fn perform(self) -> Traced {
-        let Self { scene, settings, only_caustics, seed, indices } = self;
-        let tracer =
-            if only_caustics { caustic_tracer(&scene, &settings, seed) } else { tracer(&scene, &settings, seed, 0) };
+        let Self { scene, settings, view, only_caustics, seed, indices } = self;
+        let plan = scene.photon_plan(view);
+        let tracer = if only_caustics {
+            caustic_tracer(&scene, &plan, &settings, seed)
+        } else {
+            tracer(&scene, &plan, &settings, seed, 0)
+        };
         compiled::run(Tracing { tracer, indices })
     }
 }
 
 impl IrradianceWork {
     /// Computes it on the calling thread.
-    pub fn perform(self) -> Vec<Photon> {
+    pub fn perform(self) -> IrradiancePlaces {
         let (prepared, all) = (&*self.scene, &*self.all);
         compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })
-    }
-}
-
-impl Told for Vec<Photon> {
-    fn write(&self, to: &mut Writer) {
-        to.photons(self);
-    }
-
-    fn read(from: &mut Reader<'_>) -> Option<Self> {
-        from.photons()
     }
 }
 
@@ -97,12 +92,12 @@ pub fn cast_photons(
     if photons.progressive {
         return Ok(());
     }
-    let passes = scene.photons().passes(photons, settings.seed, 1);
+    let passes = scene.passes(view, photons, settings.seed, 1);
     if !passes.is_made() {
-        passes.put(maps(scene, photons, settings.seed, &hands)?);
+        passes.put(maps(scene, view, photons, settings.seed, &hands)?);
     }
     if photons.agents.is_some() && !passes.has_agents() {
-        passes.put_agents(cast_agents(scene, photons, settings.seed, &passes, &hands)?);
+        passes.put_agents(cast_agents(scene, view, photons, settings.seed, &passes, &hands)?);
     }
     integrator.cast(0..1);
     Ok(())
@@ -111,12 +106,17 @@ pub fn cast_photons(
 /// The maps of one pass.
 fn maps(
     scene: &Arc<PreparedScene>,
+    view: View,
     photons: PhotonSettings,
     seed: u64,
     hands: &Hands<'_>,
 ) -> Result<PhotonMaps, RenderError> {
+    let plan = scene.photon_plan(view);
     let trace = |count: u32, only_caustics: bool| {
-        let work = |indices| PhotonWork { scene: Arc::clone(scene), settings: photons, only_caustics, seed, indices };
+        let work = |indices| {
+            let scene = Arc::clone(scene);
+            PhotonWork { scene, settings: photons, view, only_caustics, seed, indices }
+        };
         let works = parts(count, PHOTONS).map(work).map(RenderWork::Photons).collect();
         let found =
             hands.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
@@ -125,9 +125,9 @@ fn maps(
             all
         }))
     };
-    let [count, sent] = photon_counts(scene, &photons);
+    let [count, sent] = photon_counts(scene, &plan, &photons);
     let (traced, caustics) = (trace(count, false)?, trace(sent, true)?.caustic);
-    let (mut maps, all) = scene.on_threads(|| PhotonMaps::begun(scene, &photons, 0, traced, caustics));
+    let (mut maps, all) = scene.on_threads(|| PhotonMaps::begun(*plan.extent(), &photons, 0, traced, caustics));
     if let Some(all) = all.map(Arc::new) {
         let works = parts(irradiance_count(&all), POINTS).map(|points| {
             let (scene, all) = (Arc::clone(scene), Arc::clone(&all));
@@ -135,7 +135,7 @@ fn maps(
         });
         let answer = |output| if let RenderOutput::Irradiance(part) = output { Some(part) } else { None };
         let known = hands.run(works.collect(), answer)?;
-        maps.irradiance = scene.on_threads(|| PhotonMap::new(known.concat()));
+        maps.irradiance = scene.on_threads(|| IrradianceMap::new(joined(known)));
     }
     Ok(maps)
 }

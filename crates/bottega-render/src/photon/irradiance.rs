@@ -4,9 +4,11 @@
 use std::{f32::consts::TAU, ops::Range};
 
 use bottega_kernels::{Ray, compiled::Task, math};
+use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
+    bounces::{BOUNCES_KEPT, IrradiancePlaces, kept},
     map::{Nearest, PhotonMap},
     maps::{Estimator, FLATNESS},
     record::Photon,
@@ -34,16 +36,18 @@ pub(super) struct IrradianceAt<'a> {
 }
 
 impl Task for IrradianceAt<'_> {
-    type Output = Vec<Photon>;
+    type Output = IrradiancePlaces;
 
     #[inline(always)]
-    fn run(self) -> Vec<Photon> {
+    fn run(self) -> IrradiancePlaces {
         let mut found = Nearest::new(self.estimator.gathered());
-        let mut known = Vec::with_capacity(self.points.len());
+        let mut known = IrradiancePlaces::default();
         for point in self.points.clone() {
             // Numbers in the tree go from place to place, so that each step takes one photon of a neighbourhood.
             let place = self.beside(point * STEP);
-            known.push(place.with_power(self.estimator.irradiance(self.all, &place, &mut found)));
+            let mut sums = [Spectrum::ZERO; BOUNCES_KEPT];
+            self.estimator.irradiance(self.all, &place, &mut found, |bounces, light| sums[kept(bounces)] += light);
+            known.push(place, &sums);
         }
         known
     }

@@ -8,9 +8,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
+    bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
+    extent::Extent,
     irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
+    plan::PhotonPlan,
     projection::SHARE,
     record::Photon,
     trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
@@ -38,14 +41,44 @@ const SHRINKING: f32 = 2.0 / 3.0;
 pub(crate) struct PhotonMaps {
     /// Of light over mirrors and through glass; with the indirect light, where no rays are gathered.
     pub(crate) seen: PhotonMap,
-    /// In place of a power the irradiance, all light together.
-    pub(crate) irradiance: PhotonMap,
+    /// The irradiance by all light.
+    pub(crate) irradiance: IrradianceMap,
     /// Where light arrives straight, and where not.
     pub(crate) visibility: PhotonMap,
     pub(crate) estimator: Estimator,
-    /// How far photons of `seen` may be, and those of the irradiance.
-    pub(crate) reach: f32,
-    pub(crate) irradiance_reach: f32,
+    /// How far photons of `seen` may be, as a share of how far those of the irradiance may.
+    reach: f32,
+}
+
+/// What a photon brings to a point near it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrived {
+    /// Back along the way that it came.
+    pub(crate) to_light: Vec3,
+    /// Whether it arrived on the side of the normal.
+    pub(crate) is_before: bool,
+    /// How often it was scattered before.
+    pub(crate) bounces: u32,
+    /// Its share of the irradiance.
+    pub(crate) light: Spectrum,
+}
+
+/// Where photons count.
+#[derive(Clone, Copy)]
+struct Disc {
+    p: Vec3,
+    normal: Vec3,
+    radius_squared: f32,
+    /// What a photon's power counts in its middle.
+    share: f32,
+}
+
+/// Joins parts in their order.
+pub(super) fn joined(parts: Vec<IrradiancePlaces>) -> IrradiancePlaces {
+    parts.into_iter().fold(IrradiancePlaces::default(), |mut all, part| {
+        all.append(part);
+        all
+    })
 }
 
 /// How the density of photons is estimated.
@@ -54,18 +87,26 @@ pub(crate) struct Estimator {
     /// What a photon's power counts.
     scale: f32,
     filter: PhotonFilter,
-    /// How many photons are looked for, and how far.
+    /// How many photons are looked for, and how far, as a share of the length that counts there.
     gather: u32,
     reach: f32,
+    extent: Extent,
 }
 
 /// What photons of a pass are traced by.
-pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Tracer<'a> {
+pub(crate) fn tracer<'a>(
+    prepared: &'a PreparedScene,
+    plan: &'a PhotonPlan,
+    settings: &PhotonSettings,
+    seed: u64,
+    pass: u32,
+) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
     let emission = prepared.emission();
     Tracer {
         prepared,
         emission,
+        plan: &plan.emission,
         seed,
         pass,
         bounces,
@@ -77,19 +118,24 @@ pub(crate) fn tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings,
 }
 
 /// What photons are traced by that are sent to mirrors and glass alone.
-pub(crate) fn caustic_tracer<'a>(prepared: &'a PreparedScene, settings: &PhotonSettings, seed: u64) -> Tracer<'a> {
-    let projection = Some(prepared.projection());
+pub(crate) fn caustic_tracer<'a>(
+    prepared: &'a PreparedScene,
+    plan: &'a PhotonPlan,
+    settings: &PhotonSettings,
+    seed: u64,
+) -> Tracer<'a> {
+    let projection = Some(plan.projection(prepared));
     // An estimate divides by the number of all photons, whoever they are.
     let strength = settings.count as f32 / settings.count.div_ceil(SHARE).max(1) as f32;
-    let all = tracer(prepared, settings, seed, 0);
+    let all = tracer(prepared, plan, settings, seed, 0);
     Tracer { with_shadows: false, only_caustics: true, strength, projection, ..all }
 }
 
 /// How many photons of all light a pass has, and how many are sent to mirrors and glass.
-pub(crate) fn photon_counts(prepared: &PreparedScene, settings: &PhotonSettings) -> [u32; 2] {
+pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, settings: &PhotonSettings) -> [u32; 2] {
     let is_gathered = settings.final_rays > 0 && !settings.progressive;
     let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
-    let sent = if is_wanted && !prepared.projection().is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
+    let sent = if is_wanted && !plan.projection(prepared).is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
     [if settings.agents.is_some() { 0 } else { settings.count }, sent]
 }
 
@@ -108,73 +154,77 @@ pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
 
 impl PhotonMaps {
     /// The maps of one pass. The pool of the present thread does the work.
-    pub(crate) fn new(prepared: &PreparedScene, settings: &PhotonSettings, seed: u64, pass: u32) -> Self {
-        let [count, sent] = photon_counts(prepared, settings);
-        let all_light = traced(tracer(prepared, settings, seed, pass), count);
+    pub(crate) fn new(
+        prepared: &PreparedScene,
+        plan: &PhotonPlan,
+        settings: &PhotonSettings,
+        seed: u64,
+        pass: u32,
+    ) -> Self {
+        let [count, sent] = photon_counts(prepared, plan, settings);
+        let all_light = traced(tracer(prepared, plan, settings, seed, pass), count);
         let caustics = match sent {
             0 => Vec::new(),
-            sent => traced(caustic_tracer(prepared, settings, seed), sent).caustic,
+            sent => traced(caustic_tracer(prepared, plan, settings, seed), sent).caustic,
         };
-        let (mut maps, all) = Self::begun(prepared, settings, pass, all_light, caustics);
+        let (mut maps, all) = Self::begun(*plan.extent(), settings, pass, all_light, caustics);
         if let Some(all) = all {
             let points: Vec<u32> = (0..irradiance_count(&all)).collect();
             let known = points.par_chunks(POINTS).map(|points| {
                 let points = points[0]..points[points.len() - 1] + 1;
                 compiled::run(IrradianceAt { prepared, estimator: maps.estimator, all: &all, points })
             });
-            maps.irradiance = PhotonMap::new(known.collect::<Vec<_>>().concat());
+            maps.irradiance = IrradianceMap::new(joined(known.collect()));
         }
         maps
     }
 
     /// All but the irradiance, and the photons from which that is to be computed, if it is wanted.
     pub(crate) fn begun(
-        prepared: &PreparedScene,
+        extent: Extent,
         settings: &PhotonSettings,
         pass: u32,
         traced: Traced,
         caustics: Vec<Photon>,
     ) -> (Self, Option<PhotonMap>) {
-        let bounds = prepared.accel().bounds();
-        let radius = 0.5 * (bounds.max - bounds.min).length();
-        let reach = settings.radius.clamp(0.0, 2.0) * if radius.is_finite() { radius } else { 0.0 };
-        let estimator = Estimator::new(settings, reach);
+        let estimator = Estimator::new(settings, extent);
         let mut maps = Self {
             seen: PhotonMap::default(),
-            irradiance: PhotonMap::default(),
+            irradiance: IrradianceMap::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
-            reach,
-            irradiance_reach: reach,
+            reach: 1.0,
         };
         let mut all = None;
         if settings.agents.is_some() {
             maps.seen = PhotonMap::new(caustics);
-            maps.reach *= CAUSTIC_REACH;
+            maps.reach = CAUSTIC_REACH;
         } else if settings.final_rays > 0 && !settings.progressive {
             all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic].concat()));
             maps.seen = PhotonMap::new(caustics);
-            maps.reach *= CAUSTIC_REACH;
+            maps.reach = CAUSTIC_REACH;
         } else {
             maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
         }
         if settings.progressive {
-            maps.reach = reach * FIRST_RADIUS * shrunk(pass);
+            maps.reach = FIRST_RADIUS * shrunk(pass);
         }
         (maps, all)
     }
 
     pub(crate) fn write(&self, to: &mut Writer) {
-        [self.reach, self.irradiance_reach].into_iter().for_each(|reach| to.value(reach));
-        [&self.seen, &self.irradiance, &self.visibility].into_iter().for_each(|map| to.map(map));
+        to.value(self.reach);
+        to.map(&self.seen);
+        self.irradiance.write(to);
+        to.map(&self.visibility);
     }
 
-    /// - `settings`: of the picture.
-    pub(crate) fn read(settings: &PhotonSettings, from: &mut Reader<'_>) -> Option<Self> {
-        let [reach, irradiance_reach] = [from.value()?, from.value()?];
-        let [seen, irradiance, visibility] = [from.map()?, from.map()?, from.map()?];
-        let estimator = Estimator::new(settings, irradiance_reach);
-        Some(Self { seen, irradiance, visibility, estimator, reach, irradiance_reach })
+    /// - `settings`, `extent`: of the picture.
+    pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
+        let reach = from.value()?;
+        let (seen, irradiance, visibility) = (from.map()?, IrradianceMap::read(from)?, from.map()?);
+        let estimator = Estimator::new(settings, extent);
+        Some(Self { seen, irradiance, visibility, estimator, reach })
     }
 
     /// Bytes held.
@@ -182,27 +232,39 @@ impl PhotonMaps {
         self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
     }
 
-    /// Irradiance on a surface near a point; `None`: nothing is known there. What lies beside the plane of the surface belongs to
-    /// another one, such as the floor below a shelf.
+    /// How far photons of `seen` may be from a place.
     #[inline(always)]
-    pub(crate) fn irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
-        let reach = self.irradiance_reach;
+    pub(crate) fn reach_at(&self, p: Vec3) -> f32 {
+        self.reach * self.estimator.reach_at(p)
+    }
+
+    /// How far places of the irradiance may be.
+    #[inline(always)]
+    pub(crate) fn irradiance_reach_at(&self, p: Vec3) -> f32 {
+        self.estimator.reach_at(p)
+    }
+
+    /// Where the irradiance on a surface near a point is known; `None`: nothing is known there. What lies beside the plane of the surface belongs to
+    /// another one, such as the floor below a shelf. The number is that of the place in [`Self::irradiance`].
+    #[inline(always)]
+    pub(crate) fn irradiance_near(&self, p: Vec3, normal: Vec3) -> Option<u32> {
+        let reach = self.irradiance_reach_at(p);
+        let places = self.irradiance.places();
         let accept = |index: u32| {
-            let photon = self.irradiance.photon(index);
+            let photon = places.photon(index);
             let away = photon.p - p;
             let off_plane = away.dot(normal);
             let is_flat =
                 off_plane * off_plane <= FLATNESS * FLATNESS * (reach * reach).min(4.0 * away.length_squared());
             is_flat && is_alike(photon.mark().normal(), normal)
         };
-        let index = self.irradiance.nearest_where(p, reach * reach, accept)?;
-        Some(self.irradiance.mark(index).power())
+        places.nearest_where(p, reach * reach, accept)
     }
 
     /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,
     /// *Efficiently Rendering Shadows Using the Photon Map*).
     pub(crate) fn visibility_at(&self, p: Vec3, normal: Vec3, light: u32, found: &mut Nearest) -> Option<bool> {
-        let reach = VISIBILITY_REACH * self.irradiance_reach;
+        let reach = VISIBILITY_REACH * self.irradiance_reach_at(p);
         self.visibility.nearest(p, reach * reach, found);
         let (lit, shaded) = (visibility_tag(light, true), visibility_tag(light, false));
         let (mut lit_count, mut shaded_count) = (0, 0);
@@ -222,10 +284,17 @@ impl PhotonMaps {
 }
 
 impl Estimator {
-    /// - `reach`: how far photons may be.
-    pub(crate) fn new(settings: &PhotonSettings, reach: f32) -> Self {
+    /// - `extent`: of what is seen.
+    pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;
-        Self { scale, filter: settings.filter, gather: settings.gather, reach }
+        let reach = settings.radius.clamp(0.0, 2.0);
+        Self { scale, filter: settings.filter, gather: settings.gather, reach, extent }
+    }
+
+    /// How far photons may be from a place.
+    #[inline(always)]
+    fn reach_at(&self, p: Vec3) -> f32 {
+        self.reach * self.extent.length_at(p)
     }
 
     /// How many photons are looked for.
@@ -233,14 +302,21 @@ impl Estimator {
         self.gather as usize
     }
 
-    /// Irradiance on the side of a surface where a photon arrived, by those near it.
-    pub(crate) fn irradiance(&self, map: &PhotonMap, photon: &Photon, found: &mut Nearest) -> Spectrum {
-        let on_this_side = |_: Vec3, is_before: bool| if is_before { Spectrum::ONE } else { Spectrum::ZERO };
-        self.gather(map, photon.p, photon.mark().normal(), self.reach, found, on_this_side)
+    /// Irradiance on the side of a surface where a photon arrived, by those near it: `add` takes it apart, with the number of
+    /// bounces.
+    pub(crate) fn irradiance(
+        &self,
+        map: &PhotonMap,
+        photon: &Photon,
+        found: &mut Nearest,
+        mut add: impl FnMut(u32, Spectrum),
+    ) {
+        let on_this_side = |arrived: &Arrived| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
+        let on_this_side = |arrived: &Arrived| add(arrived.bounces, arrived.light * on_this_side(arrived));
+        self.gather(map, photon.p, photon.mark().normal(), self.reach_at(photon.p), found, on_this_side);
     }
 
-    /// What all photons near a point bring to it, each weighed by `scattered`, which is given the direction that it came
-    /// from and whether it arrived on the side of the normal: without weights that is the irradiance.
+    /// Looks for the photons near a point, and tells `take` what each brings to it: all of it together is the irradiance.
     ///
     /// - `map`: where to look; `found` says for how many of them.
     /// - `normal`: of the surface, on the side that is lit if light cannot go through.
@@ -252,19 +328,20 @@ impl Estimator {
         normal: Vec3,
         reach: f32,
         found: &mut Nearest,
-        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+        mut take: impl FnMut(&Arrived),
+    ) {
         map.nearest(p, reach * reach, found);
         let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
         if found.is_empty() || radius_squared <= 0.0 {
-            return Spectrum::ZERO;
+            return;
         }
-        let mut sum = Spectrum::ZERO;
+        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
         // The farthest only says how large the disc is: counted, it would make all a little too bright.
         for (index, distance_squared) in found.iter().filter(|&(_, distance)| distance < radius_squared) {
-            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
+                take(&arrived);
+            }
         }
-        sum * (self.scale / (PI * radius_squared))
     }
 
     /// The same for all photons within a radius, however many.
@@ -275,30 +352,23 @@ impl Estimator {
         p: Vec3,
         normal: Vec3,
         reach: f32,
-        mut scattered: impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+        mut take: impl FnMut(&Arrived),
+    ) {
         let radius_squared = reach * reach;
         if radius_squared <= 0.0 {
-            return Spectrum::ZERO;
+            return;
         }
-        let mut sum = Spectrum::ZERO;
+        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
         map.within(p, radius_squared, |index, distance_squared| {
-            sum += self.weighed(map, index, p, normal, distance_squared, radius_squared, &mut scattered);
+            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
+                take(&arrived);
+            }
         });
-        sum * (self.scale / (PI * radius_squared))
     }
 
     #[inline(always)]
-    fn weighed(
-        &self,
-        map: &PhotonMap,
-        index: u32,
-        p: Vec3,
-        normal: Vec3,
-        distance_squared: f32,
-        radius_squared: f32,
-        scattered: &mut impl FnMut(Vec3, bool) -> Spectrum,
-    ) -> Spectrum {
+    fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<Arrived> {
+        let Disc { p, normal, radius_squared, share } = *disc;
         let photon = map.photon(index);
         let off_plane = (photon.p - p).dot(normal);
         // Photons on the other side of the surface are those of light that goes through: their normal is the opposite.
@@ -306,14 +376,15 @@ impl Estimator {
         let is_before = is_alike(its_normal, normal);
         let is_behind = is_alike(-its_normal, normal);
         if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
-            return Spectrum::ZERO;
+            return None;
         }
         let part = distance_squared / radius_squared;
         let weight = match self.filter {
             PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),
             PhotonFilter::Cone => (1.0 - part.sqrt() / CONE) / (1.0 - 2.0 / (3.0 * CONE)),
         };
-        scattered(photon.mark().to_light(), is_before) * photon.mark().power() * weight
+        let light = photon.mark().power() * (weight * share);
+        Some(Arrived { to_light: photon.mark().to_light(), is_before, bounces: photon.mark().bounces(), light })
     }
 }
 

@@ -4,22 +4,28 @@
 //! Illumination*.
 
 mod around;
+pub(crate) mod bounces;
 pub(crate) mod bytes;
 pub(crate) mod cache;
 mod cast;
+mod extent;
 mod irradiance;
 mod map;
 mod maps;
+mod plan;
 mod projection;
 mod record;
 mod store;
 mod trace;
 
+pub use bounces::IrradiancePlaces;
+pub(crate) use bounces::{BOUNCES_KEPT, ByBounces, IrradianceMap, kept};
 pub(crate) use cast::parts;
 pub use cast::{IrradianceWork, PhotonWork, cast_photons};
+pub(crate) use extent::Extent;
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};
-pub(crate) use maps::{Estimator, PhotonMaps, traced, tracer};
-pub(crate) use projection::Projection;
+pub(crate) use maps::{Arrived, Estimator, PhotonMaps, traced, tracer};
+pub(crate) use plan::{PhotonPlan, PhotonPlans};
 pub use record::{Mark, Photon};
 pub use store::MapBytes;
 pub(crate) use store::{Passes, PhotonStore};

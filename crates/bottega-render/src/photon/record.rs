@@ -1,4 +1,4 @@
-//! A photon in twenty bytes.
+//! A photon in twenty-four bytes.
 
 use bottega_scene::Spectrum;
 use glam::{Vec2, Vec3};
@@ -26,6 +26,8 @@ pub struct Mark {
     directions: u32,
     /// Red, green and blue as shares of a power of two, and its exponent (Ward 1991, *Real Pixels*).
     power: u32,
+    /// How often its light has been scattered; of a place in an [`IrradianceMap`](super::IrradianceMap), where its list is.
+    label: u32,
 }
 
 impl Photon {
@@ -34,7 +36,7 @@ impl Photon {
     /// - `power`: at least 0 and finite.
     pub fn new(p: Vec3, to_light: Vec3, normal: Vec3, power: Spectrum) -> Self {
         let directions = packed(to_light, DIRECTION_STEPS, 10) | packed(normal, NORMAL_STEPS, 6) << 20;
-        Self { p, mark: Mark { directions, power: shared_exponent(power) } }
+        Self { p, mark: Mark { directions, power: shared_exponent(power), label: 0 } }
     }
 
     /// A place with a number in place of a power.
@@ -54,18 +56,41 @@ impl Photon {
         Self { mark: Mark { power: shared_exponent(power), ..self.mark }, ..self }
     }
 
+    /// The same with its light scattered so often before it arrived.
+    #[must_use]
+    pub fn with_bounces(self, bounces: u32) -> Self {
+        self.with_label(bounces)
+    }
+
+    /// The same with another label.
+    #[must_use]
+    pub(super) fn with_label(self, label: u32) -> Self {
+        Self { mark: Mark { label, ..self.mark }, ..self }
+    }
+
     pub(super) fn of(p: Vec3, mark: Mark) -> Self {
         Self { p, mark }
     }
 }
 
 impl Mark {
-    pub(crate) fn to_numbers(self) -> [u32; 2] {
-        [self.directions, self.power]
+    pub(crate) fn to_numbers(self) -> [u32; 3] {
+        [self.directions, self.power, self.label]
     }
 
-    pub(crate) fn from_numbers([directions, power]: [u32; 2]) -> Self {
-        Self { directions, power }
+    pub(crate) fn from_numbers([directions, power, label]: [u32; 3]) -> Self {
+        Self { directions, power, label }
+    }
+
+    /// How often the light was scattered before it arrived.
+    #[inline(always)]
+    pub fn bounces(self) -> u32 {
+        self.label
+    }
+
+    #[inline(always)]
+    pub(super) fn label(self) -> u32 {
+        self.label
     }
 
     /// Where the light came from: unit length, within a quarter of a degree.
@@ -154,8 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn a_photon_takes_twenty_bytes() {
-        assert_eq!(size_of::<Photon>(), 20);
+    fn a_photon_takes_twenty_four_bytes() {
+        assert_eq!(size_of::<Photon>(), 24);
     }
 
     #[test]

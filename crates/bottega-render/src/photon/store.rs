@@ -6,19 +6,20 @@ use super::{
     bytes::{Reader, Writer},
     cache::IrradianceCache,
     maps::PhotonMaps,
+    plan::PhotonPlan,
 };
 use crate::{PhotonSettings, View, ala::Agents, prepare::PreparedScene};
 
 /// Pictures whose maps are kept.
 const PICTURES_MAX: usize = 2;
 
-/// What maps depend on beside the scene: settings, seed, and how many passes there are.
+/// What maps depend on beside the scene and the extent of what is seen: settings, seed, and how many passes there are.
 type Of = (PhotonSettings, u64, u32);
 
 /// The maps of each pass, each made by the first who needs it, while others wait.
-#[derive(Debug)]
 pub(crate) struct Passes {
     of: Of,
+    plan: Arc<PhotonPlan>,
     maps: Vec<OnceLock<PhotonMaps>>,
     caches: Mutex<Vec<(View, CachePlace)>>,
     agents: OnceLock<Agents>,
@@ -43,15 +44,22 @@ pub struct MapBytes {
 type CachePlace = Arc<OnceLock<IrradianceCache>>;
 
 /// The maps of some pictures of a scene.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct PhotonStore(Mutex<Vec<Arc<Passes>>>);
 
 impl PhotonStore {
     /// The passes of a picture.
-    pub(crate) fn passes(&self, settings: PhotonSettings, seed: u64, pass_count: u32) -> Arc<Passes> {
+    pub(crate) fn passes(
+        &self,
+        plan: Arc<PhotonPlan>,
+        settings: PhotonSettings,
+        seed: u64,
+        pass_count: u32,
+    ) -> Arc<Passes> {
         let of = (settings, seed, pass_count);
         let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(passes) = pictures.iter().find(|passes| passes.of == of) {
+        let is_it = |passes: &&Arc<Passes>| passes.of == of && passes.plan.extent() == plan.extent();
+        if let Some(passes) = pictures.iter().find(is_it) {
             return Arc::clone(passes);
         }
         if pictures.len() == PICTURES_MAX {
@@ -59,6 +67,7 @@ impl PhotonStore {
         }
         let passes = Arc::new(Passes {
             of,
+            plan,
             maps: (0..pass_count.max(1)).map(|_| OnceLock::new()).collect(),
             caches: Mutex::default(),
             agents: OnceLock::new(),
@@ -109,9 +118,9 @@ impl Passes {
         let (settings, ..) = &self.of;
         let mut from = Reader(bytes);
         let mut read = || {
-            let maps = PhotonMaps::read(settings, &mut from)?;
+            let maps = PhotonMaps::read(settings, *self.plan.extent(), &mut from)?;
             let agents = match settings.agents {
-                Some(agents) => Some(Agents::read(agents, &mut from)?),
+                Some(agents) => Some(Agents::read(agents, *self.plan.extent(), &mut from)?),
                 None => None,
             };
             from.0.is_empty().then_some((maps, agents))
@@ -132,7 +141,12 @@ impl Passes {
         let pass = sample % self.maps.len() as u32;
         let (settings, seed, _) = &self.of;
         self.maps[pass as usize]
-            .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, settings, *seed, pass)))
+            .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, &self.plan, settings, *seed, pass)))
+    }
+
+    /// Where photons and agents are sent.
+    pub(crate) fn plan(&self) -> &Arc<PhotonPlan> {
+        &self.plan
     }
 
     /// The agents of the picture; the first who asks has them made.

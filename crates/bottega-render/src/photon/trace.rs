@@ -12,11 +12,11 @@ use super::{
     record::Photon,
 };
 use crate::{
-    bsdf::TransportMode,
+    bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
     integrator::{BLEND, bsdf_at, exp},
     interaction::{Asks, Interaction, is_there, opacity_of},
-    lights::{Emission, Emitted},
+    lights::{Aim, Emission, EmissionPlan, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
     sharing::Told,
@@ -26,6 +26,8 @@ use crate::{
 const PHOTON_SEED: u64 = 0x7068_6f74_6f6e_7321;
 /// The same for those that are sent to mirrors and glass.
 const SENT_SEED: u64 = 0x6361_7573_7469_6373;
+/// Sets the numbers that decide where photons are aimed apart from others.
+const AIMING: u64 = 0x6169_6d65_6421_2121;
 /// By how much the two normals of a surface may make a photon stronger.
 const NORMALS_RATIO_MAX: f32 = 8.0;
 /// Surfaces behind the first one at which a photon leaves its shadow.
@@ -36,6 +38,8 @@ const SHADOWS_MAX: u32 = 16;
 pub(crate) struct Tracer<'a> {
     pub(crate) prepared: &'a PreparedScene,
     pub(crate) emission: &'a Emission,
+    /// Where photons are sent.
+    pub(crate) plan: &'a EmissionPlan,
     pub(crate) seed: u64,
     /// Passes have photons of their own.
     pub(crate) pass: u32,
@@ -127,7 +131,7 @@ impl Tracer<'_> {
         let sampler = self.sampler(index);
         let [u, v] = self.numbers(index);
         let (u, v, weight) = self.projection.map_or((u, v, 1.0), |projection| projection.sent(u, v));
-        let Some(emitted) = self.emission.emit(self.prepared, u, v) else { return };
+        let Some(emitted) = self.emission.emit(self.prepared, self.plan, u, v) else { return };
         if self.with_shadows {
             self.leave_shadows(&emitted, traced);
         }
@@ -159,7 +163,8 @@ impl Tracer<'_> {
             let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
             if bsdf.has_non_delta() {
                 let normal = if point.front { point.ng } else { -point.ng };
-                let photon = Photon::new(point.p, point.wo, normal, power * (arriving / self.opacity(&ray, &hit)));
+                let power = power * (arriving / self.opacity(&ray, &hit));
+                let photon = Photon::new(point.p, point.wo, normal, power).with_bounces(depth);
                 match (is_direct, is_specular) {
                     (true, _) if self.only_caustics => {}
                     (true, _) => traced.direct.push(photon),
@@ -168,7 +173,9 @@ impl Tracer<'_> {
                 }
             }
             let u = sampler.quad(DimensionSet::scattering(depth));
-            let Some(sample) = bsdf.at_carrying(wo, power).sample(u[0], [u[1], u[2]]) else { return };
+            let aim = if bsdf.has_non_delta() { self.plan.aim(point.p) } else { None };
+            let bsdf = bsdf.at_carrying(wo, power);
+            let Some((sample, is_aimed)) = scattered(&bsdf, aim, &point, u, &sampler, depth) else { return };
             let wi = point.to_world(sample.wi);
             let is_reflection = point.is_reflection(wi);
             if (sample.wi.z > 0.0) != is_reflection {
@@ -181,8 +188,8 @@ impl Tracer<'_> {
                 let seen = if lifted.factor(sample.wi) > 0.0 { lifted.factor(wo) } else { 0.0 };
                 next *= seen;
             }
-            // Russian roulette by what is left: photons stay as strong as they were.
-            let survival = (next.max_element() / power.max_element()).min(1.0);
+            // Russian roulette by what is left: photons stay as strong as they were, unless they go where others are weaker.
+            let survival = if is_aimed { 1.0 } else { (next.max_element() / power.max_element()).min(1.0) };
             if !(survival > 0.0 && u[3] < survival && next.is_finite()) {
                 return;
             }
@@ -236,6 +243,31 @@ impl Tracer<'_> {
             }
         }
     }
+}
+
+/// Where a photon goes on, and whether that is to what is seen: from far away, half of all photons go to what is seen. Those stand for
+/// as much less as they are more.
+fn scattered(
+    bsdf: &BsdfAt<'_>,
+    aim: Option<Aim>,
+    point: &Interaction,
+    u: Quad,
+    sampler: &PixelSampler,
+    depth: u32,
+) -> Option<(BsdfSample, bool)> {
+    let Some(aim) = aim else { return Some((bsdf.sample(u[0], [u[1], u[2]])?, false)) };
+    let is_aimed = sampler.hashed(AIMING ^ u64::from(depth) << 56) < Aim::SHARE;
+    if !is_aimed {
+        let sample = bsdf.sample(u[0], [u[1], u[2]])?;
+        let is_within = !sample.is_delta() && aim.contains(point.to_world(sample.wi));
+        let pdf = aim.mixed(is_within, sample.pdf);
+        return Some((BsdfSample { pdf, ..sample }, is_within));
+    }
+    let w = aim.sample([u[1], u[2]]);
+    let wi = point.to_local(w);
+    let (value, own_pdf) = bsdf.eval_pdf(wi);
+    let pdf = aim.mixed(true, own_pdf);
+    (value.max_element() > 0.0).then(|| (BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 }, true))
 }
 
 /// Whether a normal may belong to the same surface as another one.

@@ -26,7 +26,7 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
     let work = BlockWork { scene: Arc::clone(scene), view, settings: Arc::new(settings), tile, samples: 0..SAMPLES };
     let tile = work.perform().expect("a picture").tile;
     let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);
-    let report = scene.lighting_agents(photons, settings.seed).expect("agents that were asked");
+    let report = scene.lighting_agents(view, photons, settings.seed).expect("agents that were asked");
     (Picture::from_fn(SIDE, SIDE, mean), report)
 }
 

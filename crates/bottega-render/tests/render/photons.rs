@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    BlockWork, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError, RenderWork,
-    View,
+    AgentSettings, BlockWork, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene,
+    RenderError, RenderWork, View,
     photon::{PhotonWork, cast_photons},
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
@@ -179,15 +179,67 @@ fn photons_at_the_first_surface_show_nearly_the_same() {
     assert!(((found.0 - expected.0) / expected.0).abs().max_element() < 0.03, "{found:?} {expected:?}");
 }
 
-#[test]
-fn depth_counts_bounces() {
-    let scene = prepare(cornell());
-    for max_depth in [0, 1] {
-        let path = PathSettings { max_depth, guiding: false, ..PathSettings::default() };
-        let expected = mean_color(&paint(&scene, SIZE, 256, path));
-        let found = mean_color(&paint(&scene, SIZE, 256, PathSettings { max_depth, ..by_photons(few(), 1, 256) }));
-        assert!(((found - expected) / expected).abs().max_element() < 0.03, "{max_depth}: {found} {expected}");
+/// A closed room with a lamp below its ceiling and a ball; its back wall may be a mirror.
+fn closed_room(has_mirror: bool) -> Scene {
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.97), Vec3::ZERO, 1.2)], ..Scene::default() };
+    add_room(&mut scene, Vec3::ONE, &matte(Vec3::new(0.7, 0.5, 0.4)));
+    if has_mirror {
+        add_quad(&mut scene, Vec3::new(-1.0, -1.0, -0.99), Vec3::X * 2.0, Vec3::Y * 2.0, mirror());
     }
+    add_quad(&mut scene, Vec3::new(-0.4, 0.97, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8, Material::lamp(Vec3::splat(4.0)));
+    add_sphere(&mut scene, Vec3::new(0.0, -0.5, 0.0), 0.35, matte(Vec3::new(0.7, 0.5, 0.4)));
+    scene
+}
+
+/// Mean of small pictures of three seeds, and the square of its standard error, by channel.
+fn mean_of_small(scene: &Arc<PreparedScene>, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
+    let means: Vec<Vec3> = (0..3).map(|seed| mean_color(&paint(scene, (12, 12), samples, settings(seed)))).collect();
+    let mean = means.iter().sum::<Vec3>() / 3.0;
+    (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 6.0)
+}
+
+#[test]
+fn depth_is_the_same_number_of_bounces_for_all() {
+    let agents = |oracle| Some(AgentSettings { cast: 1_500, oracle, ..AgentSettings::default() });
+    let small = PhotonSettings { count: 10_000, ..PhotonSettings::default() };
+    let modes = [
+        ("gathered", small),
+        ("cached", PhotonSettings { irradiance_cache: 0.2, ..small }),
+        ("ala", PhotonSettings { agents: agents(Oracle::Error), ..small }),
+        ("progressive", PhotonSettings { progressive: true, radius: 0.1, count: 2_000, ..small }),
+        ("at once", PhotonSettings { final_rays: 0, radius: 0.05, count: 30_000, ..small }),
+        ("ala by the paper", PhotonSettings { agents: agents(Oracle::Paper), ..small }),
+    ];
+    let check = |name: &str, room: Scene, max_depth: u32, modes: &[(&str, PhotonSettings)]| {
+        let scene = prepare(room.clone());
+        let mut clear = room;
+        clear.cameras[0].medium = Some(clear.push_medium(Medium::absorbing(Vec3::splat(1e-9))));
+        let path = |max_depth: u32, seed: u64| PathSettings {
+            max_depth,
+            seed: seed + 100,
+            guiding: false,
+            ..PathSettings::default()
+        };
+        let expected = mean_of_small(&scene, 512, |seed| path(max_depth, seed));
+        let more = mean_of_small(&scene, 512, |seed| path(max_depth + 1, seed));
+        let in_medium = mean_of_small(&prepare(clear), 256, |seed| path(max_depth, seed));
+        let is_near = |found: (Vec3, Vec3)| distance(found, expected, 0.02) < 4.0;
+        assert!(is_near(in_medium), "{name} {max_depth}, in a medium: {in_medium:?} {expected:?}");
+        for &(mode, photons) in modes {
+            let photons = PhotonSettings { bounces: max_depth, ..photons };
+            let found = mean_of_small(&scene, 32, |seed| PathSettings { max_depth, ..by_photons(photons, seed, 32) });
+            let ratio = found.0 / expected.0;
+            assert!(is_near(found), "{name} {max_depth} {mode}: {found:?} {expected:?}, {ratio}");
+            // A bounce more or less is seen.
+            let is_told_apart = max_depth > 3 || (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
+            assert!(is_told_apart, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
+        }
+    };
+    for max_depth in [2, 3, 4, 8] {
+        check("box", closed_room(false), max_depth, &modes[..if max_depth < 4 { 6 } else { 4 }]);
+    }
+    check("mirror", closed_room(true), 3, &modes[..3]);
+    check("box", closed_room(false), 1, &modes[..1]);
 }
 
 #[test]
@@ -370,11 +422,13 @@ fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
     for (name, scene) in [("lamp", small), ("sky", sky)] {
         let scene = prepare(scene);
         let settings = PhotonSettings { count: 160_000, ..PhotonSettings::default() };
+        let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
         // Power of the caustics, and how many photons that are traced bring some.
         let found = |only_caustics: bool, seed: u64| {
             let indices = 0..if only_caustics { settings.count / SHARE } else { settings.count };
             let traced = indices.len() as f64;
-            let photons = PhotonWork { scene: Arc::clone(&scene), settings, only_caustics, seed, indices }.perform();
+            let photons =
+                PhotonWork { scene: Arc::clone(&scene), settings, view, only_caustics, seed, indices }.perform();
             let power: Vec3 = photons.caustic.iter().map(|photon| photon.mark().power()).sum();
             (f64::from(power.element_sum()) / f64::from(settings.count), photons.caustic.len() as f64 / traced)
         };
@@ -392,4 +446,53 @@ fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
         eprintln!("{name}: variance {a:.2e} {b:.2e}, share {few:.4} {many:.4}");
         assert!(b < 3.0 * a, "{name}: {a} {b}");
     }
+}
+
+/// A ball under a sun, on a plain that reaches so far to all sides.
+fn ball_on_a_plain(half: f32) -> Scene {
+    let mut scene =
+        Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), Vec3::new(0.0, 0.15, 0.0), 0.8)], ..Scene::default() };
+    let corner = Vec3::new(-half, 0.0, half);
+    add_quad(&mut scene, corner, Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half, matte(Vec3::splat(0.7)));
+    add_sphere(&mut scene, Vec3::Y, 1.0, matte(Vec3::new(0.8, 0.3, 0.2)));
+    let direction = Vec3::new(0.0, -0.84, -0.54).normalize();
+    let kind = LightKind::Directional { direction, irradiance: Vec3::splat(3.0) };
+    scene.lights.push(Light { name: String::new(), kind });
+    scene
+}
+
+#[test]
+fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
+    const BLOCK: u32 = 4;
+    let agents = |oracle| Some(AgentSettings { cast: 20_000, oracle, ..AgentSettings::default() });
+    let block = |tile: &Tile, x: u32, y: u32| {
+        let pixels = (0..BLOCK * BLOCK).map(|i| color(tile, BLOCK * x + i % BLOCK, BLOCK * y + i / BLOCK));
+        pixels.sum::<Vec3>() / (BLOCK * BLOCK) as f32
+    };
+    let mut wrong = Vec::new();
+    for half in [50.0, 500.0, 5000.0] {
+        let scene = prepare(ball_on_a_plain(half));
+        let path = PathSettings { seed: 9, guiding: false, ..PathSettings::default() };
+        let expected = paint(&scene, SIZE, 512, path);
+        let modes = [
+            ("progressive", PhotonSettings { progressive: true, count: 20_000, ..few() }, 32),
+            ("gathered", PhotonSettings { count: 30_000, ..few() }, 32),
+            ("ala", PhotonSettings { agents: agents(Oracle::Error), ..few() }, 32),
+            ("ala by the paper", PhotonSettings { agents: agents(Oracle::Paper), ..few() }, 32),
+        ];
+        for (mode, photons, samples) in modes {
+            let found = paint(&scene, SIZE, samples, by_photons(photons, 3, samples));
+            let mut worst = (0.0_f32, 0, 0);
+            for (x, y) in (0..SIZE.0 / BLOCK).flat_map(|x| (0..SIZE.1 / BLOCK).map(move |y| (x, y))) {
+                let (found, expected) = (block(&found, x, y), block(&expected, x, y));
+                let error = ((found - expected).abs() / (expected + 0.05)).max_element();
+                worst = if error > worst.0 { (error, x, y) } else { worst };
+            }
+            eprintln!("{half} {mode}: {worst:?}");
+            if worst.0 > 0.06 {
+                wrong.push((half, mode, worst));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
 }

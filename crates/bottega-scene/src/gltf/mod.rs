@@ -37,6 +37,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use document::Document;
+use glam::DVec3;
 
 use crate::error::Warnings;
 use crate::load::{Imported, LoadOptions, MemoryBudget, Metadata, RenderHints, Request};
@@ -85,6 +86,8 @@ struct Source<'a> {
     variant: Option<usize>,
     budget: &'a MemoryBudget,
     resources: &'a Resources<'a>,
+    /// What is taken from all places of the world.
+    origin: DVec3,
 }
 
 impl Source<'_> {
@@ -131,7 +134,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 
 /// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
 pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, resources } = request;
+    let &Request { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
@@ -143,7 +146,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
     let decompressed = meshopt::decompress(&document, &buffers, path, budget)?;
     let bytes = accessor::Bytes { buffers: &buffers, decompressed: &decompressed };
-    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources };
+    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources, origin };
     if let Some(name) = &options.variant {
         let variants = document.extensions.variants.as_ref().map_or(&[][..], |extension| &extension.variants);
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);

@@ -46,8 +46,9 @@ impl Hierarchy {
         let mut world_from_node = vec![None; document.nodes.len()];
         let mut nodes = Vec::new();
         let mut hidden = BTreeSet::new();
+        let world = DAffine3::from_translation(-source.origin);
         let mut pending: Vec<(usize, DAffine3, bool)> =
-            roots.into_iter().rev().map(|node| (node, DAffine3::IDENTITY, true)).collect();
+            roots.into_iter().rev().map(|node| (node, world, true)).collect();
         while let Some((index, world_from_parent, is_visible)) = pending.pop() {
             let node = find("node", &document.nodes, index).map_err(|problem| source.invalid("scenes", problem))?;
             if world_from_node[index].is_some() {
@@ -260,7 +261,11 @@ pub(super) fn build(
     let mut placed = Placed::default();
     for (mesh, news) in read {
         warnings.append(news);
-        placed.shapes.push(mesh?.map(PlacedShape::new));
+        placed.shapes.push(mesh?.map(|mesh| PlacedShape::new(mesh, source.origin != DVec3::ZERO)));
+    }
+    let rounded = placed.shapes.iter().flatten().map(|shape| shape.center);
+    if let Some(center) = rounded.max_by(|a, b| a.length().total_cmp(&b.length())).filter(|&it| it != DVec3::ZERO) {
+        warnings.add("meshes", crate::origin::rounding(center));
     }
     let mut left_out: BTreeMap<(usize, &str), u32> = BTreeMap::new();
     for placement in &placements.list {
@@ -289,6 +294,8 @@ struct Placed {
 struct PlacedShape {
     mesh: Mesh,
     bounds: (Vec3, Vec3),
+    /// Where its middle was in its own space, if it was moved.
+    center: DVec3,
     /// Whether it is placed as it is, and whether it is placed mirrored.
     used: [bool; 2],
 }
@@ -302,8 +309,10 @@ enum Which {
 }
 
 impl PlacedShape {
-    fn new(mesh: Mesh) -> Self {
-        Self { bounds: mesh.bounds(), mesh, used: [false; 2] }
+    /// - `is_far`: whether the scene is far from the origin, and the mesh may be, too.
+    fn new(mut mesh: Mesh, is_far: bool) -> Self {
+        let center = if is_far { crate::origin::centered(&mut mesh) } else { None };
+        Self { bounds: mesh.bounds(), center: center.unwrap_or(DVec3::ZERO), mesh, used: [false; 2] }
     }
 }
 
@@ -315,7 +324,10 @@ impl Placed {
     /// are those that are scaled to a point, which is how they are hidden (glTF 2.0, section 5.25).
     fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
         let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(None) };
-        let world = placement.world_from_object;
+        let world = match shape.center {
+            DVec3::ZERO => placement.world_from_object,
+            center => placement.world_from_object * DAffine3::from_translation(center),
+        };
         let mirrors = world.matrix3.determinant() < 0.0;
         let upright = if mirrors { world * DAffine3::from_scale(MIRROR) } else { world };
         let world_from_object = upright.as_affine3a();

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::obj::{self, materials::Library};
 use super::{ply, serialized};
 use crate::error::Warnings;
 use crate::load::{Imported, LoadOptions, Metadata, RenderHints, Request};
+use crate::origin::rounding;
 use crate::resource::Resources;
 use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
 
@@ -16,7 +19,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 
 /// Builds the scene of a file that [`recognizes`] accepts. It has neither lights nor cameras, unless a material shines.
 pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, resources } = request;
+    let &Request { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let mut scene = Scene::default();
     let format = if ply::recognizes(path, file) {
@@ -41,6 +44,12 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         add_obj(&mut scene, obj::read(path, file, budget)?, options, resources, warnings)?;
         "Wavefront OBJ"
     };
+    if origin != DVec3::ZERO {
+        warnings.add("", rounding(origin));
+        for mesh in &mut scene.meshes {
+            mesh.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - origin).as_vec3());
+        }
+    }
     Ok((scene, Metadata { format, ..Metadata::default() }, RenderHints::default()))
 }
 

@@ -34,7 +34,7 @@ impl Importer<'_> {
     pub(super) fn add_emitter(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
         self.ignore_sampling(object);
-        let to_world = self.bad(object.transform("to_world"))?;
+        let to_world = self.to_world(object)?;
         match object.plugin.as_str() {
             "constant" => {
                 let radiance = self.plain_color(object, "radiance", Role::Radiance, Spectrum::ONE)?;

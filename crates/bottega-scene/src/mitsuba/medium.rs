@@ -165,7 +165,7 @@ impl Importer<'_> {
         let bytes = self.resources.read(&location)?;
         let Volume { grid, file_from_cube } = volume::read(&bytes, blend)
             .map_err(|problem| SceneError::Damaged { path: location.path().into(), problem })?;
-        let mut world_from_grid = DAffine3::from_mat4(self.bad(volume.transform("to_world"))?);
+        let mut world_from_grid = DAffine3::from_mat4(self.to_world(volume)?);
         if self.bad(volume.boolean("use_grid_bbox", false))? {
             world_from_grid *= file_from_cube;
         }

@@ -7,6 +7,7 @@ use super::Importer;
 use super::bsdf::Needs;
 use super::document::Object;
 use crate::mesh_file::{obj, ply, serialized};
+use crate::origin::{far_center, rounding};
 use crate::text::shortened;
 use crate::{COORDINATE_MAX, Mesh, SceneError};
 
@@ -48,6 +49,9 @@ impl Importer<'_> {
         // Of OBJ files v usually points up.
         if self.bad(object.boolean("flip_tex_coords", object.plugin == "obj"))? {
             mesh.flip_v();
+        }
+        if let Some(center) = far_center(&mesh).filter(|_| self.origin != DVec3::ZERO) {
+            self.report.warn(object.at, rounding(center));
         }
         mesh.name = if object.id.is_empty() { location.name.clone() } else { object.id.clone() };
         Ok(mesh)

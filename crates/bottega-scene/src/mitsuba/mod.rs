@@ -35,7 +35,7 @@ use std::path::Path;
 
 use bottega_image::WhitePoint;
 use document::{Class, Document, Object, ObjectId};
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 use report::Report;
 use xml::Place;
 
@@ -62,12 +62,13 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 
 /// Builds the scene of a file. Lights and cameras may be missing from it.
 pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, resources } = request;
+    let &Request { path, file, options, origin, resources } = request;
     let mut report = Report::new(path);
     let document = Document::read(file, options, resources, &mut report)?;
     let mut importer = Importer {
         document: &document,
         resources,
+        origin,
         report,
         pictures: Pictures::new(resources, options).with_white_point(WhitePoint::Absolute),
         scene: Scene::default(),
@@ -105,6 +106,8 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
 struct Importer<'a> {
     document: &'a Document,
     resources: &'a Resources<'a>,
+    /// What is taken from all places of the world.
+    origin: DVec3,
     report: Report,
     pictures: Pictures<'a>,
     scene: Scene,
@@ -136,7 +139,7 @@ impl<'a> Importer<'a> {
     fn root(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.document.get(id);
         match object.class {
-            Class::Shape => self.add_shape(id, DMat4::IDENTITY),
+            Class::Shape => self.add_shape(id, DMat4::from_translation(-self.origin)),
             Class::Emitter => self.add_emitter(id),
             Class::Sensor => self.add_sensor(id),
             Class::Integrator => self.read_integrator(id),
@@ -147,6 +150,11 @@ impl<'a> Importer<'a> {
                 Ok(())
             }
         }
+    }
+
+    /// Where an object of the world stands.
+    fn to_world(&self, object: &Object) -> Result<DMat4, SceneError> {
+        Ok(DMat4::from_translation(-self.origin) * self.bad(object.transform("to_world"))?)
     }
 
     /// An object that is about to be converted.

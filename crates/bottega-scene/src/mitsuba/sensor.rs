@@ -33,7 +33,7 @@ impl Importer<'_> {
             None => FILM,
         };
         let aspect = f64::from(resolution[0]) / f64::from(resolution[1]);
-        let to_world = self.bad(object.transform("to_world"))?;
+        let to_world = self.to_world(object)?;
         let Some((rotation, position, is_pure)) = standing(&to_world) else {
             return Err(self.report.invalid(object.at, "the transformation of the sensor is singular"));
         };

@@ -11,6 +11,7 @@ use super::mesh::{Normals, place};
 use super::solids;
 use super::xml::Place;
 use crate::model::MeshBounds;
+use crate::origin::{centered, rounding};
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 
 /// Meshes with fewer triangles are not worth an instance.
@@ -41,6 +42,8 @@ pub(super) struct Shared {
     meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
     /// Mirrored copies, where they were asked for.
     mirrored: BTreeMap<u32, u32>,
+    /// Where the middles of meshes were that were moved.
+    centers: BTreeMap<u32, DVec3>,
     bounds: MeshBounds,
 }
 
@@ -172,6 +175,7 @@ impl Importer<'_> {
     /// Shows a mesh of the scene.
     fn show(&mut self, mesh: u32, matrix: &DMat4, at: Place) -> Result<(), SceneError> {
         self.take(at, size_of::<Instance>())?;
+        let matrix = &(*matrix * DMat4::from_translation(self.center(mesh, at)));
         let mirrors = DMat3::from_mat4(*matrix).determinant() < 0.0;
         let (mesh, matrix) = match self.shared.mirrored.get(&mesh) {
             _ if !mirrors => (mesh, *matrix),
@@ -192,6 +196,23 @@ impl Importer<'_> {
             self.report.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
         }
         Ok(())
+    }
+
+    /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
+    fn center(&mut self, mesh: u32, at: Place) -> DVec3 {
+        if self.origin == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        if let Some(&known) = self.shared.centers.get(&mesh) {
+            return known;
+        }
+        let center = centered(&mut self.scene.meshes[mesh as usize]);
+        if let Some(center) = center {
+            self.report.warn(at, rounding(center));
+        }
+        let center = center.unwrap_or(DVec3::ZERO);
+        self.shared.centers.insert(mesh, center);
+        center
     }
 
     fn accept_shape(&self, object: &Object) {

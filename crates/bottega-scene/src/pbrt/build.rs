@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Affine3A, DAffine3, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::context::{Context, Outcome};
@@ -18,6 +18,7 @@ use super::transform::{axes_and_scale, rounded};
 use super::world::{Alpha, Shape, World};
 use crate::mesh_file::ply;
 use crate::model::MeshBounds;
+use crate::origin::{centered, rounding};
 use crate::resource::Location;
 use crate::{
     AlphaMode, Back, Instance, Material, MediumId, Mesh, ReliefSource, RenderHints, ScalarParam, Scene, SceneError,
@@ -70,6 +71,8 @@ pub(super) struct Builder<'c, 'a, 'w> {
     files: BTreeMap<String, (Option<Mesh>, usize)>,
     ply_meshes: BTreeMap<PlyKey, u32>,
     mirrored: BTreeMap<u32, u32>,
+    /// Where the middles of meshes were that were moved.
+    centers: BTreeMap<u32, DVec3>,
     bounds: MeshBounds,
 }
 
@@ -89,6 +92,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
             files: BTreeMap::new(),
             ply_meshes: BTreeMap::new(),
             mirrored: BTreeMap::new(),
+            centers: BTreeMap::new(),
             bounds: MeshBounds::default(),
         })
     }
@@ -423,6 +427,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: Place) -> Outcome<()> {
+        let world_from_mesh = &(*world_from_mesh * DAffine3::from_translation(self.center(mesh, at)));
         let Ok(mut world_from_object) = rounded(world_from_mesh, at) else {
             return self.place_flattened(mesh, world_from_mesh, at);
         };
@@ -446,6 +451,23 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         }
         self.scene.instances.push(Instance { mesh, world_from_object });
         Ok(())
+    }
+
+    /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
+    fn center(&mut self, mesh: u32, at: Place) -> DVec3 {
+        if self.world.origin == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        if let Some(&known) = self.centers.get(&mesh) {
+            return known;
+        }
+        let center = centered(&mut self.scene.meshes[mesh as usize]);
+        if let Some(center) = center {
+            self.context.warn(at, rounding(center));
+        }
+        let center = center.unwrap_or(DVec3::ZERO);
+        self.centers.insert(mesh, center);
+        center
     }
 
     /// Shows a mesh that its transformation makes flat, as a mesh of its own.

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
 use super::params::Params;
 use super::token::{Fault, Place};
 use crate::SceneError;
@@ -38,6 +40,8 @@ pub(super) type Outcome<T> = Result<T, Stop>;
 pub(super) struct Context<'a> {
     pub(super) resources: &'a Resources<'a>,
     pub(super) options: &'a LoadOptions,
+    /// What is taken from all places of the world.
+    pub(super) origin: DVec3,
     warnings: &'a mut Warnings,
     /// Name for people and path, by the number of a file in [`Place`].
     files: Vec<(String, PathBuf)>,
@@ -50,7 +54,7 @@ impl<'a> Context<'a> {
         options: &'a LoadOptions,
         warnings: &'a mut Warnings,
     ) -> Self {
-        let mut context = Self { resources, options, warnings, files: Vec::new() };
+        let mut context = Self { resources, options, origin: DVec3::ZERO, warnings, files: Vec::new() };
         context.add_file(path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default(), path);
         context
     }

@@ -49,7 +49,7 @@ impl Surroundings {
         exposure: Exposure,
     ) -> Outcome<()> {
         let (params, at) = (&entity.params, entity.at);
-        let portal = portal(params)?;
+        let portal = portal(params, context.origin)?;
         let sky = sky(context, textures, entity, color, scale, exposure)?;
         if let Some(portal) = portal {
             match &mut self.beyond {
@@ -116,7 +116,9 @@ fn sky(
 
 /// The four corners of `portal`, which pbrt takes in world space. Light comes in from the side to which the vector product of
 /// the edges towards the fourth and the second corner points.
-fn portal(params: &Params) -> Outcome<Option<Portal>> {
+///
+/// - `origin`: taken from all places.
+fn portal(params: &Params, origin: DVec3) -> Outcome<Option<Portal>> {
     let Some(points) = params.points3("portal", "point3")? else { return Ok(None) };
     let fault = |problem: &str| params.place_of("portal").fault(problem.to_owned());
     let &[p0, p1, p2, p3] = points.as_slice() else { return Err(fault("a portal has four corners").into()) };
@@ -133,7 +135,7 @@ fn portal(params: &Params) -> Outcome<Option<Portal>> {
     }
     // Exactly perpendicular.
     let y = y - x * (x.dot(y) / x.length_squared());
-    Ok(Some(Portal { corner: p0.as_vec3(), edges: [x.as_vec3(), y.as_vec3()] }))
+    Ok(Some(Portal { corner: (p0 - origin).as_vec3(), edges: [x.as_vec3(), y.as_vec3()] }))
 }
 
 impl Sky {

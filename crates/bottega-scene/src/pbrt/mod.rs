@@ -53,8 +53,9 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 
 /// Builds the scene of a file whose bytes are `file`, read from `path`.
 pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, resources } = request;
+    let &Request { path, file, options, origin, resources } = request;
     let mut context = Context::new(path, resources, options, warnings);
+    context.origin = origin;
     let (scene, hints) = read(&mut context, file).map_err(|stop| context.error(stop))?;
     let metadata = Metadata { format: "pbrt-v4", generator: None, extensions: Vec::new() };
     Ok((scene, metadata, hints))
@@ -64,6 +65,7 @@ fn read(context: &mut Context<'_>, file: &[u8]) -> Outcome<(Scene, RenderHints)>
     let mut parser = Parser::new(context);
     parser.read_scene(file)?;
     let mut world = parser.world;
+    world.move_to(context.origin);
     let shapes = std::mem::take(&mut world.shapes);
     let objects = std::mem::take(&mut world.objects);
     Builder::new(context, &world)?.build(shapes, objects)

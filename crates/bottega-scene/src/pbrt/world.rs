@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 
 use super::color::ColorSpace;
 use super::params::{Param, Params};
@@ -92,6 +92,32 @@ pub(super) struct World {
     pub(super) instances: Vec<ObjectInstance>,
     /// Where something moves while the shutter is open, for the first such thing, and how many there are.
     pub(super) moving: Option<(Place, usize)>,
+    /// What has been taken from all places.
+    pub(super) origin: DVec3,
+}
+
+impl World {
+    /// Takes a place from all others. What stands in objects follows by their instances.
+    pub(super) fn move_to(&mut self, origin: DVec3) {
+        if origin == DVec3::ZERO {
+            return;
+        }
+        self.origin = origin;
+        let moved = DAffine3::from_translation(-origin);
+        let textures = self.float_textures.values_mut().chain(self.spectrum_textures.values_mut());
+        for entity in textures.chain(&mut self.lights).chain(self.media.values_mut()) {
+            entity.ctm = moved * entity.ctm;
+        }
+        if let Some(camera) = &mut self.camera {
+            camera.ctm *= DAffine3::from_translation(origin);
+        }
+        for shape in &mut self.shapes {
+            shape.world_from_object = moved * shape.world_from_object;
+        }
+        for instance in &mut self.instances {
+            instance.world_from_instance = moved * instance.world_from_instance;
+        }
+    }
 }
 
 /// What `Attribute` sets defaults for.

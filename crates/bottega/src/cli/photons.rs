@@ -18,7 +18,7 @@ pub(crate) struct PhotonArgs {
     /// Photons from which the light at a point is estimated: fewer are sharper, more are smoother.
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=NEAREST_MAX as i64), help_heading = "Photon mapping")]
     pub(crate) photon_gather: u32,
-    /// How far such photons may lie, as a share of the radius of the scene.
+    /// How far such photons may lie, as a share of the radius of what the camera sees, or of the scene where that is not much wider.
     #[arg(long, value_name = "R", default_value_t = 0.1, value_parser = parse_share, help_heading = "Photon mapping")]
     pub(crate) photon_radius: f32,
     /// Rays of each sample that gather indirect light, their ends lit by photons. 0 takes the photons at the point itself:

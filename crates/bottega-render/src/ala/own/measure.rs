@@ -28,7 +28,7 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         }
         let Some(point) = probe.place(Kind::Irradiance, 0, 0.0, normal) else { continue };
         let sampler = probe.sampler(u32::from(is_back), 1);
-        let reach = others.reach_of_records(probe.reach);
+        let reach = others.reach_of_records(probe.agent.p, probe.reach);
         let effort = others.effort_at(probe.agent.p, normal);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };
         let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut hands);

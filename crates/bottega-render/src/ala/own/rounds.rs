@@ -15,7 +15,12 @@ use super::{
     Candidate,
     look::{self, ALL, FIRST},
 };
-use crate::{AgentSettings, RenderError, ala::map::Run, photon::parts, prepare::PreparedScene};
+use crate::{
+    AgentSettings, RenderError,
+    ala::map::Run,
+    photon::{Extent, parts},
+    prepare::PreparedScene,
+};
 
 /// Agents that measure in the first round, if they must; each round has twice as many.
 const FIRST_ROUND: usize = 128;
@@ -26,6 +31,7 @@ const FIRST_ROUND: usize = 128;
 /// The errands were not run.
 pub(in crate::ala) fn sense(
     prepared: &PreparedScene,
+    extent: Extent,
     settings: AgentSettings,
     swarm: &Swarm,
     network: &Network,
@@ -38,7 +44,7 @@ pub(in crate::ala) fn sense(
         vec![Answer::Trace; swarm.len()]
     };
     let visibility = Visibility::new(swarm, network, &answers);
-    let mut agents = Arc::new(Agents::without_light(prepared, settings, Arc::new(visibility), &answers));
+    let mut agents = Arc::new(Agents::without_light(prepared, extent, settings, Arc::new(visibility), &answers));
     if settings.decides_irradiance {
         let all = candidates(swarm, settings);
         let (mut first, mut count) = (0, FIRST_ROUND);

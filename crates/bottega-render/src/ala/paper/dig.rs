@@ -49,7 +49,7 @@ const IRRADIANCE_GRADIENT: f32 = 0.12;
 /// Agents dig for gold, one after the other.
 pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> Sensed {
     let mut sensed = Sensed::default();
-    let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator));
+    let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator).telling_bounces());
     for index in indices {
         let probe = sensing.probe(index);
         let (found, hands, sensed) = (&mut found, &mut hands, &mut sensed);
@@ -217,7 +217,7 @@ impl Scout<'_, '_> {
         let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
         // Behind a wall where nobody ever comes there is no light, and nothing to be kept.
         if side_number == 0 || irradiance != Spectrum::ZERO {
-            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance));
+            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance), self.hands.bounces());
         }
         luminance(irradiance)
     }

@@ -4,7 +4,7 @@ use bottega_scene::Spectrum;
 use glam::{Mat3, Vec3};
 
 use crate::{
-    photon::{Nearest, PhotonMap, is_alike},
+    photon::{IrradianceMap, Nearest, is_alike},
     sampling::orthonormal_basis,
 };
 
@@ -24,8 +24,8 @@ const FLATNESS: f32 = 0.35;
 /// The irradiance sensors of a swarm.
 #[derive(Clone, Debug)]
 pub(in crate::ala) struct Fitted {
-    /// In place of a power the indirect irradiance.
-    pub(in crate::ala) sensors: PhotonMap,
+    /// The indirect irradiance.
+    pub(in crate::ala) sensors: IrradianceMap,
     /// σ of the irradiance sensors: mean distance between objects.
     pub(in crate::ala) object_distance: f32,
 }
@@ -35,13 +35,15 @@ impl Fitted {
     pub(in crate::ala) const SENSORS: usize = SENSORS;
 
     /// `None`: it should be computed; else what the sensors near by say of it.
+    ///
+    /// - `bounces`: of the light, at most.
     #[inline(always)]
-    pub(in crate::ala) fn at(&self, p: Vec3, normal: Vec3, found: &mut Nearest) -> Option<Spectrum> {
+    pub(in crate::ala) fn at(&self, p: Vec3, normal: Vec3, bounces: u32, found: &mut Nearest) -> Option<Spectrum> {
         self.sensors.nearest(p, f32::INFINITY, found);
         let mut near = [(f32::INFINITY, 0_u32); SENSORS];
         let mut count = 0;
         for (number, distance_squared) in found.iter() {
-            let sensor = self.sensors.photon(number);
+            let sensor = self.sensors.places().photon(number);
             let off_plane = (sensor.p - p).dot(normal);
             let is_flat = off_plane * off_plane <= FLATNESS * FLATNESS * distance_squared;
             if is_flat && is_alike(sensor.mark().normal(), normal) && count < SENSORS {
@@ -57,25 +59,25 @@ impl Fitted {
         if near.len() < SENSORS_MIN || distance > self.object_distance {
             return None;
         }
-        Some(self.fitted(p, normal, near))
+        Some(self.fitted(p, normal, bounces, near))
     }
 
     /// The irradiance at a place by a plane through that of sensors near it, which those next to it count most for; no brighter
     /// and no darker than they are.
     ///
     /// - `near`: squared distances and numbers, ascending; one at least.
-    fn fitted(&self, p: Vec3, normal: Vec3, near: &[(f32, u32)]) -> Spectrum {
+    fn fitted(&self, p: Vec3, normal: Vec3, bounces: u32, near: &[(f32, u32)]) -> Spectrum {
         let radius_squared = near[near.len() - 1].0 * 1.1 + f32::MIN_POSITIVE;
         let scale = 1.0 / radius_squared.sqrt();
         let (s, t) = orthonormal_basis(normal);
         let (mut matrix, mut sums) = (Mat3::ZERO, [Vec3::ZERO; 3]);
         let (mut low, mut high) = (Spectrum::INFINITY, Spectrum::ZERO);
         for &(squared, number) in near {
-            let sensor = self.sensors.photon(number);
+            let sensor = self.sensors.places().photon(number);
             let (mark, way) = (sensor.mark(), (sensor.p - p) * scale);
             let facing = (mark.normal().dot(normal) - COSINE_MIN).max(0.0) / (1.0 - COSINE_MIN);
             let weight = (1.0 - squared / radius_squared) * facing * facing + WEIGHT_MIN;
-            let (power, row) = (mark.power(), Vec3::new(1.0, way.dot(s), way.dot(t)));
+            let (power, row) = (self.sensors.irradiance(number, bounces), Vec3::new(1.0, way.dot(s), way.dot(t)));
             matrix += Mat3::from_cols(row * row.x, row * row.y, row * row.z) * weight;
             for channel in 0..3 {
                 sums[channel] += row * (power[channel] * weight);

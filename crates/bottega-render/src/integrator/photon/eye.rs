@@ -21,8 +21,9 @@ use crate::{
     interaction::{Asks, Interaction, is_there},
     lights::Receiver,
     photon::{
-        Nearest, PhotonMaps,
+        Arrived, BOUNCES_KEPT, ByBounces, Nearest, PhotonMaps,
         cache::{self, IrradianceCache, Surroundings},
+        kept,
     },
     sampler::{DimensionSet, PixelSampler},
 };
@@ -83,6 +84,8 @@ pub(crate) struct Hands {
     sensors: Nearest,
     /// What agents were asked.
     pub(crate) tally: Tally,
+    /// What was found since it was last cleared, by number of bounces; if that is wanted.
+    by_bounces: Option<Box<ByBounces>>,
 }
 
 impl Hands {
@@ -93,12 +96,69 @@ impl Hands {
     /// For a sensor: the mean of its many rays needs no smooth caustics where they end.
     pub(crate) fn of_sensor(integrator: &PhotonIntegrator<'_>) -> Self {
         const GATHERED: u32 = 12;
-        Self::gathering(integrator.photons.gather.min(GATHERED))
+        Self::gathering(integrator.photons.gather.min(GATHERED)).telling_bounces()
     }
 
     fn gathering(count: u32) -> Self {
         let found = Nearest::new(count as usize);
-        Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default() }
+        Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default(), by_bounces: None }
+    }
+
+    /// The same that keeps light apart by how often it was scattered.
+    pub(crate) fn telling_bounces(self) -> Self {
+        Self { by_bounces: Some(Box::new([Spectrum::ZERO; BOUNCES_KEPT])), ..self }
+    }
+
+    /// What was found, by number of bounces.
+    pub(crate) fn bounces(&self) -> &ByBounces {
+        const NOTHING: &ByBounces = &[Spectrum::ZERO; BOUNCES_KEPT];
+        self.by_bounces.as_deref().unwrap_or(NOTHING)
+    }
+
+    /// Begins anew.
+    pub(super) fn clear_bounces(&mut self) {
+        self.by_bounces.iter_mut().for_each(|sums| sums.fill(Spectrum::ZERO));
+    }
+
+    /// Multiplies what was found by number of bounces.
+    pub(super) fn scale_bounces(&mut self, factor: f32) {
+        self.by_bounces.iter_mut().flat_map(|sums| sums.iter_mut()).for_each(|sum| *sum *= factor);
+    }
+}
+
+impl Eye<'_> {
+    /// Adds light that was scattered so often.
+    #[inline(always)]
+    pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
+        self.radiance += light;
+        if let Some(sums) = &mut self.hands.by_bounces {
+            sums[kept(bounces)] += light;
+        }
+    }
+
+    /// Adds light that comes to a place with so many bounces behind it.
+    ///
+    /// - `shares`: says how often the light has been scattered; asked where that is wanted.
+    #[inline(always)]
+    fn add_shared(&mut self, light: Spectrum, behind: u32, shares: impl FnOnce(&Self) -> Option<ByBounces>) {
+        self.radiance += light;
+        if self.hands.by_bounces.is_none() {
+            return;
+        }
+        let shares = shares(self);
+        let Some(sums) = &mut self.hands.by_bounces else { return };
+        match shares {
+            Some(shares) => {
+                shares.iter().zip(behind..).for_each(|(share, bounces)| sums[kept(bounces)] += light * *share);
+            }
+            None => sums[BOUNCES_KEPT - 1] += light,
+        }
+    }
+
+    /// How often light may have been scattered that a path finds at a surface, the scattering there among it.
+    #[inline(always)]
+    fn bounces_left(&self, walk: &Walk) -> u32 {
+        self.integrator.base.settings().max_depth.saturating_sub(walk.depth)
     }
 }
 
@@ -176,7 +236,7 @@ impl<'a> Eye<'a> {
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
-            self.radiance += walk.throughput * color;
+            self.add(walk.throughput * color, walk.depth);
             self.record_albedo(color);
             return false;
         }
@@ -239,20 +299,20 @@ impl<'a> Eye<'a> {
         let is_first = matches!(walk.comes, Comes::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
-            let is_near = distance < NEAR * self.maps.irradiance_reach;
+            let is_near = distance < NEAR * self.maps.irradiance_reach_at(place.point.p);
             if is_gathered && is_matte(bsdf) && !is_near && self.add_known(walk, place, bsdf) {
                 return Left::Nothing;
             }
         }
         let is_known = !is_first && has_agents && {
-            *surroundings = self.surroundings(place, bsdf);
+            *surroundings = self.surroundings(walk, place, bsdf);
             surroundings.is_none() && self.add_interpolated(walk, place, bsdf)
         };
         // Where the path ends nothing is left that might run into lights.
         let is_end = is_known && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
         self.add_direct_light(walk, place, share);
-        if walk.depth + 2 <= self.integrator.base.settings().max_depth {
+        if self.bounces_left(walk) >= 2 {
             self.add_photons(walk, place, is_gathered);
         }
         if !is_first {
@@ -262,7 +322,7 @@ impl<'a> Eye<'a> {
                 (false, false) => Left::Light,
             };
         }
-        let known = self.surroundings(place, bsdf);
+        let known = self.surroundings(walk, place, bsdf);
         if let Some(known) = &known {
             self.add_surroundings(walk, place, known);
         }
@@ -278,11 +338,14 @@ impl<'a> Eye<'a> {
         let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
         let point = place.point;
         let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
-        let known = is_matte(bsdf).then(|| agents.irradiance_at(point.p, normals, &mut self.hands.sensors)).flatten();
+        let bounces = self.bounces_left(walk);
+        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
+        let known = is_matte(bsdf).then(ask).flatten();
         self.hands.tally.irradiance_computed += u64::from(known.is_none());
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
-        if let Some(irradiance) = known {
-            self.add_reflected(walk, place, bsdf, irradiance);
+        if let Some(irradiance) = known.filter(|_| bounces >= 2) {
+            let light = walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1]));
         }
         known.is_some()
     }
@@ -291,47 +354,65 @@ impl<'a> Eye<'a> {
     fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
         let Place { point, bsdf, .. } = place;
         let normal = if point.front { point.ng } else { -point.ng };
-        let prepared = self.prepared;
-        let scattered = |to_light: Vec3, is_before: bool| {
-            let wi = point.to_local(to_light);
+        let (prepared, most) = (self.prepared, self.bounces_left(walk));
+        let Hands { found, by_bounces, .. } = &mut *self.hands;
+        let mut sum = Spectrum::ZERO;
+        let take = |photon: &Arrived| {
+            // It is scattered here once more.
+            if photon.bounces >= most {
+                return;
+            }
+            let wi = point.to_local(photon.to_light);
             // A photon that grazes the surface may seem to come from its other side.
-            let is_sound = (wi.z > 0.0) == is_before && is_before == point.is_reflection(to_light);
+            let is_sound = (wi.z > 0.0) == photon.is_before && photon.is_before == point.is_reflection(photon.to_light);
             let (f, pdf) = if is_sound { bsdf.eval_pdf(wi) } else { (Spectrum::ZERO, 0.0) };
-            if is_gathered && is_sharp(prepared, pdf) { Spectrum::ZERO } else { f }
+            if is_gathered && is_sharp(prepared, pdf) {
+                return;
+            }
+            let light = walk.throughput * f * photon.light;
+            sum += light;
+            if let Some(sums) = by_bounces {
+                sums[kept(walk.depth + 1 + photon.bounces)] += light;
+            }
         };
         let maps = self.maps;
-        let light = if self.integrator.photons.progressive {
-            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach, scattered)
+        if self.integrator.photons.progressive {
+            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach_at(point.p), take);
         } else {
             // What is brought together by glass is sharper than what is spread all over.
-            let reach = if is_gathered { maps.reach } else { maps.irradiance_reach };
-            maps.estimator.gather(&maps.seen, point.p, normal, reach, &mut self.hands.found, scattered)
-        };
-        self.radiance += walk.throughput * light;
+            let reach = if is_gathered { maps.reach_at(point.p) } else { maps.irradiance_reach_at(point.p) };
+            maps.estimator.gather(&maps.seen, point.p, normal, reach, found, take);
+        }
+        self.radiance += sum;
     }
 
     /// Adds what a matte surface sends back of all the light that the map knows there, if it knows any.
     fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let point = place.point;
         let normal = if point.front { point.ng } else { -point.ng };
-        let Some(irradiance) = self.maps.irradiance_at(point.p, normal) else { return false };
-        self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
+        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
+        // It is scattered here once more.
+        let most = self.bounces_left(walk).saturating_sub(1);
+        let known = &self.maps.irradiance;
+        self.radiance += reflected * known.irradiance(number, most);
+        if let Some(sums) = &mut self.hands.by_bounces {
+            for (light, bounces) in known.by_bounces(number).iter().zip(0..=most) {
+                sums[kept(walk.depth + 1 + bounces)] += reflected * *light;
+            }
+        }
         true
     }
 
     /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
     fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
-        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2]) else { return false };
-        self.add_reflected(walk, place, bsdf, irradiance);
-        true
-    }
-
-    /// Adds what a matte surface sends back of indirect irradiance.
-    fn add_reflected(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, irradiance: Spectrum) {
-        if walk.depth + 2 <= self.integrator.base.settings().max_depth {
+        let bounces = self.bounces_left(walk);
+        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2], bounces) else { return false };
+        if bounces >= 2 {
             self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
         }
+        true
     }
 
     /// The first matte surface that is seen from the camera, over mirrors and through glass.

@@ -25,7 +25,7 @@ const STEP_FIRST: u32 = 32;
 const STEP_LAST: u32 = 2;
 /// Places that are looked at before any of them is kept.
 const BATCH: usize = 64;
-/// Radii of records in pixels and in radii of the scene: the least and the greatest.
+/// Radii of records in pixels and in radii of what is seen: the least and the greatest.
 const PIXELS_MIN: f32 = 8.0;
 const SHARE_MAX: f32 = 0.5;
 /// Sets the numbers of records apart from those of pixels.
@@ -40,13 +40,12 @@ pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> I
     if !(bounds.min.is_finite() && size.is_finite()) {
         return cache;
     }
-    let radius_max = SHARE_MAX * 0.5 * size.length();
     let mut step = STEP_FIRST;
     while step >= STEP_LAST {
         for batch in pixels(integrator, step).chunks(BATCH) {
             let found: Vec<Record> = batch
                 .par_iter()
-                .filter_map(|&(x, y)| compiled::run(Search { integrator, maps, cache: &cache, x, y, radius_max }))
+                .filter_map(|&(x, y)| compiled::run(Search { integrator, maps, cache: &cache, x, y }))
                 .collect();
             found.into_iter().for_each(|record| cache.add(record));
         }
@@ -74,7 +73,6 @@ struct Search<'a> {
     cache: &'a IrradianceCache,
     x: u32,
     y: u32,
-    radius_max: f32,
 }
 
 impl Task for Search<'_> {
@@ -82,13 +80,13 @@ impl Task for Search<'_> {
 
     #[inline(always)]
     fn run(self) -> Option<Record> {
-        let Self { integrator, maps, cache, x, y, radius_max } = self;
+        let Self { integrator, maps, cache, x, y } = self;
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
-        let mut hands = Hands::new(integrator);
+        let mut hands = Hands::new(integrator).telling_bounces();
         let known = Known { maps, cache: None, agents: None };
         let mut eye = Eye::new(integrator, known, sampler, &mut hands);
-        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n()).is_none())?;
+        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n(), u32::MAX).is_none())?;
         let n: Vec3 = spot.n();
         let looks: Vec<_> = (0..RAYS)
             .map(|index| {
@@ -96,6 +94,8 @@ impl Task for Search<'_> {
                 eye.look_from(&spot, direction(n, index, [u, v]), index)
             })
             .collect();
-        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), [PIXELS_MIN / BEAM * spot.width(), radius_max]))
+        let radius_max = SHARE_MAX * integrator.passes.plan().extent().length_at(spot.p());
+        let reach = [PIXELS_MIN / BEAM * spot.width(), radius_max];
+        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), reach).with_bounces(hands.bounces()))
     }
 }

@@ -16,7 +16,7 @@ use crate::{
     integrator::path::PathIntegrator,
     interaction::Interaction,
     photon::{
-        Passes, PhotonMaps,
+        Passes, PhotonMaps, PhotonPlan,
         cache::{self, Look, Measurement, Record},
     },
     sampler::{DimensionSet, PixelSampler},
@@ -74,6 +74,11 @@ impl<'a> PhotonIntegrator<'a> {
         self.base.prepared()
     }
 
+    /// Where photons and agents are sent.
+    pub(crate) fn plan(&self) -> &PhotonPlan {
+        self.passes.plan()
+    }
+
     /// Indirect irradiance at a point, on the side that it was looked at from: light that shines there straight is left out,
     /// and so is light over mirrors and glass alone, which photons bring.
     ///
@@ -90,7 +95,8 @@ impl<'a> PhotonIntegrator<'a> {
         let (s, t) = orthonormal_basis(n);
         let spot = Spot::new(point, width);
         let known = Known { maps, cache: None, agents: None };
-        let mut eye = Eye::new(self, known, sampler, hands);
+        hands.clear_bounces();
+        let mut eye = Eye::new(self, known, sampler, &mut *hands);
         let mut sum = Spectrum::ZERO;
         for index in 0..RAYS {
             if index == RAYS_IN_THE_DARK && sum == Spectrum::ZERO {
@@ -100,6 +106,7 @@ impl<'a> PhotonIntegrator<'a> {
             let local = cosine_hemisphere([u, v]);
             sum += eye.look_from(&spot, s * local.x + t * local.y + n * local.z, index).radiance;
         }
+        hands.scale_bounces(PI / RAYS as f32);
         sum * (PI / RAYS as f32)
     }
 
@@ -118,7 +125,8 @@ impl<'a> PhotonIntegrator<'a> {
         let spot = Spot::new(point, width);
         let known = Known { maps, cache: None, agents: Some(others) };
         let n = spot.n();
-        let mut eye = Eye::new(self, known, sampler, hands);
+        hands.clear_bounces();
+        let mut eye = Eye::new(self, known, sampler, &mut *hands);
         let look = |index: u32| {
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS * effort);
             eye.look_from(&spot, cache::direction(n, index / effort, [u, v]), index)
@@ -126,7 +134,7 @@ impl<'a> PhotonIntegrator<'a> {
         // Who stopped where the first rays found nothing would take dim corners for dark ones.
         let looks: Vec<Look> = (0..cache::RAYS * effort).map(look).collect();
         let found = Measurement::new(looks, effort);
-        let record = Record::new(spot.p(), n, &found, reach);
+        let record = Record::new(spot.p(), n, &found, reach).with_bounces(hands.bounces());
         if is_directed { record.with_directions(&found) } else { record }
     }
 }

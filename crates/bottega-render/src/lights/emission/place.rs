@@ -2,19 +2,19 @@
 
 use std::f32::consts::PI;
 
-use bottega_scene::{Scene, Sides, Spectrum};
+use bottega_scene::{Scene, Sides};
 use glam::Vec3;
 
-use super::super::{sphere, surface::SurfaceLight};
+use super::{
+    super::{sphere, surface::SurfaceLight},
+    Spread, Start,
+};
 use crate::{
     bsdf::warp::cosine_hemisphere,
     interaction::{CLEARANCE, sphere_uv},
     luminance,
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
-
-/// Where a photon starts, where it goes, and the power that it stands for.
-type Start = (Vec3, Vec3, Spectrum);
 
 /// Whether a photon leaves by the front, and how many sides there are.
 fn side(sides: Sides, u: f32) -> (bool, f32) {
@@ -40,13 +40,7 @@ impl SurfaceLight {
     }
 
     /// A photon: by area and by the cosine. `choice`: the side.
-    pub(in super::super) fn emit(
-        &self,
-        scene: &Scene,
-        choice: f32,
-        place: [f32; 2],
-        towards: [f32; 2],
-    ) -> Option<Start> {
+    pub(super) fn emit(&self, scene: &Scene, choice: f32, place: [f32; 2], towards: [f32; 2]) -> Option<Start> {
         let (corner, x, y) = self.extent();
         let place = if self.is_rectangle() { place } else { uniform_triangle(place).into() };
         let (front, sides) = side(scene.materials[self.material() as usize].emission_sides, choice);
@@ -56,7 +50,8 @@ impl SurfaceLight {
         let p = corner + x * place[0] + y * place[1];
         let clearance = CLEARANCE * (p.abs().max_element() + x.abs().max(y.abs()).max_element());
         let power = self.radiance_at(scene, place) * (PI * self.area(double_area) * sides);
-        (double_area > 0.0).then(|| (p + n * clearance, leaving(n, towards), power))
+        let (origin, direction) = (p + n * clearance, leaving(n, towards));
+        (double_area > 0.0).then_some(Start { origin, direction, power, spread: Spread::Cosine(n) })
     }
 }
 
@@ -86,5 +81,6 @@ pub(super) fn emit_from_sphere(
     let clearance = CLEARANCE * (sphere.center.abs().max_element() + sphere.radius);
     let power = radiance * (PI * area * sides);
     let is_lit = luminance(power) > 0.0;
-    is_lit.then(|| (sphere.center + outwards * sphere.radius + n * clearance, leaving(n, towards), power))
+    let (origin, direction) = (sphere.center + outwards * sphere.radius + n * clearance, leaving(n, towards));
+    is_lit.then_some(Start { origin, direction, power, spread: Spread::Cosine(n) })
 }

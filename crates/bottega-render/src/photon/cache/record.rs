@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::super::{
     around::{Around, CELLS},
+    bounces::{BOUNCES_KEPT, ByBounces, kept},
     bytes::{Reader, Writer},
 };
 use crate::{luminance, sampling::orthonormal_basis};
@@ -26,6 +27,8 @@ pub(crate) struct Record {
     pub(super) p: Vec3,
     pub(super) n: Vec3,
     pub(super) irradiance: Spectrum,
+    /// Which share of it comes by no more than 0, 1, 2 … bounces; beyond the list, all of it.
+    pub(super) shares: Box<[Share]>,
     /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
     pub(super) turning: [Vec3; 3],
     pub(super) moving: [Vec3; 3],
@@ -40,6 +43,9 @@ pub(crate) struct Record {
     /// Where the light comes from; on surfaces that do not send it to all sides alike.
     pub(super) around: Option<Arc<Around>>,
 }
+
+/// A share of red, green and blue, each in 65535ths.
+pub(super) type Share = [u16; 3];
 
 /// What a ray found.
 #[derive(Clone, Copy, Debug, Default)]
@@ -159,6 +165,7 @@ impl Record {
             p,
             n,
             irradiance,
+            shares: Box::default(),
             turning,
             moving,
             radius: radius.clamp(reach[0], reach[1].max(reach[0])),
@@ -174,11 +181,49 @@ impl Record {
         Self { around: Some(Arc::new(Around::new(found.cells()))), ..self }
     }
 
+    /// The same with how often its light has been scattered.
+    ///
+    /// - `light`: by number of bounces, in any unit.
+    pub(crate) fn with_bounces(self, light: &ByBounces) -> Self {
+        /// What is left of the light where the list ends.
+        const REST: f32 = 1.0 / 2048.0;
+        let total: Spectrum = light.iter().sum();
+        if !total.is_finite() {
+            return self;
+        }
+        let inverse = total.max(Spectrum::splat(f32::MIN_POSITIVE)).recip();
+        let mut shares = Vec::new();
+        let mut sum = Spectrum::ZERO;
+        for part in &light[..BOUNCES_KEPT - 1] {
+            sum += *part;
+            if (total - sum).cmple(total * REST).all() {
+                break;
+            }
+            let share = (sum * inverse).clamp(Spectrum::ZERO, Spectrum::ONE) * f32::from(u16::MAX) + 0.5;
+            shares.push(share.to_array().map(|channel| channel as u16));
+        }
+        Self { shares: shares.into(), ..self }
+    }
+
+    /// The share of its light that comes by no more than so many bounces.
+    #[inline(always)]
+    pub(super) fn share(&self, bounces: u32) -> Spectrum {
+        match self.shares.get(kept(bounces)) {
+            Some(share) => Spectrum::from(share.map(f32::from)) * (1.0 / f32::from(u16::MAX)),
+            None => Spectrum::ONE,
+        }
+    }
+
+    /// Bytes of its lists.
+    pub(super) fn list_bytes(&self) -> usize {
+        size_of_val(&*self.shares) + if self.around.is_some() { size_of::<Around>() } else { 0 }
+    }
+
     /// Bytes of one that knows no directions.
-    pub(crate) const BYTES_MIN: usize = 4 * 32;
+    pub(crate) const BYTES_MIN: usize = 4 * 33;
 
     pub(crate) fn write(&self, to: &mut Writer) {
-        let Self { p, n, irradiance, turning, moving, radius, effort, variance, noise, around } = self;
+        let Self { p, n, irradiance, shares, turning, moving, radius, effort, variance, noise, around } = self;
         [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
         to.value(*radius);
         to.number(*effort);
@@ -186,6 +231,8 @@ impl Record {
         to.value(*noise);
         to.number(u32::from(around.is_some()));
         around.iter().flat_map(|around| around.to_numbers()).for_each(|number| to.number(number));
+        to.number(shares.len() as u32);
+        shares.iter().flatten().for_each(|&share| to.number(u32::from(share)));
     }
 
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
@@ -208,7 +255,10 @@ impl Record {
             }
             _ => return None,
         };
-        Some(Self { p, n, irradiance, turning, moving, radius, effort, variance, noise, around })
+        let count = from.count(size_of::<u32>() * 3)?;
+        let mut share = || from.number().map(|number| number.min(u32::from(u16::MAX)) as u16);
+        let shares = (0..count).map(|_| Some([share()?, share()?, share()?])).collect::<Option<_>>()?;
+        Some(Self { p, n, irradiance, shares, turning, moving, radius, effort, variance, noise, around })
     }
 
     /// How much it counts at another place; nothing where it is too far off, or before that place.

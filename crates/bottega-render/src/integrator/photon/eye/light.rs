@@ -44,7 +44,7 @@ impl Eye<'_> {
         let radiance = lights.environment_radiance(self.prepared.scene(), from, walk.direction);
         if radiance != Spectrum::ZERO {
             let weight = self.found(walk, |from| lights.environment_pdf(from, walk.direction));
-            self.radiance += walk.throughput * radiance * weight;
+            self.add(walk.throughput * radiance * weight, walk.depth);
         }
     }
 
@@ -61,7 +61,7 @@ impl Eye<'_> {
         };
         if radiance != Spectrum::ZERO {
             let weight = self.found(walk, |from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
-            self.radiance += walk.throughput * radiance * weight;
+            self.add(walk.throughput * radiance * weight, walk.depth);
         }
     }
 
@@ -95,7 +95,7 @@ impl Eye<'_> {
                 None => !self.is_occluded(&shadow_ray(place.point, &light), walk.vertex),
             };
             if is_lit {
-                self.radiance += walk.throughput * contribution;
+                self.add(walk.throughput * contribution, walk.depth + 1);
             }
         }
     }

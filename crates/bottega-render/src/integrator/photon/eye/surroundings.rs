@@ -16,11 +16,12 @@ const LOOKS: u32 = 16;
 
 impl<'a> Eye<'a> {
     /// What agents know of the light that comes from all sides to a surface that is not matte.
-    pub(super) fn surroundings(&mut self, place: &Place<'_>, bsdf: &Bsdf) -> Option<Surroundings<'a>> {
+    pub(super) fn surroundings(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> Option<Surroundings<'a>> {
+        let bounces = self.bounces_left(walk);
         if is_matte(bsdf) || bsdf.is_transmissive() {
             return None;
         }
-        let known = self.agents?.surroundings_at(place.point.p, place.point.frame[2]);
+        let known = self.agents?.surroundings_at(place.point.p, place.point.frame[2], bounces);
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
         known
     }
@@ -46,8 +47,10 @@ impl<'a> Eye<'a> {
     ) {
         let wi = place.point.to_world(sample.wi);
         let is_reflection = sample.wi.z > 0.0 && place.point.is_reflection(wi);
-        if is_reflection && walk.depth + 2 <= self.integrator.base.settings().max_depth {
-            self.radiance += walk.throughput * sample.weight() * known.radiance(wi) * part;
+        if is_reflection && self.bounces_left(walk) >= 2 {
+            let light = walk.throughput * sample.weight() * known.radiance(wi) * part;
+            let (p, normal) = (place.point.p, place.point.frame[2]);
+            self.add_shared(light, walk.depth, |eye| eye.agents?.shares_at(p, normal));
         }
     }
 }

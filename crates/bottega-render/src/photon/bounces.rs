@@ -1,0 +1,192 @@
+//! Light at a place, told apart by how often it was scattered: so a path takes no more of it than its bounces allow.
+
+use bottega_scene::Spectrum;
+use glam::Vec3;
+
+use super::{
+    bytes::{Reader, Writer},
+    map::{Nearest, PhotonMap},
+    record::{Photon, of_shared_exponent, shared_exponent},
+};
+use crate::sharing::Told;
+
+/// Numbers of bounces that are told apart; the last one stands for all above.
+pub(crate) const BOUNCES_KEPT: usize = 32;
+
+/// Sums of light by number of bounces.
+pub(crate) type ByBounces = [Spectrum; BOUNCES_KEPT];
+
+/// Where light of so many bounces is in [`ByBounces`].
+#[inline(always)]
+pub(crate) fn kept(bounces: u32) -> usize {
+    (bounces as usize).min(BOUNCES_KEPT - 1)
+}
+
+/// Bits of a label that say how long the list is.
+const COUNT_BITS: u32 = 6;
+/// Numbers in the lists of one map at most. What is known beyond them is not told apart.
+const NUMBERS_MAX: usize = 1 << (u32::BITS - COUNT_BITS);
+
+/// Places with the irradiance there.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IrradiancePlaces {
+    /// In place of a power the irradiance by all light; the label says where the list begins, and how long it is.
+    places: Vec<Photon>,
+    /// Irradiance by light of no more than 0, 1, 2 … bounces; what all light together brings is left out.
+    lists: Vec<u32>,
+}
+
+/// The same, found by place.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct IrradianceMap {
+    map: PhotonMap,
+    lists: Vec<u32>,
+}
+
+impl IrradiancePlaces {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Adds a place.
+    ///
+    /// - `irradiance`: by number of bounces.
+    pub(crate) fn push(&mut self, place: Photon, irradiance: &ByBounces) {
+        let count = irradiance.iter().rposition(|part| *part != Spectrum::ZERO).map_or(0, |last| last + 1);
+        let is_told = self.lists.len() + count < NUMBERS_MAX;
+        let label = if is_told { (self.lists.len() as u32) << COUNT_BITS | count as u32 } else { 0 };
+        let mut sum = Spectrum::ZERO;
+        for (part, i) in irradiance[..count].iter().zip(1..) {
+            sum += *part;
+            if i < count && is_told {
+                self.lists.push(shared_exponent(sum));
+            }
+        }
+        self.places.push(place.with_power(sum).with_label(label));
+    }
+
+    /// Adds the places that follow.
+    pub(crate) fn append(&mut self, later: Self) {
+        let first = self.lists.len();
+        if first + later.lists.len() < NUMBERS_MAX {
+            let moved = |place: &Photon| place.with_label(place.mark().label() + ((first as u32) << COUNT_BITS));
+            self.places.extend(later.places.iter().map(moved));
+            self.lists.extend(later.lists);
+        } else {
+            self.places.extend(later.places.iter().map(|place| place.with_label(0)));
+        }
+    }
+}
+
+impl Told for IrradiancePlaces {
+    fn write(&self, to: &mut Writer) {
+        to.photons(&self.places);
+        to.numbers(&self.lists);
+    }
+
+    fn read(from: &mut Reader<'_>) -> Option<Self> {
+        let (places, lists) = (from.photons()?, from.numbers()?);
+        let is_sound = places.iter().all(|place| has_list(place.mark().label(), &lists));
+        is_sound.then_some(Self { places, lists })
+    }
+}
+
+impl IrradianceMap {
+    /// Builds the tree on the threads of the present pool.
+    pub(crate) fn new(known: IrradiancePlaces) -> Self {
+        Self { map: PhotonMap::new(known.places), lists: known.lists }
+    }
+
+    /// Where the places are; in place of a power the irradiance by all light.
+    pub(crate) fn places(&self) -> &PhotonMap {
+        &self.map
+    }
+
+    /// Irradiance at a place by its number, by light of no more than so many bounces.
+    #[inline(always)]
+    pub(crate) fn irradiance(&self, number: u32, bounces: u32) -> Spectrum {
+        let mark = self.map.mark(number);
+        let (first, count) = (mark.label() >> COUNT_BITS, mark.label() & ((1 << COUNT_BITS) - 1));
+        if kept(bounces) as u32 + 1 >= count {
+            return mark.power();
+        }
+        of_shared_exponent(self.lists[first as usize + bounces as usize])
+    }
+
+    /// Irradiance at a place by number of bounces.
+    pub(crate) fn by_bounces(&self, number: u32) -> ByBounces {
+        let mut below = Spectrum::ZERO;
+        std::array::from_fn(|bounces| {
+            let sum = self.irradiance(number, bounces as u32);
+            (sum - std::mem::replace(&mut below, sum)).max(Spectrum::ZERO)
+        })
+    }
+
+    /// The nearest places; see [`PhotonMap::nearest`].
+    #[inline(always)]
+    pub(crate) fn nearest(&self, p: Vec3, radius_squared: f32, found: &mut Nearest) {
+        self.map.nearest(p, radius_squared, found);
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.map.memory_bytes() + size_of_val(&*self.lists)
+    }
+
+    pub(crate) fn write(&self, to: &mut Writer) {
+        to.map(&self.map);
+        to.numbers(&self.lists);
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
+        let (map, lists) = (from.map()?, from.numbers()?);
+        let is_sound = map.iter().all(|place| has_list(place.mark().label(), &lists));
+        is_sound.then_some(Self { map, lists })
+    }
+}
+
+/// Whether a label names a list that exists.
+fn has_list(label: u32, lists: &[u32]) -> bool {
+    let (first, count) = (label >> COUNT_BITS, label & ((1 << COUNT_BITS) - 1));
+    count as usize <= BOUNCES_KEPT && first as usize + (count as usize).saturating_sub(1) <= lists.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn irradiance_is_told_apart_by_bounces() {
+        let light = |parts: &[(usize, f32)]| {
+            let mut all = [Spectrum::ZERO; BOUNCES_KEPT];
+            parts.iter().for_each(|&(bounces, value)| all[bounces] = Spectrum::splat(value));
+            all
+        };
+        let at = |x: f32| Photon::new(Vec3::X * x, Vec3::Y, Vec3::Y, Spectrum::ZERO);
+        let mut known = IrradiancePlaces::default();
+        known.push(at(0.0), &light(&[]));
+        known.push(at(1.0), &light(&[(0, 1.0), (2, 2.0)]));
+        let mut later = IrradiancePlaces::default();
+        later.push(at(2.0), &light(&[(1, 0.5), (BOUNCES_KEPT - 1, 0.25)]));
+        known.append(later);
+        let mut to = Writer::default();
+        known.write(&mut to);
+        assert_eq!(IrradiancePlaces::read(&mut Reader(&to.0)).as_ref(), Some(&known));
+        let map = IrradianceMap::new(known);
+        let irradiance = |x: f32, bounces: u32| {
+            let number = map.places().nearest_where(Vec3::X * x, 0.1, |_| true).unwrap();
+            map.irradiance(number, bounces).x
+        };
+        assert_eq!([0, 9].map(|bounces| irradiance(0.0, bounces)), [0.0, 0.0]);
+        assert_eq!([0, 1, 2, 90].map(|bounces| irradiance(1.0, bounces)), [1.0, 1.0, 3.0, 3.0]);
+        assert_eq!([0, 1, 30, 31, u32::MAX].map(|bounces| irradiance(2.0, bounces)), [0.0, 0.5, 0.5, 0.75, 0.75]);
+        let number = map.places().nearest_where(Vec3::X * 2.0, 0.1, |_| true).unwrap();
+        let parts = map.by_bounces(number);
+        assert_eq!((parts[0].x, parts[1].x, parts[2].x, parts[31].x), (0.0, 0.5, 0.0, 0.25));
+    }
+}

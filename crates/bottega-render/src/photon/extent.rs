@@ -1,0 +1,224 @@
+//! How wide that is what a camera sees: by it lengths of photons and agents are measured, not by the whole scene.
+//!
+//! A room on a terrain, or a ball on a plain, is small beside the scene. Where it is a quarter of the scene or more, the scene
+//! itself is the measure.
+
+use bottega_kernels::Ray;
+use glam::Vec3;
+
+use crate::{
+    PathSettings, View,
+    camera::RayCone,
+    integrator::{BLEND, PathIntegrator, bsdf_at},
+    interaction::Interaction,
+    prepare::PreparedScene,
+    sampler::{DimensionSet, PixelSampler},
+};
+
+/// Rays from the camera along a side of the picture.
+const SIDE: u32 = 32;
+/// Mirrors and panes on the way of one.
+const MIRRORS_MAX: u32 = 8;
+/// Half of what is seen lies within the radius divided by this.
+const MARGIN: f32 = 2.0;
+/// Lengths as a share of the radius: half of what is seen is finer than the whole of it.
+const DETAIL: f32 = 0.5;
+/// How much wider than what is seen a scene must be for it to matter.
+const WIDE: f32 = 4.0;
+
+/// Where what a camera sees is, and how wide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Extent {
+    /// In the middle of what is seen.
+    pub(crate) center: Vec3,
+    /// Of what is seen.
+    pub(crate) radius: f32,
+    /// Radius of the scene; the same where what is seen is no small part of it.
+    pub(crate) whole: f32,
+}
+
+impl Extent {
+    /// Of a whole scene. Without surfaces the radius is 0.
+    pub(crate) fn whole(prepared: &PreparedScene) -> Self {
+        let bounds = prepared.accel().bounds();
+        let radius = 0.5 * (bounds.max - bounds.min).length();
+        let is_sound = radius.is_finite() && bounds.center().is_finite();
+        let (center, radius) = if is_sound { (bounds.center(), radius) } else { (Vec3::ZERO, 0.0) };
+        Self { center, radius, whole: radius }
+    }
+
+    /// Of what a view shows.
+    pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
+        let whole = Self::whole(prepared);
+        let Some((center, median)) = middle(&places_seen(prepared, view)) else { return whole };
+        let radius = MARGIN * median;
+        if radius > 0.0 && WIDE * radius < whole.radius { Self { center, radius, whole: whole.radius } } else { whole }
+    }
+
+    /// Whether the scene itself is the measure.
+    #[inline(always)]
+    pub(crate) fn is_whole(&self) -> bool {
+        self.radius >= self.whole
+    }
+
+    /// The length that others are shares of at a place: half the radius of what is seen, and farther off half of how far it is.
+    #[inline(always)]
+    pub(crate) fn length_at(&self, p: Vec3) -> f32 {
+        if self.is_whole() { self.whole } else { DETAIL * p.distance(self.center).clamp(self.radius, self.whole) }
+    }
+}
+
+/// What camera rays come to first that spreads light, over mirrors and through glass.
+fn places_seen(prepared: &PreparedScene, view: View) -> Vec<Vec3> {
+    let settings = PathSettings::default();
+    let Ok(integrator) = PathIntegrator::unguided(prepared, view, &settings) else { return Vec::new() };
+    let pixel = |i: u32, count: u32| ((2 * i + 1) * count / (2 * SIDE)).min(count.saturating_sub(1));
+    let all = (0..SIDE * SIDE).map(|i| (pixel(i % SIDE, view.width), pixel(i / SIDE, view.height), i));
+    let seen = all.filter_map(|(x, y, i)| {
+        let sampler = PixelSampler::new(0, x, y, i);
+        let ray = integrator.camera_ray(&sampler, x, y).0;
+        place_seen(prepared, &sampler, ray.origin, ray.direction)
+    });
+    seen.filter(|p| p.is_finite()).collect()
+}
+
+fn place_seen(prepared: &PreparedScene, sampler: &PixelSampler, mut origin: Vec3, mut direction: Vec3) -> Option<Vec3> {
+    for vertex in 0..=MIRRORS_MAX {
+        let hit = prepared.accel().intersect(&Ray::new(origin, direction));
+        if hit.is_none() {
+            return None;
+        }
+        let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
+        let mut place = None;
+        let chance = || sampler.hashed(BLEND ^ u64::from(vertex) << 56 ^ u64::from(point.material));
+        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        if bsdf.has_non_delta() {
+            return Some(point.p);
+        }
+        let u = sampler.quad(DimensionSet::scattering(vertex));
+        let sample = bsdf.sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
+        direction = point.to_world(sample.wi);
+        origin = point.ray_origin(direction);
+    }
+    None
+}
+
+/// The middle of some places, and how far half of them are from it.
+fn middle(places: &[Vec3]) -> Option<(Vec3, f32)> {
+    let median = |mut values: Vec<f32>| {
+        values.sort_by(f32::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let along = |axis: usize| median(places.iter().map(|p| p[axis]).collect());
+    let center = Vec3::new(along(0)?, along(1)?, along(2)?);
+    Some((center, median(places.iter().map(|p| p.distance(center)).collect())?))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bottega_scene::{Camera, Light, LightKind, Material, Mesh, Projection, Scene};
+    use glam::Affine3A;
+
+    use super::*;
+    use crate::{PhotonSettings, PrepareOptions, photon::PhotonMaps};
+
+    const VIEW: View = View { camera: 0, width: 48, height: 48 };
+
+    fn prepared(scene: Scene) -> PreparedScene {
+        PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap()
+    }
+
+    fn camera(at: Vec3, down: f32) -> Camera {
+        let world_from_camera = Affine3A::from_translation(at) * Affine3A::from_rotation_x(-down);
+        Camera { world_from_camera, projection: Projection::Perspective { vertical_fov: 1.0 }, ..Camera::default() }
+    }
+
+    fn add(scene: &mut Scene, mut mesh: Mesh) {
+        mesh.material = scene.push_material(Material::matte(Vec3::splat(0.7)));
+        scene.push_surface(mesh);
+    }
+
+    /// A room with a lamp, alone or on a ground that reaches far.
+    fn room(ground: Option<f32>) -> PreparedScene {
+        let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 2.9), 0.0)], ..Scene::default() };
+        add(&mut scene, Mesh::cuboid(Vec3::splat(-3.0), Vec3::splat(3.0)));
+        if let Some(half) = ground {
+            let corner = Vec3::new(-half, -3.01, half);
+            add(&mut scene, Mesh::quad(corner, Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half));
+        }
+        let kind = LightKind::Point { position: Vec3::Y * 2.0, intensity: Vec3::splat(40.0) };
+        scene.lights.push(Light { name: String::new(), kind });
+        prepared(scene)
+    }
+
+    #[test]
+    fn the_extent_is_that_of_what_is_seen() {
+        let alone = Extent::of_view(&room(None), VIEW);
+        assert!(alone.is_whole() && alone == Extent::whole(&room(None)));
+        assert_eq!(alone.length_at(Vec3::X * 99.0), alone.whole);
+        for half in [50.0, 500.0, 5000.0] {
+            let extent = Extent::of_view(&room(Some(half)), VIEW);
+            assert!(!extent.is_whole() && extent.radius < 2.0 * alone.radius && extent.radius > 0.5 * alone.radius);
+            assert!(extent.center.length() < 3.0, "{extent:?}");
+            assert_eq!(extent.length_at(extent.center), 0.5 * extent.radius);
+            assert!(
+                (extent.length_at(Vec3::X * 40.0) - 20.0).abs() < 3.0 && extent.length_at(Vec3::X * 1e6) > 0.5 * half
+            );
+        }
+        // What is seen reaches to the horizon, and most of the picture shows what is near.
+        let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
+        add(&mut scene, Mesh::quad(Vec3::new(-5e3, 0.0, 5e3), Vec3::X * 1e4, Vec3::NEG_Z * 1e4));
+        let extent = Extent::of_view(&prepared(scene), VIEW);
+        assert!((2.0..30.0).contains(&extent.radius) && extent.center.length() < 15.0, "{extent:?}");
+        // Nothing is seen.
+        let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, 0.0)], ..Scene::default() };
+        add(&mut scene, Mesh::quad(Vec3::Z * 5.0, Vec3::X, Vec3::Y));
+        assert!(Extent::of_view(&prepared(scene), VIEW).is_whole());
+    }
+
+    #[test]
+    fn a_room_costs_no_more_in_a_wide_world() {
+        // Photons that are kept, and photons that a place in the picture asks for.
+        let work = |scene: &PreparedScene| {
+            let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
+            let plan = scene.photon_plan(VIEW);
+            let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
+            let mut asked = 0_u64;
+            for p in places_seen(scene, VIEW) {
+                maps.seen.within(p, maps.reach_at(p).powi(2), |_, _| asked += 1);
+            }
+            (maps.seen.len() as f64, asked as f64)
+        };
+        let alone = work(&room(None));
+        for half in [50.0, 500.0, 5000.0] {
+            let wide = work(&room(Some(half)));
+            assert!(wide.0 < 2.0 * alone.0 && wide.1 < 2.0 * alone.1, "{half}: {wide:?} {alone:?}");
+            assert!(wide.1 > 0.1 * alone.1, "{half}: {wide:?} {alone:?}");
+        }
+    }
+
+    #[test]
+    fn photons_of_a_sun_come_to_what_is_seen() {
+        let arrived = |half: f32| {
+            let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
+            add(&mut scene, Mesh::quad(Vec3::new(-half, 0.0, half), Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half));
+            let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+            scene.lights.push(Light { name: String::new(), kind });
+            let scene = prepared(scene);
+            let (plan, settings) = (scene.photon_plan(VIEW), PhotonSettings::default());
+            let tracer = crate::photon::tracer(&scene, &plan, &settings, 0, 0);
+            let direct = crate::photon::traced(tracer, 20_000).direct;
+            let Extent { center, radius, .. } = *plan.extent();
+            let near = direct.iter().filter(|photon| photon.p.distance(center) < radius);
+            let (count, power) = near.fold((0.0, 0.0), |(n, sum), photon| (n + 1.0, sum + photon.mark().power().x));
+            (count / 20_000.0, power / 20_000.0 / (std::f32::consts::PI * radius * radius))
+        };
+        for half in [50.0, 500.0, 5000.0] {
+            let (share, irradiance) = arrived(half);
+            assert!(share > 0.3, "{half}: {share}");
+            assert!((irradiance - 1.0).abs() < 0.05, "{half}: {irradiance}");
+        }
+    }
+}
