@@ -7,9 +7,9 @@ pixel are block reductions and no atomic additions: equal requests give equal bi
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from line_protocol import Window
+from planes import Sums, of_array
 
 
 def paint_in_lanes(scene, integrator, order, lanes, progress):
@@ -34,8 +34,10 @@ class _Painter:
                            min(window.y1 + margin, scene.height + border))
         self.names = ["R", "G", "B"] + (["A"] if scene.with_alpha else [])
         self.names += [name for name in scene.layer_channels.values() if name]
-        self.sums = np.zeros((len(self.names) + 1, self.wide.height, self.wide.width), np.float64)
-        self.samples_of_row = np.zeros(self.wide.height, np.int64)
+        # The last plane is the filter's weights.
+        self.weights = len(self.names)
+        self.sums = Sums(self.weights + 1, self.wide.height, self.wide.width)
+        self.samples_of_row = [0] * self.wide.height
 
     def strips(self, lanes):
         """Cuts the work into rows, all samples of a pixel together as far as `lanes` allow: (y0, y1, samples) each."""
@@ -65,7 +67,8 @@ class _Painter:
                            mi.Float(row) + dr.opaque(mi.Float, top) + inside.y)
         values = self._follow(place, samples)
         self._collect(values, inside, y0, height, samples)
-        self.samples_of_row[y0:y1] += samples
+        for y in range(y0, y1):
+            self.samples_of_row[y] += samples
 
     def _follow(self, place, samples):
         """What the integrator sees through places on the film: the values of all channels."""
@@ -97,15 +100,14 @@ class _Painter:
         return values
 
     def _collect(self, values, inside, y0, height, samples):
-        """Adds each sample to all pixels that the filter lets it reach; the last plane is the filter's weights."""
+        """Adds each sample to all pixels that the filter lets it reach."""
         reach = self.scene.margin
-        shape = (height, self.wide.width)
         if reach == 0:
             sums = [dr.block_reduce(dr.ReduceOp.Add, value, samples) for value in values]
             dr.eval(*sums)
             for plane, part in enumerate(sums):
-                self.sums[plane, y0:y0 + height] += np.array(part).reshape(shape)
-            self.sums[-1, y0:y0 + height] += samples
+                self.sums.add(plane, of_array(part), height, y0)
+            self.sums.add_number(self.weights, y0, y0 + height, samples)
             return
         dr.eval(inside, *values)
         for dy in range(-reach, reach + 1):
@@ -116,24 +118,13 @@ class _Painter:
                 sums.append(dr.block_reduce(dr.ReduceOp.Add, weight, samples))
                 dr.eval(*sums)
                 for plane, part in enumerate(sums):
-                    self._shifted_add(plane, np.array(part).reshape(shape), y0 + dy, dx)
-
-    def _shifted_add(self, plane, part, top, left):
-        """Adds `part` with its corner at (left, top) of the wide window, without what lies outside."""
-        height, width = part.shape
-        y0, y1 = max(top, 0), min(top + height, self.wide.height)
-        x0, x1 = max(left, 0), min(left + width, self.wide.width)
-        if y0 < y1 and x0 < x1:
-            self.sums[plane, y0:y1, x0:x1] += part[y0 - top:y1 - top, x0 - left:x1 - left]
+                    self.sums.add(plane, of_array(part), height, y0 + dy, dx)
 
     def channels(self):
         window, wide = self.order.window, self.wide
-        rows = slice(window.y0 - wide.y0, window.y1 - wide.y0)
-        columns = slice(window.x0 - wide.x0, window.x1 - wide.x0)
-        sums = self.sums[:, rows, columns]
-        weight = np.where(sums[-1] == 0.0, 1.0, sums[-1])
-        return {name: np.ascontiguousarray(sums[plane] / weight, np.float32) for plane, name in enumerate(self.names)}
+        place = (window.x0 - wide.x0, window.y0 - wide.y0, window.x1 - wide.x0, window.y1 - wide.y0)
+        return {name: self.sums.means(plane, *place, weights=self.weights) for plane, name in enumerate(self.names)}
 
     def taken(self):
         """Samples of each pixel. Some samplers take more than asked for."""
-        return int(self.samples_of_row.min())
+        return min(self.samples_of_row)

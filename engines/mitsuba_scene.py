@@ -1,12 +1,13 @@
 """A scene that Mitsuba has loaded: its frame, its integrators by depth, its layers, and painting by `mitsuba.render`."""
 
+import math
 import os
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from line_protocol import Refusal, layers_of
+from planes import Sums, of_bitmap, scaled
 
 LAYER_OF_TYPE = {"depth": ("depth", ["Z"]), "albedo": ("albedo", ["R", "G", "B"]),
                  "sh_normal": ("normal", ["X", "Y", "Z"]), "position": ("position", ["X", "Y", "Z"]),
@@ -83,7 +84,7 @@ class MitsubaScene:
         self.film_crop = (*self.offset, self.width, self.height)
         self.filter = self.film.rfilter()
         # The samples of a pixel reach so many pixels further than itself.
-        self.margin = 0 if self.filter.is_box_filter() else int(np.ceil(self.filter.radius() - 0.5 - 1e-4))
+        self.margin = 0 if self.filter.is_box_filter() else math.ceil(self.filter.radius() - 0.5 - 1e-4)
         # Mitsuba itself refuses a scene that names none; what people mean is the path tracer.
         self.integrator = self.scene.integrator() or mi.load_dict({"type": "path"})
         self.integrators = {}
@@ -202,9 +203,10 @@ class MitsubaScene:
         if not mi.variant().startswith(("llvm", "cuda")):
             return None
         given = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in self.scene.shapes()]
-        table = np.full(max(given, default=0) + 1, len(given) + 1, np.float32)
+        table = [float(len(given) + 1)] * (max(given, default=0) + 1)
         table[0] = 0.0
-        table[given] = np.arange(1, len(given) + 1)
+        for place, number in enumerate(given, 1):
+            table[number] = float(place)
         return mi.Float(table)
 
     def numbered(self, number):
@@ -277,15 +279,17 @@ class MitsubaScene:
             seed = order.hashed_seed(31, "pass", index, *window.as_list())
             mi.render(self.scene, sensor=self.sensor, integrator=integrator, spp=asked, seed=seed)
             bitmap = self.film.bitmap()
-            image = np.array(bitmap, np.float64)
-            image = image.reshape(wide.height, wide.width, -1)
+            planes = of_bitmap(mi, bitmap)
             really = int(self.sensor.sampler().sample_count())
-            total = image * really if total is None else total + image * really
+            total = total or Sums(len(planes), wide.height, wide.width)
+            for plane, values in enumerate(planes):
+                total.add(plane, scaled(values, really), wide.height)
             taken += really
             progress((index + 1) / passes)
         left, top = window.x0 - wide.x0, window.y0 - wide.y0
-        mean = (total / taken)[top:top + window.height, left:left + window.width].astype(np.float32)
-        return self._named(mean, [field.name for field in bitmap.struct_()]), taken
+        place = (left, top, left + window.width, top + window.height)
+        given = [field.name for field in bitmap.struct_()]
+        return self._named([total.means(plane, *place, weight=taken) for plane in range(len(given))], given), taken
 
     def _named(self, planes, given):
         """Channels of a bitmap by our names. A film of luminance becomes one of grey."""
@@ -293,7 +297,7 @@ class MitsubaScene:
         for index, name in enumerate(given):
             name = self.layer_channels.get(name, name)
             if name is not None:
-                channels[name] = np.ascontiguousarray(planes[..., index])
+                channels[name] = planes[index]
         if "Y" in channels:
             channels.update(R=channels["Y"], G=channels["Y"], B=channels.pop("Y"))
         if not {"R", "G", "B"} <= channels.keys():

@@ -147,6 +147,14 @@ fn is_special(token: &str) -> bool {
         || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(token))
 }
 
+/// Whether a text may stand without quotes here: fewer characters are excluded than from the words of a message.
+fn is_word_of_sl(text: &str) -> bool {
+    !is_special(text)
+        && !text.starts_with('#')
+        && !text.is_empty()
+        && text.bytes().all(|byte| byte > b' ' && !matches!(byte, b'(' | b')' | b'"'))
+}
+
 /// Writes a content. It reads back as the same.
 pub fn print(terms: &[Term]) -> String {
     let mut out = "(".to_owned();
@@ -169,13 +177,15 @@ pub fn print_term(term: &Term) -> String {
 
 fn push(out: &mut String, term: &Term) {
     match term {
-        Term::Text(text) if !is_special(text) || !is_word(text) => push_text(out, text),
-        Term::Text(text) => {
-            // A word, but not to this language.
+        // A word, but not to this language.
+        Term::Text(text) if is_special(text) && is_word(text) => {
             out.push('"');
             out.push_str(text);
             out.push('"');
         }
+        // To JADE a text that is written by its length is no text here, but bytes.
+        Term::Text(text) if text.ends_with('\\') && is_word_of_sl(text) => out.push_str(text),
+        Term::Text(text) => push_text(out, text),
         Term::Bare(text) => out.push_str(text),
         Term::List(terms) => {
             out.push('(');
@@ -204,7 +214,25 @@ mod tests {
         assert_eq!(arguments[..6], [text("word"), text("word"), text("1.5"), bare("1.5"), text("true"), bare("true")]);
         assert_eq!(arguments[6..9], [bare("?x"), text("?x"), bare(":k")]);
         assert_eq!(arguments[10], text("a\\\""));
-        assert_eq!(print(&terms), r#"((p word word "1.5" 1.5 "true" true ?x "?x" :k 20261121T022548103Z #3"a\"))"#);
+        assert_eq!(print(&terms), r#"((p word word "1.5" 1.5 "true" true ?x "?x" :k 20261121T022548103Z "a\\""))"#);
+    }
+
+    #[test]
+    fn texts_with_backslashes_and_quotes_are_written_as_others_read_them() {
+        for (text, written) in [
+            (r#""“🎨”\"中"#, r#""\"“🎨”\\"中""#),
+            (r"C:\中\", r"C:\中\"),
+            (r"\", r"\"),
+            // No word, and no string in quotes.
+            (r"a b\", r#"#4"a b\"#),
+            (r"中 b\", r#"#4"中 b\"#),
+            (r"?\", r#"#2"?\"#),
+        ] {
+            let term = Term::text(text);
+            assert_eq!(print_term(&term), written);
+            let content = print(&[Term::call("p", [term.clone(), Term::text("\"")])]);
+            assert_eq!(parse(&content).unwrap(), [Term::call("p", [term, Term::text("\"")])], "{content}");
+        }
     }
 
     #[test]

@@ -65,6 +65,12 @@ fn it_registers_searches_and_is_told_that_it_did_so_already() {
     // Another agent of JADE's, with text beyond ASCII.
     line.ask(&jade.says_else(15, &bottega, |text| text.replace("probe@jade", "paint@jade")));
     assert!(is(&jade.hear().message, P::Inform).contains("Bóttega — réndering 中文 🎨"));
+
+    // Quotes in a text beyond ASCII come back in the bytes in which JADE writes them.
+    line.ask(&jade.says(31, &bottega));
+    let heard = jade.hear();
+    assert!(is(&heard.message, P::Inform).contains(r#":name "“🎨” \"Bóttega\" 中文""#), "{heard:?}");
+    assert!(heard.payload.contains(r#":name \"“🎨” \\"Bóttega\\" 中文\""#), "{}", heard.payload);
 }
 
 #[test]
@@ -127,9 +133,9 @@ fn what_is_wrong_is_answered_as_the_standard_wants_it() {
         ),
         (
             "REQUEST",
-            register(&format!("{me} :scope (set {})", "x".repeat(70_000))),
-            P::Failure,
-            "(internal-error \"too large\"))",
+            register(&format!("{me} :languages (set fipa-sl) :scope (set {})", "x".repeat(1 << 20))),
+            P::Refuse,
+            "(unrecognised-parameter-value df-agent-description scope))",
         ),
         ("REQUEST", "((action DF (quit)))".to_owned(), P::NotUnderstood, "(unrecognised-value content))"),
         ("REQUEST", "((action".to_owned(), P::NotUnderstood, "((unrecognised-value content))"),
@@ -156,6 +162,21 @@ fn what_is_wrong_is_answered_as_the_standard_wants_it() {
         line.ask(&says(&jade, &bottega, act, "((what))", 99));
     }
     assert!(jade.hears_nothing());
+}
+
+#[test]
+fn an_entry_of_a_megabyte_is_entered_and_found() {
+    let (jade, bottega) = (Jade::start(), node("bottega"));
+    let mut line = Line::to(&bottega);
+    let large = "é".repeat(500_000);
+    let register = format!(
+        "((action DF (register (df-agent-description :name (agent-identifier :name probe@jade) :scope (set {large})))))"
+    );
+    assert_eq!(line.ask(&says(&jade, &bottega, "REQUEST", &register, 1)), TAKEN);
+    is(&jade.hear().message, P::Inform);
+    let search = "((action DF (search (df-agent-description) (search-constraints :max-results -1))))";
+    assert_eq!(line.ask(&says(&jade, &bottega, "REQUEST", search, 2)), TAKEN);
+    assert!(is(&jade.hear().message, P::Inform).contains(&large));
 }
 
 #[test]

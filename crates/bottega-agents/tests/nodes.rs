@@ -103,6 +103,55 @@ fn directories_search_together_and_not_in_circles() {
     assert!(begun.elapsed() < Duration::from_secs(4));
 }
 
+#[test]
+fn a_directory_that_ends_is_taken_out_of_others_unless_another_process_needs_it_there() {
+    let b = node("b");
+    let folder = tempfile::tempdir().unwrap();
+    let federated = || {
+        let store = FileStore::<String, usize>::open(&folder.path().join("state")).unwrap();
+        let mut config = config("a", Box::new(store));
+        // One that is not there does not hold up the end.
+        let nowhere =
+            AgentId { name: "df@nowhere".into(), addresses: vec!["http://127.0.0.1:9/acc".to_owned()].into() };
+        config.federates = vec![b.df().clone(), nowhere];
+        Node::start(config).unwrap()
+    };
+    let directories = |name: &str| {
+        let service = ServiceDescription { service_type: Some("fipa-df".into()), ..Default::default() };
+        let template = DfAgentDescription { services: vec![service], ..Default::default() };
+        match done(&b, name, b.df(), Function::Search(template, SearchConstraints::default())) {
+            Outcome::Offers(offers) => offers,
+            other => panic!("{other:?}"),
+        }
+    };
+    let (one, two) = (federated(), federated());
+    until("B knows A", |number| directories(&format!("x{number}@b")).len() == 1);
+    // One whose process is killed does not stay for ever.
+    assert!(directories("lease@b")[0].lease_time.is_some());
+    until("they know each other", |number| {
+        match done(&one, &format!("x{number}@a"), one.ams(), Function::GetDescription) {
+            Outcome::Platform(platform) => platform.services[0].addresses.len() == 2,
+            other => panic!("{other:?}"),
+        }
+    });
+    one.stop();
+    assert_eq!(directories("first@b").len(), 1, "the other process is reached by it");
+    let begun = Instant::now();
+    two.stop();
+    assert!(begun.elapsed() < Duration::from_secs(6));
+    assert_eq!(directories("second@b").len(), 0);
+    // Nor is anything left of those who saw to it.
+    let three = node_over("a", Box::new(FileStore::<String, usize>::open(&folder.path().join("state")).unwrap()));
+    let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
+    match done(&three, "look@a", three.ams(), Function::SearchAgents(Default::default(), all)) {
+        Outcome::Agents(agents) => {
+            let named = |agent: &AmsAgentDescription| agent.name.as_ref().unwrap().to_string();
+            assert!(!agents.iter().any(|agent| named(agent).starts_with("leaving")), "{agents:?}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
 fn two_over(stores: [Box<dyn EntryStore<String, usize> + Send>; 3]) {
     let [first, second, third] = stores;
     let (one, two) = (node_over("p", first), node_over("p", second));

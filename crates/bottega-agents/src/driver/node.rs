@@ -4,7 +4,7 @@ use std::{
     collections::hash_map::RandomState,
     hash::{BuildHasher, Hasher},
     io,
-    net::SocketAddr,
+    net::{SocketAddr, TcpStream, ToSocketAddrs},
     sync::{Arc, atomic::AtomicU64, mpsc},
     thread,
     time::{Duration, SystemTime, UNIX_EPOCH},
@@ -28,7 +28,8 @@ use crate::{
     entry_store::EntryStore,
     gateway::{ChannelEffect, ChannelReport, Gateway, GatewayConfig, Passage, PlainContent},
     platform::{
-        Ams, AmsConfig, Df, DfConfig, ManagementContent, ONTOLOGY, Service, ServiceEntry, StandardAgent, StartService,
+        Ams, AmsConfig, Df, DfConfig, Function, LifeCycleRequest, ManagementContent, ONTOLOGY, Outcome, Service,
+        ServiceEntry, StandardAgent, StartService,
     },
     wire::Calendar,
 };
@@ -48,6 +49,10 @@ const TRACE_MAX: usize = 1024;
 const POLL_EVERY: Duration = Duration::from_millis(50);
 /// Threads for agents.
 const THREADS: usize = 2;
+/// How long the end of a node may take until other directories have let its own go.
+const FAREWELL_WAIT: Duration = Duration::from_secs(4);
+/// How long another process of the platform may take to show that it is there.
+const OTHER_WAIT: Duration = Duration::from_millis(300);
 
 /// How the gateway hears of the transport.
 type GatewayReports = Reports<ChannelReport>;
@@ -100,6 +105,7 @@ pub struct Node {
     address: String,
     local: SocketAddr,
     ids: Ids,
+    is_federated: bool,
     trace: broadcast::Sender<Arc<str>>,
     end: Option<oneshot::Sender<()>>,
     network: Option<thread::JoinHandle<()>>,
@@ -112,6 +118,8 @@ struct Ids {
     df: AgentId,
     start: AgentId,
     acc: AgentId,
+    /// Two that ask, when the node ends.
+    leavers: [AgentId; 2],
 }
 
 impl Ids {
@@ -120,7 +128,8 @@ impl Ids {
             name: format!("{local}@{platform}").into(),
             addresses: Arc::new([address.to_owned()]),
         };
-        Self { ams: id("ams"), df: id("df"), start: id("start"), acc: id("acc") }
+        let leavers = [id("leaving-1"), id("leaving-2")];
+        Self { ams: id("ams"), df: id("df"), start: id("start"), acc: id("acc"), leavers }
     }
 }
 
@@ -157,13 +166,14 @@ impl Node {
             permanent: config.permanent,
             trace_line: config.trace_line,
         };
+        let is_federated = !setup.federates.is_empty();
         let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
         let gateway = setup.people(&platform, lanes, trace.clone());
         let network = Network { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
         let (end, ended) = oneshot::channel();
         let about = about(&setup.name, &address);
         let network = thread::Builder::new().name("transport".to_owned()).spawn(move || network.run(about, ended))?;
-        Ok(Self { platform, address, local, ids, trace, end: Some(end), network: Some(network) })
+        Ok(Self { platform, address, local, ids, is_federated, trace, end: Some(end), network: Some(network) })
     }
 
     /// Where strangers reach this node.
@@ -259,10 +269,33 @@ impl Node {
         self.trace.subscribe()
     }
 
-    /// Says farewell to the other processes of the platform, and ends.
+    /// Takes the directory out of others, if no other process of the platform needs it there; says farewell to those
+    /// processes, and ends. Takes some seconds at most.
     pub fn stop(self) {
+        if self.is_federated && !self.is_served_elsewhere() {
+            let quit = ManagementContent::LifeCycle(LifeCycleRequest::Quit);
+            if let Err(error) = self.ask(&self.ids.leavers[0], &self.ids.df, quit, FAREWELL_WAIT) {
+                tracing::warn!(%error, "other directories were not told of the end");
+            }
+        }
         let farewell = StoreRequest::Put { key: Ams::node_key(&self.address).into(), value: String::new() };
         self.platform.bus().ask_store(&self.ids.ams, Ticket(u64::MAX), farewell);
+    }
+
+    /// Whether another process serves the platform. One that was killed may still be named.
+    fn is_served_elsewhere(&self) -> bool {
+        let content = ManagementContent::Action(Function::GetDescription);
+        let answer = self.ask(&self.ids.leavers[1], &self.ids.ams, content, FAREWELL_WAIT);
+        let Ok(Some((_, PlainContent::Management(ManagementContent::Done(_, Outcome::Platform(platform)))))) = answer
+        else {
+            return false;
+        };
+        let addresses = platform.services.iter().flat_map(|service| &service.addresses);
+        addresses.filter(|address| **address != self.address).any(|address| {
+            let host = client::parse_address(address).ok().map(|(host, _)| host);
+            let at = host.and_then(|host| host.to_socket_addrs().ok()?.next());
+            at.is_some_and(|at| TcpStream::connect_timeout(&at, OTHER_WAIT).is_ok())
+        })
     }
 }
 
@@ -308,7 +341,7 @@ impl Setup {
         lanes: Vec<lanes::Sender<Outbound>>,
         trace: broadcast::Sender<Arc<str>>,
     ) -> GatewayReports {
-        let Ids { ams, df, start, acc } = &self.ids;
+        let Ids { ams, df, start, acc, .. } = &self.ids;
         let services = vec![ams.clone(), df.clone(), start.clone(), acc.clone()];
         let entry = |id: &AgentId, kind: &str| ServiceEntry {
             id: id.name.to_string(),
@@ -339,6 +372,7 @@ impl Setup {
             administrators: administrators.clone(),
             addresses: vec![self.address.clone()],
             enters_residents: true,
+            unlisted: self.ids.leavers.to_vec(),
         });
         let yellow = Df::new(DfConfig {
             id: df.clone(),

@@ -10,7 +10,7 @@ use super::{
     ams_pages::{AGENT, Entry, NODE},
     management::{
         AmsAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome,
-        PlatformDescription, RefuseReason, ServiceEntry,
+        PlatformDescription, RefuseReason, ServiceEntry, largest,
     },
     ontology::AMS_DESCRIPTION,
     service::{Change, Functions, NoResult, Said, Step, Todo},
@@ -44,6 +44,8 @@ pub struct AmsConfig {
     pub addresses: Vec<String>,
     /// Whether agents that come to this process are entered by themselves.
     pub enters_residents: bool,
+    /// Those that are not: they come for a moment, when the process ends.
+    pub unlisted: Vec<AgentId>,
 }
 
 /// The agents of a platform.
@@ -119,6 +121,12 @@ impl Ams {
 
     fn is_administrator(&self, agent: &AgentId) -> bool {
         self.config.administrators.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name))
+    }
+
+    /// Whether an agent that comes to this process is entered, and taken out when it goes.
+    fn is_entered(&self, agent: &AgentId) -> bool {
+        let is_unlisted = self.config.unlisted.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name));
+        self.config.enters_residents && !self.is_service(agent) && !is_unlisted
     }
 
     /// The name in a description, if `asker` may touch its entry.
@@ -353,6 +361,15 @@ impl Functions for Ams {
         }
     }
 
+    fn too_large(&self, function: &Function) -> RefuseReason {
+        let ownership = match function {
+            Function::RegisterAgent(agent) | Function::ModifyAgent(agent) => agent.ownership.as_ref(),
+            _ => None,
+        };
+        let ownership = ownership.map_or(0, String::len);
+        largest(AMS_DESCRIPTION, &[("ownership", ownership), ("name", Self::ENTRY_BYTES_MAX.saturating_sub(ownership))])
+    }
+
     fn entry_of(&self, function: &Function) -> Option<Key> {
         let agent = match function {
             Function::RegisterAgent(agent) | Function::ModifyAgent(agent) | Function::DeregisterAgent(agent) => {
@@ -375,7 +392,7 @@ impl Functions for Ams {
             if self.is_ready {
                 self.begin_resident(now, agent, todo);
             }
-        } else if self.residents.remove(agent) && self.config.enters_residents && !self.is_service(agent) {
+        } else if self.residents.remove(agent) && self.is_entered(agent) {
             self.run(Self::key(agent), Errand::TakeOut, now);
         }
         self.look_after_errands(now, todo);
@@ -415,7 +432,7 @@ impl Ams {
         if let Some(entry) = self.entry(agent) {
             self.hold_to(agent, None, entry, todo);
         }
-        if self.config.enters_residents && !self.is_service(agent) {
+        if self.is_entered(agent) {
             self.run(Self::key(agent), Errand::Enter(agent.clone()), now);
         }
     }

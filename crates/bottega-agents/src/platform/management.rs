@@ -292,6 +292,12 @@ impl RefuseReason {
     }
 }
 
+/// The refusal of an object that is too large: of its parameter that takes most.
+pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> RefuseReason {
+    let largest = sizes.iter().max_by_key(|(_, bytes)| *bytes);
+    RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
+}
+
 /// What went wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {

@@ -18,7 +18,9 @@ mod start;
 
 pub use ams::{AGENTS_MAX, Ams, AmsConfig, HTTP_TRANSPORT, NODES_MAX};
 pub use ams_pages::AmsPages;
-pub use df::{DESCRIPTIONS_MAX, Df, DfConfig, RESULTS_MAX};
+pub use df::{
+    DESCRIPTION_BYTES_MAX, DESCRIPTIONS_MAX, DIRECTORY_BYTES_MAX, Df, DfConfig, RESULTS_BYTES_MAX, RESULTS_MAX,
+};
 pub use life_cycle::{LifeCycleState, Transition};
 pub use management::{
     AmsAgentDescription, CarriesManagement, DfAgentDescription, FailureReason, Function, LifeCycleRequest,

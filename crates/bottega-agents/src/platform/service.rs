@@ -25,7 +25,7 @@ const TRIES_MAX: u32 = 16;
 const STORE_WAIT_MAX: Duration = Duration::from_secs(10);
 /// The most requests that wait for the store at a time.
 const OPEN_MAX: usize = 1 << 12;
-/// The longest text of an entry, in bytes.
+/// The longest text of an entry, in bytes, unless a service allows more.
 pub const ENTRY_BYTES_MAX: usize = 1 << 16;
 
 /// A message as services see it.
@@ -85,6 +85,8 @@ pub struct Todo {
 pub trait Functions {
     /// How the names of the entries begin that it mirrors.
     const PREFIXES: &'static [&'static str];
+    /// The longest text of an entry, in bytes.
+    const ENTRY_BYTES_MAX: usize = ENTRY_BYTES_MAX;
 
     /// Takes over what an entry holds now, and by which write; no text: there is no such entry any more.
     fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut Todo);
@@ -95,6 +97,9 @@ pub trait Functions {
     /// # Errors
     /// It is refused or fails. In both cases nothing has changed.
     fn perform(&mut self, now: Time, request: &Said, function: &Function, todo: &mut Todo) -> Result<Step, NoResult>;
+
+    /// Why a function is refused whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
+    fn too_large(&self, function: &Function) -> RefuseReason;
 
     /// The entry on which the outcome of a function depends, where that is one.
     fn entry_of(&self, _function: &Function) -> Option<Key> {
@@ -237,10 +242,12 @@ where
             // The answer is at once, so there is no agree before it.
             Ok(Step::Done(outcome)) => todo.send.push(self.done(&request, outcome)),
             Ok(Step::Later) => {}
-            Ok(Step::Write(change, outcome)) if change.text.len() <= ENTRY_BYTES_MAX => {
+            Ok(Step::Write(change, outcome)) if change.text.len() <= F::ENTRY_BYTES_MAX => {
                 self.write(now, change, Cause::Request { request, outcome, tries }, actions);
             }
-            Ok(Step::Write(..)) => todo.send.push(self.no_result(&request, internal("too large"))),
+            Ok(Step::Write(..)) => {
+                todo.send.push(self.no_result(&request, self.functions.too_large(function).into()));
+            }
             // A write finds out by itself whether the mirror lags behind; a failure must ask.
             Err(NoResult::Failure(FailureReason::AlreadyRegistered | FailureReason::NotRegistered))
                 if !looked && let Some(key) = self.functions.entry_of(function) =>

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    management::{FailureReason, Function, Outcome, RefuseReason, ServiceEntry},
+    management::{FailureReason, Function, Outcome, RefuseReason, ServiceEntry, largest},
     ontology::{SERVICE_ENTRY, read_service_entry, service_entry},
     service::{Change, Functions, NoResult, Said, Step, Todo},
     signature::{name_of_request, signed, written_by},
@@ -79,5 +79,15 @@ impl Functions for StartService {
             Function::SupplyBasicService(entry) => self.supply(request, entry),
             other => Err(RefuseReason::UnsupportedFunction(other.word().into()).into()),
         }
+    }
+
+    fn too_large(&self, function: &Function) -> RefuseReason {
+        let Function::SupplyBasicService(entry) = function else {
+            return RefuseReason::UnsupportedFunction(function.word().into());
+        };
+        let locator = entry.addresses.iter().map(String::len).sum();
+        let sizes =
+            [("service-locator", locator), ("service-type", entry.service_type.len()), ("service-id", entry.id.len())];
+        largest(SERVICE_ENTRY, &sizes)
     }
 }

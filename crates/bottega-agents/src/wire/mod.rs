@@ -24,8 +24,8 @@ pub const STRING_FORM: &str = "fipa.acl.rep.string.std";
 /// The name of the XML form in envelopes (FIPA00071).
 pub const XML_FORM: &str = "fipa.acl.rep.xml.std";
 
-/// The most bytes of a message or envelope as text.
-pub const TEXT_BYTES_MAX: usize = 1 << 20;
+/// The most bytes of a message or envelope as text: enough for the largest entry of a directory, quoted.
+pub const TEXT_BYTES_MAX: usize = 3 << 20;
 /// The most agents in one parameter.
 pub const AGENTS_MAX: usize = 1024;
 /// The most addresses of an agent.

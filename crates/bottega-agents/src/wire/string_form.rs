@@ -146,7 +146,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// `#n"` and n bytes.
+    /// `#n"` and n bytes. Some count the units of UTF-16 instead, of which there are fewer: that is how a text is read
+    /// that ends in a backslash, the one that must be written so, where n bytes do not.
     fn counted(&mut self) -> Result<String, WireError> {
         let rest = &self.text[self.at + 1..];
         let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
@@ -154,8 +155,10 @@ impl<'a> Reader<'a> {
         let (Some(count), Some(string)) = (count, rest[digits..].strip_prefix('"')) else {
             return Err(self.expected("a byte count and `\"`"));
         };
-        let Some(string) = string.get(..count) else { return Err(self.expected("as many bytes as were counted")) };
-        self.at += 1 + digits + 1 + count;
+        let Some(string) = counted_bytes(string, count).or_else(|| counted_units(string, count)) else {
+            return Err(self.expected("as many bytes as were counted"));
+        };
+        self.at += 1 + digits + 1 + string.len();
         Ok(string.to_owned())
     }
 
@@ -316,15 +319,44 @@ fn push_agent(out: &mut String, agent: &AgentId) {
     out.push(')');
 }
 
+/// Writes a text so that every reader we know of reads it.
 pub(crate) fn push_text(out: &mut String, text: &str) {
     if is_word(text) {
         out.push_str(text);
-    } else if text.ends_with('\\') || text.contains("\\\"") {
-        // The one escape cannot say these.
-        _ = write!(out, "#{}\"{text}", text.len());
+    } else if text.ends_with('\\') {
+        // The one escape cannot say it: with the quote that ends the string it is another quote.
+        push_counted(out, text);
     } else {
         _ = write!(out, "\"{}\"", text.replace('"', "\\\""));
     }
+}
+
+/// Writes a text that ends in a backslash by its length. The standard counts bytes. JADE counts the units of UTF-16, and
+/// reads beyond the end of the text where bytes are counted: so units are, wherever [`Reader`] cannot take them for bytes.
+fn push_counted(out: &mut String, text: &str) {
+    let units = text.encode_utf16().count();
+    let count = if counted_bytes(text, units).is_none_or(|read| read == text) { units } else { text.len() };
+    _ = write!(out, "#{count}\"{text}");
+}
+
+/// The text of so many bytes; `None` if it is rather [`counted_units`] that counts.
+fn counted_bytes(text: &str, count: usize) -> Option<&str> {
+    let read = text.get(..count)?;
+    (read.ends_with('\\') || counted_units(text, count).is_none()).then_some(read)
+}
+
+/// The text of so many units of UTF-16, if it ends in a backslash.
+fn counted_units(text: &str, count: usize) -> Option<&str> {
+    let mut left = count;
+    let end = text.char_indices().find_map(|(at, character)| {
+        if left == 0 {
+            return Some(at);
+        }
+        left = left.saturating_sub(character.len_utf16());
+        None
+    });
+    let read = if left == 0 { &text[..end.unwrap_or(text.len())] } else { return None };
+    (read.ends_with('\\') && read.encode_utf16().count() == count).then_some(read)
 }
 
 /// Whether a text may stand without quotes, for every reader we know of.

@@ -31,6 +31,7 @@ fn ams() -> Desk<Ams> {
             administrators: vec![id("root@here")],
             addresses: vec!["http://here/acc".into()],
             enters_residents: true,
+            unlisted: Vec::new(),
         }),
     )
 }

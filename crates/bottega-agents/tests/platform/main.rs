@@ -9,8 +9,8 @@ use bottega_agents::{
     AclMessage, ActionOf, AgentId, Event, EventOf, Faults, Performative, Random, Simulator, StateMachine, StoreRequest,
     Ticket, Time,
     platform::{
-        Ams, AmsAgentDescription, AmsConfig, Df, DfAgentDescription, DfConfig, FailureReason, Function,
-        LifeCycleRequest, LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, RefuseReason,
+        Ams, AmsAgentDescription, AmsConfig, DESCRIPTION_BYTES_MAX, Df, DfAgentDescription, DfConfig, FailureReason,
+        Function, LifeCycleRequest, LifeCycleState, ManagementContent as M, NotUnderstoodReason, Outcome, RefuseReason,
         SearchConstraints, Service, ServiceDescription, ServiceEntry, StandardAgent, StartService,
     },
     wire::Calendar,
@@ -33,6 +33,7 @@ fn pages_at(addresses: Vec<String>) -> Ams {
         administrators: vec![id("root@here")],
         addresses,
         enters_residents: false,
+        unlisted: Vec::new(),
     })
 }
 
@@ -184,6 +185,43 @@ fn yellow_pages_match_templates_and_leases_end() {
     // Once more it looks whether that is really gone.
     df.handle(at(202), Event::Deadline);
     assert_eq!(df.next_deadline(), None);
+}
+
+#[test]
+fn what_is_too_large_for_an_entry_is_refused_by_the_parameter_that_is() {
+    let bad = |object: &'static str, parameter: &'static str| {
+        RefuseReason::UnrecognisedParameterValue(object.into(), parameter.into())
+    };
+    let mut df = Desk::new("df@here", offers(None));
+    let large = |bytes| large_of("a", bytes);
+    let refused = bad("df-agent-description", "scope");
+    assert_eq!(refusal(&mut df, "a", Function::Register(large(DESCRIPTION_BYTES_MAX))), refused);
+    outcome(&mut df, Time::ZERO, "a", Function::Register(large(1_000_000)));
+    assert_eq!(refusal(&mut df, "a", Function::Modify(large(DESCRIPTION_BYTES_MAX))), refused);
+    let service = ServiceDescription { ownership: Some("y".repeat(DESCRIPTION_BYTES_MAX)), ..Default::default() };
+    let service = ServiceDescription { name: Some("n".into()), service_type: Some("t".into()), ..service };
+    let offered = DfAgentDescription { services: vec![service], ..offer("b", "smith") };
+    assert_eq!(refusal(&mut df, "b", Function::Register(offered)), bad("df-agent-description", "services"));
+    // No more is found than fits into a message.
+    outcome(&mut df, Time::ZERO, "b", Function::Register(large_of("b", 600_000)));
+    outcome(&mut df, Time::ZERO, "c", Function::Register(offer("c", "smith")));
+    let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
+    let found = outcome(&mut df, Time::ZERO, "x", Function::Search(DfAgentDescription::default(), all));
+    let Outcome::Offers(found) = found else { panic!("{found:?}") };
+    let names: Vec<String> = found.iter().map(|offer| offer.name.as_ref().unwrap().to_string()).collect();
+    assert_eq!(names, ["a", "c"]);
+
+    let mut ams = ams();
+    let owned = AmsAgentDescription { ownership: Some("x".repeat(1 << 16)), ..agent("a", None) };
+    assert_eq!(refusal(&mut ams, "a", Function::RegisterAgent(owned)), bad("ams-agent-description", "ownership"));
+    let mut start = Desk::new("start", StartService::new(Vec::new()));
+    let entry = ServiceEntry { id: "i".into(), service_type: "t".into(), addresses: vec!["x".repeat(1 << 16)] };
+    let refused = bad("service-directory-entry", "service-locator");
+    assert_eq!(refusal(&mut start, "x", Function::SupplyBasicService(entry)), refused);
+}
+
+fn large_of(name: &str, bytes: usize) -> DfAgentDescription {
+    DfAgentDescription { scope: vec!["x".repeat(bytes)], ..offer(name, "smith") }
 }
 
 #[test]

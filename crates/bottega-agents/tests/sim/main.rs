@@ -122,6 +122,7 @@ fn node(serves: &Serves, salt: u64) -> Process {
         administrators: vec![AgentId::new("boss@j")],
         addresses: vec![address(process)],
         enters_residents: true,
+        unlisted: Vec::new(),
     });
     let yellow = Df::new(DfConfig {
         id: df.clone(),

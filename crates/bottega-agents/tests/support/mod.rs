@@ -33,6 +33,8 @@ pub(crate) struct Heard {
     pub(crate) head: String,
     pub(crate) envelope: Envelope,
     pub(crate) message: WireMessage,
+    /// The same as it came.
+    pub(crate) payload: String,
 }
 
 /// A platform that is as strict as JADE 4.6.5 was found to be.
@@ -87,9 +89,12 @@ impl Jade {
 
     /// The same to a platform in another process.
     pub(crate) fn says_to(&self, number: u32, at: SocketAddr, change: impl FnOnce(String) -> String) -> String {
+        let (ours, its) = (at.to_string(), format!("127.0.0.1:{}", self.port));
         let text = recorded(number)
-            .replace("127.0.0.1:7779", &at.to_string())
-            .replace("127.0.0.1:7778", &format!("127.0.0.1:{}", self.port));
+            .replace("127.0.0.1:7779", &ours)
+            .replace("127.0.0.1:19081", &ours)
+            .replace("127.0.0.1:7778", &its)
+            .replace("127.0.0.1:27778", &its);
         let (head, body) = text.split_once("\r\n\r\n").unwrap();
         let body = change(body.to_owned());
         let old = head.lines().find(|line| line.starts_with("Content-Length: ")).unwrap();
@@ -132,7 +137,7 @@ fn take(mut stream: TcpStream) -> Heard {
     let message = if envelope.acl_representation == XML_FORM { parse_xml(&payload) } else { parse_string(&payload) };
     // JADE's own answer: no length, and the connection is left to the other side.
     stream.write_all(recorded(4).as_bytes()).unwrap();
-    Heard { head, envelope, message: message.unwrap() }
+    Heard { head, envelope, message: message.unwrap(), payload }
 }
 
 /// A platform of ours on a free port.

@@ -9,6 +9,7 @@ use any::{any_envelope, any_message};
 use bottega_agents::{
     AgentId, Performative, Time,
     acc::{Acc, AccError, Letter, Outbound, Routed},
+    sl,
     wire::{
         Calendar, DateTime, Envelope, STRING_FORM, TEXT_BYTES_MAX, WireError, WireMessage, XML_FORM, parse_envelope,
         parse_string, parse_xml, print_envelope, print_string, print_xml,
@@ -103,6 +104,72 @@ fn what_jade_writes_is_read() {
     assert!(parse_string(&payload).unwrap().content.unwrap().contains("réndering 中文 🎨"));
 }
 
+/// A string as JADE 4.6.5 reads it, from where it begins: a quote behind a backslash belongs to the text, and lengths are
+/// those of UTF-16.
+fn read_by_jade(text: &str) -> Option<String> {
+    if let Some(counted) = text.strip_prefix('#') {
+        let (count, rest) = counted.split_once('"')?;
+        let units: Vec<u16> = rest.encode_utf16().take(count.parse().ok()?).collect();
+        return String::from_utf16(&units).ok();
+    }
+    let Some(quoted) = text.strip_prefix('"') else { return text.split([' ', ')']).next().map(str::to_owned) };
+    let mut read = String::new();
+    let mut characters = quoted.chars().peekable();
+    while let Some(character) = characters.next() {
+        match character {
+            '"' => return Some(read),
+            '\\' if characters.peek() == Some(&'"') => read.extend(characters.next()),
+            other => read.push(other),
+        }
+    }
+    None
+}
+
+fn written_for_jade(content: &str) -> String {
+    let message = WireMessage {
+        content: Some(content.to_owned()),
+        language: Some("a \"language\"".to_owned()),
+        ..WireMessage::new(Performative::Inform)
+    };
+    print_string(&message).unwrap().split_once(" :content ").unwrap().1.to_owned()
+}
+
+#[test]
+fn text_with_quotes_is_written_as_jade_writes_it() {
+    let (envelope, payload) = recorded(7);
+    assert_eq!(envelope.payload_length, Some(payload.len() as u64));
+    let begin = payload.find(":content  ").unwrap() + ":content  ".len();
+    let end = payload.find(" \n :reply-with").unwrap();
+    let content = parse_string(&payload).unwrap().content.unwrap();
+    assert!(content.contains(r#":name "“🎨” \"Bóttega\" 中文" :type text"#), "{content}");
+    assert_eq!(read_by_jade(&payload[begin..]).as_deref(), Some(content.as_str()));
+    assert!(written_for_jade(&content).starts_with(&payload[begin..end]));
+    // The same through the types of SL, and with another writing of the blanks that JADE puts.
+    let again = sl::print(&sl::parse(&content).unwrap());
+    assert_eq!(again, content.replace("( a", "(a").replace("  :", " :").replace(" )", ")"));
+}
+
+#[test]
+fn any_text_is_written_as_jade_reads_it() {
+    for text in [
+        r#"a\"b"#,
+        r#"“\"🎨"#,
+        r#""“🎨” \"Bóttega\" 中文""#,
+        r"C:\x\",
+        r"中 \",
+        r"🎨🎨\",
+        r"éé \",
+        r"\",
+        r#"\""#,
+        r#""#,
+        r#"\"é\"#,
+    ] {
+        assert_eq!(read_by_jade(&written_for_jade(text)).as_deref(), Some(text), "{}", written_for_jade(text));
+    }
+    // One that is read as other text, in bytes or in units: the standard counts.
+    assert!(written_for_jade(r"éa\\").starts_with(r#"#5"éa\\ :language"#));
+}
+
 #[test]
 fn hostile_texts_are_refused_by_name() {
     let string = |text: &str| parse_string(text).unwrap_err().to_string();
@@ -113,6 +180,8 @@ fn hostile_texts_are_refused_by_name() {
     assert_eq!(string("(inform :content \"a)"), "byte 17: expected a string that ends");
     assert_eq!(string("(inform :content #9\"a)"), "byte 17: expected as many bytes as were counted");
     assert_eq!(string("(inform :content #1\"é)"), "byte 17: expected as many bytes as were counted");
+    // Units of UTF-16, of which one is half a character.
+    assert_eq!(string("(inform :content #1\"🎨\\)"), "byte 17: expected as many bytes as were counted");
     assert_eq!(string("(inform :reply-by 2026-11-21T02:00:00Z)"), "`2026-11-21T02:00:00Z` is no date-time");
     assert_eq!(string("(inform :sender (agent-identifier))"), "`agent-identifier` has no `name`");
     // As deep as it likes: what is unknown is passed over without a stack.

@@ -21,6 +21,7 @@ const FILES: &[(&str, &str)] = shipped![
     "mitsuba_scene.py",
     "mitsuba_worker.py",
     "plain_exr.py",
+    "planes.py",
     "povray_files.py",
     "povray_gathered.py",
     "povray_worker.py",

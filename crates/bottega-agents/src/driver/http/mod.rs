@@ -13,4 +13,4 @@ pub const PATH: &str = "/acc";
 /// The most bytes of a head, of an answer's too.
 pub const HEAD_BYTES_MAX: usize = 1 << 14;
 /// The most bytes of a body: a message and its envelope.
-pub const BODY_BYTES_MAX: usize = 2 * crate::wire::TEXT_BYTES_MAX + (1 << 14);
+pub const BODY_BYTES_MAX: usize = crate::wire::TEXT_BYTES_MAX + (1 << 20);

@@ -9,7 +9,7 @@ use std::{
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::{TcpListener, TcpStream},
-    sync::{Semaphore, broadcast},
+    sync::{OwnedSemaphorePermit, Semaphore, broadcast},
     time::timeout,
 };
 
@@ -22,6 +22,8 @@ use crate::acc::Letter;
 
 /// The most connections at a time.
 pub const CONNECTIONS_MAX: usize = 256;
+/// The most that the bodies of all connections together may take, in KiB: who comes on top shall come again.
+const BODIES_KIB_MAX: usize = 1 << 18;
 /// How long a connection is kept without a request.
 const IDLE_WAIT: Duration = Duration::from_secs(60);
 /// How long a request may take to come, from its first byte on.
@@ -45,6 +47,7 @@ pub struct Service {
 /// Serves until it is dropped.
 pub async fn serve(listener: TcpListener, service: Arc<Service>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));
     loop {
         let Ok((stream, peer)) = listener.accept().await else {
             // Out of handles, say: others will end.
@@ -56,10 +59,10 @@ pub async fn serve(listener: TcpListener, service: Arc<Service>) {
             drop(stream);
             continue;
         };
-        let service = Arc::clone(&service);
+        let (service, bodies) = (Arc::clone(&service), Arc::clone(&bodies));
         tokio::spawn(async move {
             // A connection that fails has nobody to be told.
-            _ = Connection { stream, peer, bytes: Vec::new(), service }.run().await;
+            _ = Connection { stream, peer, bytes: Vec::new(), service, bodies }.run().await;
             drop(place);
         });
     }
@@ -71,6 +74,14 @@ struct Connection {
     /// What was read and not used.
     bytes: Vec<u8>,
     service: Arc<Service>,
+    /// Room for bodies, by KiB.
+    bodies: Arc<Semaphore>,
+}
+
+/// The body of a request, and the room that it takes.
+struct Body {
+    bytes: Vec<u8>,
+    _room: OwnedSemaphorePermit,
 }
 
 impl Connection {
@@ -88,7 +99,7 @@ impl Connection {
                 Ok(Some((head, _))) if head.method == "GET" && head.path == TRACE_PATH => {
                     return self.show_trace().await;
                 }
-                Ok(Some((head, body))) => (head.keep, self.answer(&head, &body)),
+                Ok(Some((head, body))) => (head.keep, self.answer(&head, &body.bytes)),
                 // Where the next request would begin, nobody knows.
                 Err(error) => (false, Err(error)),
             };
@@ -122,7 +133,7 @@ impl Connection {
     }
 
     /// Reads a request. `None`: the other side is gone.
-    async fn request(&mut self) -> std::io::Result<Result<Option<(Head, Vec<u8>)>, HttpError>> {
+    async fn request(&mut self) -> std::io::Result<Result<Option<(Head, Body)>, HttpError>> {
         let head = loop {
             match parse_head(&self.bytes) {
                 Ok(Some((head, taken))) => {
@@ -139,6 +150,8 @@ impl Connection {
         if head.content_length > BODY_BYTES_MAX {
             return Ok(Err(HttpError::TooLarge));
         }
+        let kib = u32::try_from(head.content_length.div_ceil(1 << 10)).unwrap_or(u32::MAX);
+        let Ok(room) = Arc::clone(&self.bodies).try_acquire_many_owned(kib) else { return Ok(Err(HttpError::Busy)) };
         if head.expects_continue {
             self.stream.write_all(b"HTTP/1.1 100 Continue\r\n\r\n").await?;
         }
@@ -147,8 +160,8 @@ impl Connection {
                 return Ok(Ok(None));
             }
         }
-        let body = self.bytes.drain(..head.content_length).collect();
-        Ok(Ok(Some((head, body))))
+        let bytes = self.bytes.drain(..head.content_length).collect();
+        Ok(Ok(Some((head, Body { bytes, _room: room }))))
     }
 
     fn answer(&self, head: &Head, body: &[u8]) -> Result<String, HttpError> {

@@ -8,12 +8,16 @@ use std::{
 use super::{
     super::{
         ONTOLOGY,
-        management::{DfAgentDescription, Function, ManagementContent, Outcome, SearchConstraints, ServiceDescription},
+        management::{
+            DfAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome,
+            SearchConstraints, ServiceDescription,
+        },
+        ontology::df_description,
         service::{Said, Todo},
     },
-    RESULTS_MAX, index,
+    RESULTS_BYTES_MAX, RESULTS_MAX, index,
 };
-use crate::{AclMessage, AgentId, Performative, Time};
+use crate::{AclMessage, AgentId, Performative, Time, sl, wire::Calendar};
 
 /// The most searches under way at a time; more are answered from this directory alone.
 const SEARCHES_MAX: usize = 256;
@@ -30,6 +34,10 @@ const WAIT_A_HOP: Duration = Duration::from_secs(1);
 /// When a directory that did not take this one in is asked again, and when one that did.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
 const RENEW_AFTER: Duration = Duration::from_secs(300);
+/// How long this directory stands in others that nobody renews: a process that was killed takes itself out nowhere.
+const LEASE: Duration = Duration::from_secs(900);
+/// How long others may take to let it go.
+const LEAVE_WAIT: Duration = Duration::from_secs(3);
 /// More hops than that are not waited for.
 const HOPS_MAX: u32 = 8;
 
@@ -37,6 +45,8 @@ const HOPS_MAX: u32 = 8;
 struct Search {
     request: Said,
     found: Vec<DfAgentDescription>,
+    /// Of their text.
+    bytes: usize,
     most: usize,
     /// Who has not answered yet.
     awaited: BTreeSet<AgentId>,
@@ -47,9 +57,21 @@ struct Search {
 #[derive(Clone, Debug)]
 struct Join {
     other: AgentId,
-    /// In which it is asked at present.
+    /// In which it is asked at present; 0: it was never asked.
     conversation: u64,
     again: Time,
+    /// As far as is known this one stands there.
+    is_there: bool,
+    /// It was asked to let this one go, and has not answered.
+    is_leaving: bool,
+}
+
+/// What is under way once this directory shall not stand in others any more.
+#[derive(Clone, Debug)]
+struct Leaving {
+    /// Who is told when it is so; `None`: it was told.
+    request: Option<Said>,
+    until: Time,
 }
 
 #[derive(Clone, Debug)]
@@ -58,6 +80,7 @@ pub(super) struct Federation {
     salt: u64,
     next: u64,
     joins: Vec<Join>,
+    leaving: Option<Leaving>,
     /// By the conversation in which others are asked.
     searches: BTreeMap<u64, Search>,
     seen: BTreeMap<String, Time>,
@@ -65,8 +88,9 @@ pub(super) struct Federation {
 
 impl Federation {
     pub(super) fn new(me: AgentId, salt: u64, others: Vec<AgentId>) -> Self {
-        let joins = others.into_iter().map(|other| Join { other, conversation: 0, again: Time::ZERO }).collect();
-        Self { me, salt, next: 1, joins, searches: BTreeMap::new(), seen: BTreeMap::new() }
+        let join = |other| Join { other, conversation: 0, again: Time::ZERO, is_there: false, is_leaving: false };
+        let joins = others.into_iter().map(join).collect();
+        Self { me, salt, next: 1, joins, leaving: None, searches: BTreeMap::new(), seen: BTreeMap::new() }
     }
 
     /// Whether a search of this name has been here, and remembers it.
@@ -123,27 +147,23 @@ impl Federation {
                 ..message
             });
         }
-        let search = Search { request: request.clone(), found: found.to_vec(), most, awaited, until };
+        let bytes = found.iter().map(bytes_of).sum();
+        let search = Search { request: request.clone(), found: found.to_vec(), bytes, most, awaited, until };
         self.searches.insert(conversation, search);
         true
     }
 
     /// Takes what another directory answers.
-    pub(super) fn hear(&mut self, message: &Said, todo: &mut Todo) -> bool {
+    pub(super) fn hear(&mut self, now: Time, message: &Said, todo: &mut Todo) -> bool {
         use Performative as P;
         if !matches!(message.performative, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood) {
             return false;
         }
         if let Some(join) = self.joins.iter_mut().find(|join| join.conversation == message.conversation_id) {
-            use super::super::management::FailureReason::AlreadyRegistered;
-            let there = match &message.content {
-                ManagementContent::Done(..) => true,
-                ManagementContent::Failed(_, reason) => *reason == AlreadyRegistered,
-                _ => false,
-            };
-            if there {
-                join.again = join.again + RENEW_AFTER;
+            if message.performative != P::Agree {
+                join.hear(now, &message.content);
             }
+            self.tell_if_left(todo);
             return true;
         }
         let Some(search) = self.searches.get_mut(&message.conversation_id) else { return true };
@@ -154,8 +174,10 @@ impl Federation {
             for offer in offers {
                 let known =
                     |other: &DfAgentDescription| other.name.as_ref().map(index) == offer.name.as_ref().map(index);
-                if search.found.len() < search.most && !search.found.iter().any(known) {
+                let bytes = search.bytes + bytes_of(offer);
+                if search.found.len() < search.most && bytes <= RESULTS_BYTES_MAX && !search.found.iter().any(known) {
                     search.found.push(offer.clone());
+                    search.bytes = bytes;
                 }
             }
         }
@@ -167,6 +189,10 @@ impl Federation {
 
     /// A directory does not get what it was asked.
     pub(super) fn unreachable(&mut self, other: &AgentId, todo: &mut Todo) {
+        for join in self.joins.iter_mut().filter(|join| index(&join.other) == index(other)) {
+            join.is_leaving = false;
+        }
+        self.tell_if_left(todo);
         let mut done = Vec::new();
         for (conversation, search) in &mut self.searches {
             search.awaited.retain(|awaited| index(awaited) != index(other));
@@ -186,27 +212,48 @@ impl Federation {
         todo.send.push(search.request.reply(Performative::Inform, self.me.clone(), content));
     }
 
-    /// Registers this directory with the others, again and again: they may have started anew.
+    /// Registers this directory with the others, again and again: they may have started anew, and leases end.
     fn join(&mut self, now: Time, todo: &mut Todo) {
+        if self.leaving.is_some() {
+            return;
+        }
+        let entry = DfAgentDescription { lease_time: Some(now + LEASE), ..directory(&self.me) };
         for join in self.joins.iter_mut().filter(|join| join.again <= now) {
-            join.conversation = self.next;
-            self.next += 1;
             join.again = now + TRY_AGAIN_AFTER;
-            let content = ManagementContent::Action(Function::Register(directory(&self.me)));
-            let message = AclMessage::new(Performative::Request, self.me.clone(), join.other.clone(), content);
-            todo.send.push(Said {
-                language: "fipa-sl0",
-                ontology: ONTOLOGY,
-                protocol: "fipa-request",
-                conversation_id: join.conversation,
-                reply_with: join.conversation,
-                ..message
-            });
+            let function =
+                if join.is_there { Function::Modify(entry.clone()) } else { Function::Register(entry.clone()) };
+            join.ask(&self.me, &mut self.next, function, todo);
+        }
+    }
+
+    /// Takes this directory out of the others, for good; `request` is answered when that is done, or takes too long.
+    pub(super) fn leave(&mut self, now: Time, request: &Said, todo: &mut Todo) {
+        self.leaving = Some(Leaving { request: Some(request.clone()), until: now + LEAVE_WAIT });
+        // One that was asked may have taken it in, whatever was heard of that.
+        for join in self.joins.iter_mut().filter(|join| join.conversation != 0) {
+            join.is_leaving = true;
+            let entry = DfAgentDescription { name: Some(self.me.clone()), ..DfAgentDescription::default() };
+            join.ask(&self.me, &mut self.next, Function::Deregister(entry), todo);
+        }
+        self.tell_if_left(todo);
+    }
+
+    fn tell_if_left(&mut self, todo: &mut Todo) {
+        if self.joins.iter().any(|join| join.is_leaving) {
+            return;
+        }
+        if let Some(request) = self.leaving.as_mut().and_then(|leaving| leaving.request.take()) {
+            let content = ManagementContent::LifeCycleDone(LifeCycleRequest::Quit);
+            todo.send.push(request.reply(Performative::Inform, self.me.clone(), content));
         }
     }
 
     pub(super) fn look_at_the_clock(&mut self, now: Time, todo: &mut Todo) {
         self.join(now, todo);
+        if self.leaving.as_ref().is_some_and(|leaving| leaving.until <= now) {
+            self.joins.iter_mut().for_each(|join| join.is_leaving = false);
+            self.tell_if_left(todo);
+        }
         let late: Vec<u64> = self
             .searches
             .iter()
@@ -219,9 +266,57 @@ impl Federation {
     }
 
     pub(super) fn next_deadline(&self) -> Option<Time> {
-        let joins = self.joins.iter().map(|join| join.again);
-        self.searches.values().map(|search| search.until).chain(joins).min()
+        let searches = self.searches.values().map(|search| search.until).min();
+        let own = match &self.leaving {
+            None => self.joins.iter().map(|join| join.again).min(),
+            Some(leaving) => leaving.request.as_ref().map(|_| leaving.until),
+        };
+        searches.into_iter().chain(own).min()
     }
+}
+
+impl Join {
+    /// Asks the other directory, in a conversation of its own.
+    fn ask(&mut self, me: &AgentId, next: &mut u64, function: Function, todo: &mut Todo) {
+        self.conversation = *next;
+        *next += 1;
+        let content = ManagementContent::Action(function);
+        let message = AclMessage::new(Performative::Request, me.clone(), self.other.clone(), content);
+        todo.send.push(Said {
+            language: "fipa-sl0",
+            ontology: ONTOLOGY,
+            protocol: "fipa-request",
+            conversation_id: self.conversation,
+            reply_with: self.conversation,
+            ..message
+        });
+    }
+
+    /// Takes its answer. What it did not do it is asked again soon.
+    fn hear(&mut self, now: Time, answer: &ManagementContent) {
+        if std::mem::replace(&mut self.is_leaving, false) {
+            return;
+        }
+        match answer {
+            ManagementContent::Done(_, outcome) => {
+                self.is_there = true;
+                let granted = match outcome {
+                    Outcome::Entered(granted) => granted.lease_time,
+                    _ => None,
+                };
+                let half = granted.map_or(RENEW_AFTER, |end| end.since(now) / 2);
+                self.again = now + half.clamp(TRY_AGAIN_AFTER, RENEW_AFTER);
+            }
+            ManagementContent::Failed(_, FailureReason::AlreadyRegistered) => self.is_there = true,
+            ManagementContent::Failed(_, FailureReason::NotRegistered) => self.is_there = false,
+            _ => {}
+        }
+    }
+}
+
+/// How long the text of an offer is; dates are as long in any calendar.
+fn bytes_of(offer: &DfAgentDescription) -> usize {
+    sl::print_term(&df_description(Calendar::default(), offer)).len()
 }
 
 /// A directory as others enter it.

@@ -14,7 +14,8 @@ use subscriptions::{Pages, Subscriptions};
 
 use super::{
     management::{
-        DfAgentDescription, FailureReason, Function, ManagementContent, Outcome, RefuseReason, SearchConstraints,
+        DfAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome, RefuseReason,
+        SearchConstraints, largest,
     },
     ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
     service::{Change, Functions, NoResult, Said, Step, Todo},
@@ -24,8 +25,14 @@ use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 
 /// The most entries of a directory.
 pub const DESCRIPTIONS_MAX: usize = 1 << 16;
+/// The most that all entries take together, in bytes of their text.
+pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
+/// The longest text of an entry, in bytes.
+pub const DESCRIPTION_BYTES_MAX: usize = 1 << 20;
 /// The most offers of one answer, also where all were asked for: they must fit into a message.
 pub const RESULTS_MAX: usize = 500;
+/// The most that they take together, in bytes; one that takes as much by itself is told.
+pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
 const ENTRY: &str = "df/entry/";
 /// How long after a lease has ended its entry is taken out at the latest.
@@ -55,6 +62,8 @@ struct Entry {
     /// The request that it was entered by.
     by: Option<String>,
     revision: Revision,
+    /// Of its text.
+    bytes: usize,
 }
 
 impl Entry {
@@ -63,7 +72,7 @@ impl Entry {
         let term = sl::parse_term(text).ok()?;
         let offer = read_df_description(calendar, now, &term).ok()?;
         offer.name.as_ref()?;
-        Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision })
+        Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision, bytes: text.len() })
     }
 
     /// Whether it is there by this request, which has come before.
@@ -80,6 +89,8 @@ pub struct Df {
     config: DfConfig,
     /// By name in small letters.
     entries: BTreeMap<String, Entry>,
+    /// Of the text of all of them.
+    bytes: usize,
     /// What was taken out, and by which write.
     gone: BTreeMap<String, Revision>,
     /// Entries whose lease has ended and that are being taken out.
@@ -99,6 +110,7 @@ impl Df {
         Self {
             config,
             entries: BTreeMap::new(),
+            bytes: 0,
             gone: BTreeMap::new(),
             ending: BTreeSet::new(),
             sweep_at: None,
@@ -160,9 +172,16 @@ impl Df {
         template: &DfAgentDescription,
         most: usize,
     ) -> Vec<DfAgentDescription> {
-        let held = self.entries.values().map(|entry| &entry.offer).filter(|offer| holds(offer, now));
-        let seen = held.filter(|offer| is_for(&self.config.id, asker, offer));
-        seen.filter(|offer| template.matches(offer)).take(most).cloned().collect()
+        let held = self.entries.values().filter(|entry| holds(&entry.offer, now));
+        let seen = held.filter(|entry| is_for(&self.config.id, asker, &entry.offer));
+        let found = seen.filter(|entry| template.matches(&entry.offer)).take(most);
+        let mut bytes = 0;
+        let fitting = found.filter(|entry| {
+            let fits = bytes + entry.bytes <= RESULTS_BYTES_MAX;
+            bytes += if fits { entry.bytes } else { 0 };
+            fits
+        });
+        fitting.map(|entry| entry.offer.clone()).collect()
     }
 
     fn search(
@@ -233,6 +252,21 @@ fn is_for(df: &AgentId, asker: &AgentId, offer: &DfAgentDescription) -> bool {
     !says("local") || says("global") || platform(df) == platform(asker)
 }
 
+/// The refusal of a description that is too large.
+fn largest_of(calendar: Calendar, offer: &DfAgentDescription) -> RefuseReason {
+    let bytes = |part: DfAgentDescription| sl::print_term(&df_description(calendar, &part)).len();
+    let none = DfAgentDescription::default;
+    let sizes = [
+        ("services", bytes(DfAgentDescription { services: offer.services.clone(), ..none() })),
+        ("protocols", bytes(DfAgentDescription { protocols: offer.protocols.clone(), ..none() })),
+        ("ontologies", bytes(DfAgentDescription { ontologies: offer.ontologies.clone(), ..none() })),
+        ("languages", bytes(DfAgentDescription { languages: offer.languages.clone(), ..none() })),
+        ("scope", bytes(DfAgentDescription { scope: offer.scope.clone(), ..none() })),
+        ("name", bytes(DfAgentDescription { name: offer.name.clone(), ..none() })),
+    ];
+    largest(DF_DESCRIPTION, &sizes)
+}
+
 /// Names of agents are compared without case.
 fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
@@ -248,9 +282,10 @@ impl Df {
             self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
         }
         self.gone.remove(name);
-        let (offer, revision) = (entry.offer.clone(), entry.revision);
+        let (offer, revision, bytes) = (entry.offer.clone(), entry.revision, entry.bytes);
         let before = self.entries.insert(name.to_owned(), entry);
-        self.subscriptions.changed(now, before.as_ref(), &offer, revision);
+        self.bytes = self.bytes + bytes - before.as_ref().map_or(0, |before| before.bytes);
+        self.subscriptions.changed(now, before.as_ref(), (&offer, bytes), revision);
     }
 
     fn taken_out(&mut self, now: Time, name: &str, revision: Revision) {
@@ -261,14 +296,16 @@ impl Df {
             self.gone.insert(name.to_owned(), revision);
         }
         if let Some(before) = self.entries.remove(name) {
+            self.bytes -= before.bytes;
             let gone = DfAgentDescription { name: before.offer.name.clone(), ..Default::default() };
-            self.subscriptions.changed(now, Some(&before), &gone, revision);
+            self.subscriptions.changed(now, Some(&before), (&gone, 0), revision);
         }
     }
 }
 
 impl Functions for Df {
     const PREFIXES: &'static [&'static str] = &["df/"];
+    const ENTRY_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
     fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, _todo: &mut Todo) {
         self.newest = self.newest.max(revision);
@@ -296,7 +333,7 @@ impl Functions for Df {
                     Some(_) => return Err(FailureReason::AlreadyRegistered.into()),
                     None => {}
                 }
-                if self.entries.len() >= DESCRIPTIONS_MAX {
+                if self.entries.len() >= DESCRIPTIONS_MAX || self.bytes >= DIRECTORY_BYTES_MAX {
                     return Err(FailureReason::InternalError("no room for more entries".to_owned()).into());
                 }
                 self.enter(now, request, &name, description)
@@ -314,6 +351,13 @@ impl Functions for Df {
             Function::Search(template, constraints) => Ok(self.search(now, request, template, constraints, todo)),
             other => Err(RefuseReason::UnsupportedFunction(other.word().into()).into()),
         }
+    }
+
+    fn too_large(&self, function: &Function) -> RefuseReason {
+        let (Function::Register(offer) | Function::Modify(offer)) = function else {
+            return RefuseReason::UnsupportedFunction(function.word().into());
+        };
+        largest_of(self.config.calendar, offer)
     }
 
     fn entry_of(&self, function: &Function) -> Option<Key> {
@@ -337,7 +381,12 @@ impl Functions for Df {
                 self.subscriptions.lost(now, message.in_reply_to);
                 true
             }
-            _ => self.federation.hear(message, todo),
+            // Before its process ends. Nobody outside can say so: see the gateway.
+            (ManagementContent::LifeCycle(LifeCycleRequest::Quit), Performative::Request) => {
+                self.federation.leave(now, message, todo);
+                true
+            }
+            _ => self.federation.hear(now, message, todo),
         }
     }
 

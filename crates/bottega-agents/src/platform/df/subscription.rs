@@ -7,12 +7,14 @@ use super::{
         management::{DfAgentDescription, ManagementContent, SearchConstraints},
         service::{Said, Todo},
     },
-    RESULTS_MAX, index,
+    RESULTS_BYTES_MAX, RESULTS_MAX, index,
 };
 use crate::{AgentId, Performative, Revision, Time};
 
 /// The most news that wait to be told to one subscriber; the oldest are dropped.
 const NEWS_MAX: usize = 1024;
+/// The most that their offers take together, in bytes of text; the newest is kept whatever it takes.
+const NEWS_BYTES_MAX: usize = 1 << 24;
 /// What was told is sure when in this time nobody has said that it did not arrive: longer than a message may take.
 const SURE_AFTER: Duration = Duration::from_secs(30);
 /// Who was told something of which nobody says for so long that it did not arrive has been reached.
@@ -48,6 +50,8 @@ pub(super) struct Standing {
 pub(super) struct News {
     pub(super) revision: Revision,
     pub(super) offer: DfAgentDescription,
+    /// Of the offer's text.
+    pub(super) bytes: usize,
     /// Since when this process knows it.
     pub(super) since: Time,
     /// When this process told it, and in the message of which number.
@@ -77,8 +81,9 @@ impl Subscription {
         let name = news.offer.name.as_ref().map(index);
         self.news.retain(|other| other.offer.name.as_ref().map(index) != name);
         self.news.push(news);
-        if self.news.len() > NEWS_MAX {
-            self.news.remove(0);
+        let mut bytes: usize = self.news.iter().map(|news| news.bytes).sum();
+        while self.news.len() > NEWS_MAX || self.news.len() > 1 && bytes > NEWS_BYTES_MAX {
+            bytes -= self.news.remove(0).bytes;
         }
     }
 
@@ -92,11 +97,21 @@ impl Subscription {
         // Who wants all gets all, in as many messages as it takes.
         let is_all = wish.1.max_results.is_some_and(|most| most < 0);
         let most = if is_all { unsaid.len() } else { wish.1.results_max(RESULTS_MAX) };
+        let (mut parts, mut bytes) = (Vec::<Vec<DfAgentDescription>>::new(), 0);
         for (index, news) in unsaid.iter_mut().enumerate() {
-            news.said = Some((now, *next_number + (index / RESULTS_MAX) as u64));
+            if index < most {
+                bytes += news.bytes;
+                match parts.last_mut().filter(|part| part.len() < RESULTS_MAX && bytes <= RESULTS_BYTES_MAX) {
+                    Some(part) => part.push(news.offer.clone()),
+                    None => {
+                        parts.push(vec![news.offer.clone()]);
+                        bytes = news.bytes;
+                    }
+                }
+            }
+            news.said = Some((now, *next_number + parts.len().saturating_sub(1) as u64));
         }
-        for news in unsaid[..most.min(unsaid.len())].chunks(RESULTS_MAX) {
-            let offers = news.iter().map(|news| news.offer.clone()).collect();
+        for offers in parts {
             let content = ManagementContent::News(wish.0.clone(), wish.1.clone(), offers);
             let inform = message.reply(Performative::Inform, me.clone(), content);
             // By this number it is told if it does not arrive.

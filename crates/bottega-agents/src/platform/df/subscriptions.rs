@@ -22,6 +22,8 @@ use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wir
 
 /// The most subscriptions at a time.
 const SUBSCRIPTIONS_MAX: usize = 4096;
+/// The longest text of what a subscriber wants, in bytes.
+const WISH_BYTES_MAX: usize = 1 << 15;
 /// How often a subscription is tried to be entered that others have entered meanwhile.
 const TRIES_MAX: u32 = 3;
 /// The mark of changes of which nobody needs to hear.
@@ -90,13 +92,21 @@ impl Subscriptions {
         todo.writes.push((mark, Change { key: key.into(), text }));
     }
 
-    /// Begins a subscription.
+    /// Begins a subscription; one whose wish is too large is refused.
     ///
     /// - `newest`: the last revision that is known.
     pub(super) fn subscribe(&mut self, message: &Said, wish: Wish, newest: Revision, todo: &mut Todo) -> bool {
         let key = Self::key(message);
         if self.by_key.len() + self.pending.len() >= SUBSCRIPTIONS_MAX && !self.by_key.contains_key(&key) {
             todo.send.push(self.failure(message, wish, "no room for more subscriptions"));
+            return true;
+        }
+        if print_content(self.calendar, &self.me, &message.content).len() > WISH_BYTES_MAX {
+            let content = ManagementContent::Refused(
+                Function::Search(wish.0.clone(), wish.1),
+                super::largest_of(self.calendar, &wish.0),
+            );
+            todo.send.push(message.reply(Performative::Refuse, self.me.clone(), content));
             return true;
         }
         self.begin(message, wish, newest, 0, todo);
@@ -149,11 +159,13 @@ impl Subscriptions {
     }
 
     /// An offer is new, another, or gone (then `after` has its name alone).
+    ///
+    /// - `bytes`: of its text.
     pub(super) fn changed(
         &mut self,
         now: Time,
         before: Option<&Entry>,
-        after: &DfAgentDescription,
+        (after, bytes): (&DfAgentDescription, usize),
         revision: Revision,
     ) {
         if !self.pages_known {
@@ -164,16 +176,16 @@ impl Subscriptions {
             let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
             let was_like_it = before.is_some_and(|before| fits(&before.offer));
             // What is not like it any more is told as gone.
-            let offer = match (fits(after), was_like_it) {
-                (true, _) => after.clone(),
-                (false, true) => DfAgentDescription { name: after.name.clone(), ..Default::default() },
+            let (offer, bytes) = match (fits(after), was_like_it) {
+                (true, _) => (after.clone(), bytes),
+                (false, true) => (DfAgentDescription { name: after.name.clone(), ..Default::default() }, 0),
                 (false, false) => continue,
             };
             // Of an entry that was found to be gone nobody knows by which write.
             let newest = subscription.news.last().map_or(*sure, |news| news.revision);
             let revision = if revision == Revision::ABSENT { Revision(newest.0 + 1) } else { revision };
             if revision > *sure {
-                subscription.add(News { revision, offer, since: now, said: None });
+                subscription.add(News { revision, offer, bytes, since: now, said: None });
                 self.due = Some(now);
             }
         }
@@ -291,13 +303,14 @@ impl Subscriptions {
         let Standing { message, wish, begun, sure, .. } = &subscription.standing;
         let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
         let offered = pages.entries.values().filter(|entry| entry.revision > *sure && fits(&entry.offer));
-        let offered = offered.map(|entry| (entry.revision, entry.offer.clone()));
+        let offered = offered.map(|entry| (entry.revision, entry.offer.clone(), entry.bytes));
         // What they were is not known any more: perhaps what the subscriber wanted.
         let gone = pages.gone.iter().filter(|(_, revision)| **revision > *sure.max(begun)).map(|(name, revision)| {
             let name = Some(AgentId::new(name.as_str()));
-            (*revision, DfAgentDescription { name, ..Default::default() })
+            (*revision, DfAgentDescription { name, ..Default::default() }, 0)
         });
-        let news = offered.chain(gone).map(|(revision, offer)| News { revision, offer, since: now, said: None });
+        let news =
+            offered.chain(gone).map(|(revision, offer, bytes)| News { revision, offer, bytes, since: now, said: None });
         subscription.news = news.collect();
         subscription.news.sort_by_key(|news| news.revision);
     }
