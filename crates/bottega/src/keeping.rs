@@ -8,7 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{cli::RenderArgs, error::CliError, render::filter, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, identity::identity, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {
@@ -70,7 +70,7 @@ impl Keeping {
 /// part is not in it, so that another machine may go on.
 pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettings) -> String {
     [
-        format!("version={}", env!("CARGO_PKG_VERSION")),
+        format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
         format!("camera={}", subject.view.camera),
         format!("lens={:?}/{:?}", args.scene.lens_radius, args.scene.focus_distance),

@@ -12,6 +12,7 @@ mod engines;
 mod error;
 mod farm;
 mod frames;
+mod identity;
 mod info;
 mod keeping;
 mod platform;

@@ -25,6 +25,7 @@ use super::{
     link::{FarmLink, link},
     part::Member,
     patience::patiently,
+    refusals::{RefusalWatch, Refusals},
     studio::Own,
     worker::{CACHE_BYTES, Worker},
 };
@@ -39,6 +40,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// A frame that is asked for.
 struct Wanted {
     frame: u32,
+    /// The number of the work.
+    work: u64,
     output: PathBuf,
 }
 
@@ -55,7 +58,8 @@ pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> 
     if args.detach {
         return Ok(ExitCode::SUCCESS);
     }
-    let member = Member { board: board.clone(), name, threads: threads(&args.scene), stop: stop.clone() };
+    let (threads, refusals) = (threads(&args.scene), Refusals::default());
+    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals };
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {
@@ -113,7 +117,7 @@ fn submit(
         let mut job = new_job(&of_frame, me);
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
-        wanted.insert(number, Wanted { frame, output: of_frame.output });
+        wanted.insert(number, Wanted { frame, work: job.work, output: of_frame.output });
     }
     if let (Some((first, _)), Some((last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
         reporter.say(&match wanted.len() {
@@ -133,10 +137,14 @@ fn collect(
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
     let (all, say) = (wanted.len(), |line: &str| reporter.say(line));
-    let mut failure = None;
+    let (mut failure, mut watch) = (None, RefusalWatch::default());
     while !wanted.is_empty() && !stop.is_requested() {
         let mut over = Vec::new();
-        for (&number, Wanted { frame, output }) in &wanted {
+        let seats = board.seats();
+        for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
+            reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
+        }
+        for (&number, Wanted { frame, output, .. }) in &wanted {
             let Some(job) = board.get(number) else {
                 over.push(number);
                 failure = Some(CliError::failed(format!("frame {frame} is gone"), "somebody has removed its job"));

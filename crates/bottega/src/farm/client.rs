@@ -13,13 +13,15 @@ use super::{
     link::{FarmLink, link},
     names::fresh_number,
     part::{Leading, Member, Part, Tools, take_part},
-    patience::patiently,
+    patience::{meanwhile, patiently},
+    refusals::{RefusalWatch, Refusals},
     scene_files::SceneFiles,
 };
 use crate::{
     cli::{EnvironmentArg, RenderArgs},
     engines::{self, Material},
     error::CliError,
+    identity::{commit, identity},
     reporter::Reporter,
     scene::{shown, threads},
 };
@@ -31,6 +33,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 pub(crate) struct Asked {
     member: Member,
     pub(crate) number: u32,
+    work: u64,
 }
 
 /// A picture that a farm has painted.
@@ -53,15 +56,28 @@ impl Asked {
         let board = JobBoard { uplink };
         board.refuse_guests()?;
         let order = order(&board.uplink, args, material)?;
-        let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
+        let (threads, stop, refusals) = (threads(&args.scene), stop.clone(), Refusals::default());
+        let member = Member { board, name, threads, stop, refusals };
         let job = new_job(args, &member.name);
         member.board.sweep();
         let number = member.board.submit(&job, &order)?;
-        Ok(Self { member, number })
+        Ok(Self { member, number, work: job.work })
     }
 
-    /// Paints with the others until the picture is there, or the user wants to stop.
-    pub(crate) fn paint(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
+    /// Paints with the others until the picture is there, or the user wants to stop. Tells the user which machines have left
+    /// the job out.
+    pub(crate) fn paint(&self, tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
+        let mut watch = RefusalWatch::default();
+        let tell = || {
+            let seats = self.member.board.seats();
+            for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
+                reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
+            }
+        };
+        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
+    }
+
+    fn paint_with_others(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
         let Member { board, stop, .. } = &self.member;
         let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
@@ -158,7 +174,8 @@ pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 /// A job that is asked for now.
 pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
     let mut job = Job {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: identity().to_owned(),
+        commit: commit(),
         work: fresh_number(),
         scene: shown(&args.scene.file.scene),
         output: shown(&args.output),
@@ -186,6 +203,7 @@ pub(super) fn order(
         choice: engines::choice(args)?,
         frame: None,
         engine: material.engine.clone(),
+        journal: None,
     })
 }
 

@@ -19,9 +19,10 @@ use super::{
     chunks,
     job::{Job, JobState, Order},
     machine::{Standing, order_name},
+    refusals::Refusal,
     together,
 };
-use crate::error::CliError;
+use crate::{error::CliError, identity::identity};
 
 /// How often those who hold something say so.
 pub(super) const RENEW_EVERY: Duration = Duration::from_millis(500);
@@ -56,7 +57,7 @@ pub(crate) struct Lead {
 pub(crate) struct Seat {
     pub(crate) name: String,
     pub(crate) threads: usize,
-    /// Of its program.
+    /// The identity of its build.
     pub(crate) version: String,
     /// The job that it paints.
     pub(crate) job: Option<u32>,
@@ -64,13 +65,27 @@ pub(crate) struct Seat {
     pub(crate) standing: Standing,
     /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
     pub(crate) takes_orders: bool,
+    /// Whether it may paint and no more.
+    #[serde(default)]
+    pub(crate) is_guest: bool,
+    /// The last jobs that it does not paint, and why.
+    #[serde(default)]
+    pub(crate) refusals: Vec<Refusal>,
 }
 
 impl Seat {
-    /// The seat of a machine of this version that paints, or waits for work.
+    /// The seat of a machine of this build that paints, or waits for work.
     pub(crate) fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
-        let version = env!("CARGO_PKG_VERSION").to_owned();
-        Self { name: name.to_owned(), threads, version, job, standing: Standing::Active, takes_orders: true }
+        Self {
+            name: name.to_owned(),
+            threads,
+            version: identity().to_owned(),
+            job,
+            standing: Standing::Active,
+            takes_orders: true,
+            is_guest: false,
+            refusals: Vec::new(),
+        }
     }
 }
 

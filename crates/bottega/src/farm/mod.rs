@@ -5,6 +5,7 @@
 //! die, and any other process goes on.
 
 mod address;
+mod admission;
 mod animation;
 mod cache;
 mod chunks;
@@ -22,6 +23,7 @@ mod names;
 mod own_server;
 mod part;
 mod patience;
+mod refusals;
 mod scene_files;
 mod server;
 mod shares;

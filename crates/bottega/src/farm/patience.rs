@@ -1,6 +1,10 @@
 //! Waiting for a farm that does not answer.
 
-use std::{thread, time::Duration};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread::{self, Thread},
+    time::Duration,
+};
 
 use bottega_farm::StopSwitch;
 
@@ -30,6 +34,29 @@ pub(super) fn patiently<T>(
         }
         thread::sleep(BETWEEN_TRIES);
     }
+}
+
+/// Does `tick` now and then while `work` is done, which takes long: opens a scene, has kernels compiled.
+pub(super) fn meanwhile<T>(every: Duration, mut tick: impl FnMut() + Send, work: impl FnOnce() -> T) -> T {
+    /// Ends the thread that does it, whatever becomes of the work.
+    struct Done<'a>(&'a AtomicBool, Thread);
+    impl Drop for Done<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+            self.1.unpark();
+        }
+    }
+    let is_done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let ticker = scope.spawn(|| {
+            while !is_done.load(Ordering::Relaxed) {
+                tick();
+                thread::park_timeout(every);
+            }
+        });
+        let _done = Done(&is_done, ticker.thread().clone());
+        work()
+    })
 }
 
 #[cfg(test)]

@@ -148,6 +148,14 @@ impl Server {
     }
 }
 
+/// Has the server of a folder read its configuration again.
+pub(super) fn reload(program: &Path, setup: &Setup) -> Result<(), CliError> {
+    match setup.running() {
+        Some(number) if signal(program, "reload", number) => Ok(()),
+        _ => Err(CliError::failed("the NATS server does not run, or takes no signal", "see its log")),
+    }
+}
+
 /// Has a server do something: `reload` its configuration, `quit`.
 pub(super) fn signal(program: &Path, what: &str, number: u32) -> bool {
     let mut command = Command::new(program);

@@ -5,7 +5,6 @@ use std::{
     net::{IpAddr, SocketAddr, UdpSocket},
     path::{Path, PathBuf},
     process::ExitCode,
-    sync::{Mutex, PoisonError},
     thread,
     time::{Duration, Instant},
 };
@@ -16,9 +15,10 @@ use clap::{Args, ValueHint};
 use rustls::pki_types::{CertificateDer, pem::PemObject};
 
 use super::{
+    admission::Admission,
     address::{FarmAddress, Group, JoinWord, address_file, state_folder},
     discovery::Beacon,
-    link::{Answer, pinned, write_secret},
+    link::{pinned, write_secret},
     members::Members,
     server::{Server, Setup, program, signal},
 };
@@ -75,7 +75,8 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     let (here, options) = (here(args.listen), options(args.listen));
     let (mut server, uplink) = begin(&program, &config, &setup, &options)?;
     let log = setup.log();
-    let_in_newcomers(&uplink, members, setup, program.clone());
+    let admission = Admission::new(members, setup, program.clone());
+    uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| admission.answer(group, request));
     write_secret(&address_file(), here.to_string().as_bytes())?;
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
@@ -191,24 +192,6 @@ fn keep_up(
         thread::sleep(BETWEEN_TRIES);
     }
     Ok(())
-}
-
-/// From now on those who know a word become members, and the server is told of them.
-fn let_in_newcomers(uplink: &NatsUplink<FarmCodec>, members: Members, setup: Setup, program: PathBuf) {
-    let members = Mutex::new(members);
-    uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| {
-        let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
-        let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut answer = members.answer(group, request);
-        let reload = || setup.running().is_some_and(|number| signal(&program, "reload", number));
-        if answer.member.is_some() && !(setup.write(&members).is_ok() && reload()) {
-            answer = Answer { member: None, refused: Some("its server cannot be told of it".to_owned()) };
-        }
-        if let Some(member) = &answer.member {
-            tracing::info!(member, group = group.word(), "let in");
-        }
-        serde_json::to_vec(&answer).ok()
-    });
 }
 
 /// The farm's address for this machine.

@@ -37,7 +37,7 @@ pub(super) async fn open(
     what: &'static str,
     may_make: bool,
 ) -> Result<ObjectStore, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what, reason };
+    let keep = |reason: String| NatsError::Keep { what, reason, is_lasting: false };
     let store = match context.get_object_store(&bucket).await {
         Ok(store) => store,
         Err(error) if !may_make => return Err(keep(error.to_string())),
@@ -66,7 +66,7 @@ pub(super) async fn open(
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(store),
-        Some((other, _)) => Err(keep(format!("its stream OBJ_{bucket} has another {other} than was asked for"))),
+        Some((other, _)) => Err(NatsError::Keep { what, reason: format!("its stream OBJ_{bucket} has another {other} than was asked for"), is_lasting: true }),
     }
 }
 

@@ -26,7 +26,7 @@ use std::{
 };
 
 use async_nats::{
-    Client,
+    Client, ConnectErrorKind,
     jetstream::{self, kv},
 };
 use tokio::{
@@ -104,10 +104,46 @@ pub enum NatsError {
         what: &'static str,
         /// Why not.
         reason: String,
+        /// Whether it is so whenever it is tried again; not of a server that reads its configuration anew.
+        is_lasting: bool,
+    },
+    /// Nobody answers one who wants to be let in.
+    #[error("nobody lets machines into the farm: {reason}")]
+    NobodyAnswers {
+        /// What the server says.
+        reason: String,
     },
     /// The operating system gives no thread.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
+}
+
+impl NatsError {
+    /// Whether the server does not know who one is. One that reads its configuration anew may not know it yet.
+    pub fn is_refusal(&self) -> bool {
+        matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
+    }
+
+    /// Whether a server that was reached a moment ago may do it when it is asked again: while it reads its configuration anew it
+    /// turns members away, closes links and keeps nothing.
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Connect { source, .. } => matches!(
+                source.kind(),
+                ConnectErrorKind::AuthorizationViolation
+                    | ConnectErrorKind::Authentication
+                    | ConnectErrorKind::TimedOut
+                    | ConnectErrorKind::Io
+            ),
+            Self::Keep { is_lasting, .. } => !is_lasting,
+            Self::NobodyAnswers { .. } => true,
+            Self::Address { .. }
+            | Self::Name { .. }
+            | Self::Credentials { .. }
+            | Self::Version { .. }
+            | Self::Thread(_) => false,
+        }
+    }
 }
 
 /// A link to a farm.

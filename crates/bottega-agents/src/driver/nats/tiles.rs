@@ -35,7 +35,7 @@ pub struct NatsTiles {
 
 /// Opens the stream of a farm, or makes it. What the server then says of it is compared with what was asked.
 pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Result<Stream, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what: "pixels", reason };
+    let keep = |reason: String| NatsError::Keep { what: "pixels", reason, is_lasting: false };
     let name = names::tiles(farm);
     let wanted = stream::Config {
         name: name.clone(),
@@ -70,7 +70,7 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(stream),
-        Some((other, _)) => Err(keep(format!("its stream {name} has another {other} than was asked for"))),
+        Some((other, _)) => Err(NatsError::Keep { what: "pixels", reason: format!("its stream {name} has another {other} than was asked for"), is_lasting: true }),
     }
 }
 
