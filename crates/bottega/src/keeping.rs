@@ -24,6 +24,12 @@ pub(crate) fn journal_of(output: &Path) -> PathBuf {
     PathBuf::from(path)
 }
 
+/// Whether a journal is there, and of the picture that is called so.
+pub(crate) fn is_journal_of(path: &Path, name: &str) -> bool {
+    let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
+    journal.is_some_and(|journal| journal.name == name)
+}
+
 impl Keeping {
     /// Begins the journal of `output`, or goes on with the one that is there.
     pub(crate) fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, CliError> {
@@ -114,6 +120,8 @@ mod tests {
         assert!(Keeping::begin(&output, "scene=a; spp=4", true).is_ok());
         let error = Keeping::begin(&output, "scene=a; spp=8", true).map(|_| ()).expect_err("another picture");
         assert!(error.to_string().contains("it has spp=4, not spp=8"), "{error}");
+        assert!(is_journal_of(&journal_of(&output), "scene=a; spp=4"));
+        assert!(!is_journal_of(&journal_of(&output), "scene=a; spp=8") && !is_journal_of(&output, "scene=a; spp=4"));
     }
 
     #[test]

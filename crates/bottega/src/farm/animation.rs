@@ -19,7 +19,7 @@ use bottega_image::check_writable;
 use super::{
     address::state_folder,
     cache::Cache,
-    client::{new_job, order, write_picture},
+    client::{new_job, order, unfetched, write_picture},
     job::{JobState, Order},
     job_board::{JobBoard, ended_badly},
     link::{FarmLink, link},
@@ -30,7 +30,7 @@ use super::{
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
-    cli::RenderArgs, denoise, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter,
+    cli::RenderArgs, denoise, engines::Material, error::CliError, frames::Frames, parting, render, reporter::Reporter,
     scene::threads,
 };
 
@@ -54,7 +54,7 @@ pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> 
     }
     let FarmLink { uplink, name, .. } = link(args.farm.as_ref().and_then(Option::as_ref), &args.login)?;
     let board = JobBoard { uplink };
-    let wanted = submit(args, frames, &board, &name, &reporter)?;
+    let wanted = submit(args, frames, &board, &name, stop, &reporter)?;
     if args.detach {
         return Ok(ExitCode::SUCCESS);
     }
@@ -98,6 +98,7 @@ fn submit(
     frames: &Frames,
     board: &JobBoard,
     me: &str,
+    stop: &StopSwitch,
     reporter: &Reporter,
 ) -> Result<BTreeMap<u32, Wanted>, CliError> {
     board.refuse_guests()?;
@@ -109,8 +110,8 @@ fn submit(
     for warning in &material.warnings {
         reporter.warn(warning.clone());
     }
-    let order = order(&board.uplink, &first, &material)?;
     board.sweep();
+    let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
     let mut wanted = BTreeMap::new();
     for frame in missing {
         let of_frame = args.clone().at_frame(frame);
@@ -119,7 +120,12 @@ fn submit(
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
         wanted.insert(number, Wanted { frame, work: job.work, output: of_frame.output });
     }
+    sent.keep();
     if let (Some((first, _)), Some((last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
+        parting::say_if_ended_at_once(format!(
+            "jobs {first} to {last} stay with the farm: `bottega jobs list` shows them, `bottega jobs fetch N` has a picture \
+             that is done, `bottega jobs cancel N` calls one off"
+        ));
         reporter.say(&match wanted.len() {
             1 => format!("1 frame is job {first} of the farm"),
             count => format!("{count} frames are jobs {first} to {last} of the farm"),
@@ -156,7 +162,11 @@ fn collect(
             } else if let JobState::Done { .. } = job.state
                 && let Some(picture) = patiently(stop, say, || board.picture(&job))?
             {
-                write_picture(output, &picture)?;
+                if let Err(error) = write_picture(output, &picture) {
+                    failure = Some(unfetched(number, error));
+                    over.push(number);
+                    continue;
+                }
                 if let Some(lacking) = denoise::lacking(args, &picture) {
                     reporter.warn(lacking);
                 }

@@ -76,7 +76,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn parse_gigabytes(text: &str) -> Result<f64, String> {
+pub(super) fn parse_gigabytes(text: &str) -> Result<f64, String> {
     let size = text.parse().ok().filter(|size: &f64| (0.0..=1e6).contains(size));
     size.ok_or_else(|| "a number of gigabytes is needed, such as 20".to_owned())
 }

@@ -27,8 +27,8 @@ use crate::error::CliError;
 const FIT_FOR_ALL: (u64, u64) = (2, 14);
 /// How long one who was just let in is patient with a server that reads its configuration anew.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// The same of one who was let in some time ago, and who knows a word: the farm may have forgotten it.
-const PATIENCE_OF_KNOWN: Duration = Duration::from_secs(1);
+/// The same of one who is turned away and may have no right to come in: whose word is wrong, whom the farm has forgotten.
+const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
 /// Between tries, at first and at most.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
@@ -177,7 +177,7 @@ fn as_known(
 ) -> Option<Result<(NatsUplink<FarmCodec>, String), CliError>> {
     let attempt = || as_member(address, word, known);
     let is_reloading = |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
-    match persist(PATIENCE_OF_KNOWN, is_reloading, attempt) {
+    match persist(PATIENCE_OF_REFUSED, is_reloading, attempt) {
         Err(error) if error.is_refusal() => None,
         Err(error) => Some(Err(told(error))),
         Ok(uplink) => Some(Ok((uplink, process_name(&known.member)))),
@@ -233,9 +233,13 @@ fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, CliError
     let request = serde_json::to_vec(&request).unwrap_or_default();
     let group = word.group.word();
     let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
-    // A wrong word stays wrong.
-    let is_silent = |error: &NatsError| matches!(error, NatsError::NobodyAnswers { .. });
-    let answer = persist(PATIENCE, is_silent, || enrol(&options, group, &request)).map_err(told)?;
+    let begun = Instant::now();
+    // A wrong word stays wrong; a right one is turned away, too, while the server reads its configuration anew.
+    let may_pass = |error: &NatsError| match error {
+        NatsError::NobodyAnswers { .. } => true,
+        error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
+    };
+    let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(told)?;
     let answer: Option<Answer> = serde_json::from_slice(&answer).ok();
     let refused = |reason: String| {
         CliError::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")

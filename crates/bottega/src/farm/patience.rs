@@ -8,6 +8,7 @@ use std::{
 
 use bottega_farm::StopSwitch;
 
+use super::room::MAKE_ROOM;
 use crate::error::CliError;
 
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
@@ -26,7 +27,12 @@ pub(super) fn patiently<T>(
         match attempt() {
             Err(error) if error.may_pass() && !stop.is_requested() => {
                 if !std::mem::replace(&mut has_said, true) {
-                    say("the farm does not do what it is asked: waiting for it");
+                    let is_full = matches!(&error, CliError::Blob(error) if error.is_full);
+                    say(&if is_full {
+                        format!("the farm's server has no room: waiting for it. {MAKE_ROOM}")
+                    } else {
+                        "the farm does not do what it is asked: waiting for it".to_owned()
+                    });
                 }
                 tracing::debug!(%error, "trying again");
             }
@@ -68,7 +74,7 @@ mod tests {
     use super::*;
 
     fn wrong(is_lasting: bool) -> CliError {
-        CliError::Blob(BlobError { name: "b".to_owned(), reason: "r".to_owned(), is_lasting })
+        CliError::Blob(BlobError { name: "b".to_owned(), reason: "r".to_owned(), is_lasting, is_full: false })
     }
 
     #[test]

@@ -131,6 +131,7 @@ impl Worker {
                 board.log(number, &format!("{name} is left out: {reason}"));
                 eprintln!("{:?}", miette::Report::new(error));
                 refusals.add(Refusal { job: number, work: job.work, reason });
+                board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
                 true
             }
         }

@@ -26,7 +26,7 @@ use std::{
 };
 
 use async_nats::{
-    Client, ConnectErrorKind,
+    Client, ConnectErrorKind, Request, RequestErrorKind,
     jetstream::{self, kv},
 };
 use tokio::{
@@ -37,7 +37,7 @@ use tokio_stream::StreamExt;
 
 use self::store::Bucket;
 pub use self::{
-    blobs::{BlobError, NatsBlobs},
+    blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
     enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
@@ -57,6 +57,8 @@ const ANSWER_TIME: Duration = Duration::from_secs(2);
 const CONNECT_TIME: Duration = Duration::from_secs(5);
 /// How often an agent that hears nothing is asked whether it is still there.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// The subject on which a server says what it stores.
+const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest server that is known to work.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
@@ -207,7 +209,7 @@ impl<K: Codec> NatsUplink<K> {
         let codec = Arc::new(codec);
         let bucket = Bucket::new(client.clone(), blackboard, Arc::clone(&codec));
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
-        let blobs = NatsBlobs::new(objects, handle.clone());
+        let blobs = NatsBlobs::new(context.clone(), objects, names::objects(&options.farm), handle.clone());
         let tiles = NatsTiles::new(context, tiles, &options.farm, handle.clone());
         let (farm, is_guest) = (options.farm.clone(), options.is_guest);
         Ok(Self {
@@ -266,6 +268,18 @@ impl<K: Codec> NatsUplink<K> {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
+    /// Asks the server what it stores; blocks until it answers, two seconds at most.
+    pub fn server_state(&self) -> ServerState {
+        let asked = Request::new().timeout(Some(ANSWER_TIME));
+        match self.handle.block_on(self.client.send_request(STORE_INFO, asked)) {
+            Ok(answer) => ServerState::read(&answer.payload),
+            Err(error) if error.kind() == RequestErrorKind::NoResponders => {
+                ServerState::StoresNothing { reason: error.to_string() }
+            }
+            Err(_) => ServerState::Silent,
+        }
+    }
+
     /// Lets all entries of the store go whose names begin so.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
@@ -281,6 +295,34 @@ impl<K: Codec> NatsUplink<K> {
             _ = self.client.flush().await;
         };
         _ = self.handle.block_on(async { tokio::time::timeout(ANSWER_TIME, wait).await });
+    }
+}
+
+/// What a server says of what it stores.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ServerState {
+    /// It does not answer.
+    Silent,
+    /// It answers, and stores nothing: its disk was full once, or is.
+    StoresNothing {
+        /// What it says.
+        reason: String,
+    },
+    /// It stores.
+    Stores {
+        /// What it keeps of all farms.
+        bytes: u64,
+    },
+}
+
+impl ServerState {
+    /// What an answer says. The library's own way of reading it does not know all servers.
+    fn read(answer: &[u8]) -> Self {
+        let told: serde_json::Value = serde_json::from_slice(answer).unwrap_or_default();
+        match told["storage"].as_u64() {
+            Some(bytes) => Self::Stores { bytes },
+            None => Self::StoresNothing { reason: told["error"]["description"].as_str().unwrap_or_default().to_owned() },
+        }
     }
 }
 
@@ -312,7 +354,7 @@ struct Opened {
     context: jetstream::Context,
     blackboard: kv::Store,
     notices: kv::Store,
-    objects: jetstream::object_store::ObjectStore,
+    objects: (jetstream::object_store::ObjectStore, jetstream::stream::Stream),
     tiles: jetstream::stream::Stream,
 }
 
