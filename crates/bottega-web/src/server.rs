@@ -71,7 +71,7 @@ impl JobState {
             Event::Zone { id, .. } => {
                 self.zones.insert(id, event);
             }
-            Event::Progress(_) => self.progress = Some(event),
+            Event::Progress(_) | Event::Sending { .. } => self.progress = Some(event),
             Event::Preview { .. } => self.preview = Some(event),
             Event::Warning { .. } | Event::Asked { .. } | Event::LightingAgents(_) | Event::Denoised { .. } => {
                 self.notes.push(event);

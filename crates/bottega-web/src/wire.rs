@@ -31,6 +31,17 @@ pub enum Event {
         /// Seed of the picture.
         seed: u64,
     },
+    /// The scene is on its way to a farm.
+    Sending {
+        /// What is there.
+        bytes_sent: u64,
+        /// What is to be sent in all.
+        bytes: u64,
+        /// Since it began.
+        seconds: f64,
+        /// Until it is there, at this pace.
+        seconds_left: Option<f64>,
+    },
     /// A farm has the job.
     Asked {
         /// Its number there.

@@ -31,6 +31,7 @@ use crate::{
     engines::{EngineArgs, EnginesArgs},
     farm::{FarmAddress, JobsArgs, JoinArgs, LoginArgs, MachinesArgs, PRIORITY, PRIORITY_MAX, UpArgs},
     frames::Frames,
+    identity,
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -40,7 +41,7 @@ use crate::{
 #[derive(Debug, Parser)]
 #[command(
     name = "bottega",
-    version,
+    version = identity::description(),
     after_help = "Start with:\n  bottega render scene.glb -o picture.png\n  bottega render --help"
 )]
 pub(crate) struct Cli {

@@ -130,6 +130,12 @@ impl CliError {
         text
     }
 
+    /// The same with what can be done about it.
+    pub(crate) fn told_with_remedy(&self) -> String {
+        let remedy = self.help().map(|help| format!("; {help}")).unwrap_or_default();
+        format!("{}{remedy}", self.told())
+    }
+
     pub(crate) fn manifest(error: ManifestError) -> Self {
         let text = NamedSource::new(error.path.display().to_string(), error.text.clone());
         let span = error.span.clone().into();

@@ -8,7 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{cli::RenderArgs, error::CliError, render::filter, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, identity::identity, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {
@@ -22,6 +22,12 @@ pub(crate) fn journal_of(output: &Path) -> PathBuf {
     let mut path = output.as_os_str().to_owned();
     path.push(".bottega-journal");
     PathBuf::from(path)
+}
+
+/// Whether a journal is there, and of the picture that is called so.
+pub(crate) fn is_journal_of(path: &Path, name: &str) -> bool {
+    let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
+    journal.is_some_and(|journal| journal.name == name)
 }
 
 impl Keeping {
@@ -70,7 +76,7 @@ impl Keeping {
 /// part is not in it, so that another machine may go on.
 pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettings) -> String {
     [
-        format!("version={}", env!("CARGO_PKG_VERSION")),
+        format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
         format!("camera={}", subject.view.camera),
         format!("lens={:?}/{:?}", args.scene.lens_radius, args.scene.focus_distance),
@@ -114,6 +120,8 @@ mod tests {
         assert!(Keeping::begin(&output, "scene=a; spp=4", true).is_ok());
         let error = Keeping::begin(&output, "scene=a; spp=8", true).map(|_| ()).expect_err("another picture");
         assert!(error.to_string().contains("it has spp=4, not spp=8"), "{error}");
+        assert!(is_journal_of(&journal_of(&output), "scene=a; spp=4"));
+        assert!(!is_journal_of(&journal_of(&output), "scene=a; spp=8") && !is_journal_of(&output, "scene=a; spp=4"));
     }
 
     #[test]

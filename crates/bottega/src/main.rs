@@ -12,8 +12,10 @@ mod engines;
 mod error;
 mod farm;
 mod frames;
+mod identity;
 mod info;
 mod keeping;
+mod parting;
 mod platform;
 mod preview;
 mod render;
@@ -22,7 +24,7 @@ mod rules;
 mod scene;
 mod simulate;
 
-use std::{io, process::ExitCode};
+use std::{env, io, io::IsTerminal, process::ExitCode};
 
 use clap::{CommandFactory, Parser};
 use cli::{Cli, Command};
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
         .with_writer(io::stderr)
+        .with_ansi(has_colors())
         .init();
     engines::keep_quarantines();
     let outcome = match Cli::parse().command {
@@ -62,6 +65,11 @@ fn main() -> ExitCode {
         }
     };
     outcome.unwrap_or_else(report)
+}
+
+/// Whether the log may have colors: where people read it on a terminal, and have not said otherwise (no-color.org).
+fn has_colors() -> bool {
+    io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.

@@ -26,6 +26,7 @@ use crate::{
     farm::{Asked, Painted, Tools, write_picture},
     frames,
     keeping::{Keeping, name_of},
+    parting,
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
     rules::{experts, rule_texts},
@@ -78,7 +79,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.as_ref(), args, &Material::of(&subject), stop)?;
+        let asked = Asked::submit(farm.as_ref(), args, &Material::of(&subject), None, stop, &reporter)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -113,12 +114,13 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         None => (painter, observer),
     };
     let material = Material::of(&subject);
-    let asked = args.farm.as_ref().map(|farm| Asked::submit(farm.as_ref(), args, &material, stop)).transpose()?;
+    let submit = |farm: &Option<_>| Asked::submit(farm.as_ref(), args, &material, Some(&name), stop, &reporter);
+    let asked = args.farm.as_ref().map(submit).transpose()?;
     let tools =
         Tools { settings: settings.clone(), engine: painter, observer, store: Some(keeping.store), kept: keeping.kept };
     let (report, leading) = match painted(asked.as_ref(), tools, stop, &reporter)? {
         Painted::Here(report, leading) => (*report, leading),
-        Painted::Elsewhere(picture) => return had(args, &reporter, &picture, &keeping.path),
+        Painted::Elsewhere(picture) => return had(args, asked.as_ref(), &reporter, &picture, &keeping.path),
     };
     reporter.finish();
     devices_did(&engine, &crew, &reporter);
@@ -137,7 +139,11 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     if let Some(swarm) = engine.lighting_agents() {
         lighting_agents::tell(&swarm, &reporter, &mut metadata);
     }
-    write(args, Some(&subject.hints), &args.output, format, &report.film, &metadata)?;
+    let written = write(args, Some(&subject.hints), &args.output, format, &report.film, &metadata);
+    written.map_err(|error| match &asked {
+        Some(asked) => asked.unwritten(error),
+        None => error,
+    })?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
     {
@@ -166,12 +172,17 @@ pub(crate) fn painted(
 /// The picture was led to its end by another machine.
 pub(crate) fn had(
     args: &RenderArgs,
+    asked: Option<&Asked>,
     reporter: &Reporter,
     picture: &[u8],
     journal: &Path,
 ) -> Result<ExitCode, CliError> {
     reporter.finish();
-    write_picture(&args.output, picture)?;
+    let written = write_picture(&args.output, picture);
+    written.map_err(|error| match asked {
+        Some(asked) => asked.unfetched(error),
+        None => error,
+    })?;
     if let Some(lacking) = denoise::lacking(args, picture) {
         reporter.warn(lacking);
     }
@@ -355,6 +366,7 @@ pub(crate) fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
     let stop = stop.clone();
     ctrlc::set_handler(move || {
         if stop.is_requested() {
+            parting::say();
             std::process::exit(i32::from(INTERRUPTED));
         }
         stop.request();

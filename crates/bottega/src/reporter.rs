@@ -19,7 +19,7 @@ use bottega_web::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::{error::CliError, preview::Show};
+use crate::{error::CliError, farm::bytes_said, preview::Show};
 
 /// How often progress is told.
 const TELL_EVERY: Duration = Duration::from_millis(500);
@@ -170,6 +170,31 @@ impl Reporter {
             seconds: progress.elapsed.as_secs_f64(),
             seconds_left: progress.left.map(|left| left.as_secs_f64()),
         }));
+    }
+
+    /// Tells how much of a scene is sent to a farm.
+    ///
+    /// - `is_due`: say it, too, where no progress bar is seen.
+    pub(crate) fn tell_sent(&self, sent: u64, bytes: u64, since: Duration, is_due: bool) {
+        let (share, seconds) = (sent as f64 / bytes.max(1) as f64, since.as_secs_f64());
+        let left = Duration::try_from_secs_f64(seconds * (1.0 - share) / share).ok();
+        let text = format!(
+            "sending the scene: {} of {}, {:.0} %, {} left",
+            bytes_said(sent),
+            bytes_said(bytes),
+            100.0 * share,
+            left.map_or("–".to_owned(), duration)
+        );
+        if self.bar.is_finished() {
+            self.bar.reset();
+        }
+        self.bar.set_position((share * BAR_STEPS as f64) as u64);
+        if self.bar.is_hidden() && is_due {
+            self.say(&text);
+        }
+        self.bar.set_message(text);
+        let seconds_left = left.map(|left| left.as_secs_f64());
+        self.tell(Event::Sending { bytes_sent: sent, bytes, seconds, seconds_left });
     }
 
     /// Tells how far a step is that comes after the painting.

@@ -88,7 +88,11 @@ impl Link {
                 Ok(done) => return Ok(done),
                 Err(error) if error.is_lasting || stop.is_requested() => return Err(error.to_string()),
                 Err(error) if TOLD_AFTER.contains(&tries) && self.uplink.is_connected() => {
-                    tracing::warn!(%error, "the farm's server does not do what it is asked, as with a full disk; waiting for it");
+                    let remedy = if error.is_full { "; see which jobs hold how much: bottega jobs list" } else { "" };
+                    tracing::warn!(
+                        %error,
+                        "the farm's server does not do what it is asked, as with a full disk; waiting for it{remedy}"
+                    );
                 }
                 Err(error) => tracing::debug!(%error, "trying again"),
             }

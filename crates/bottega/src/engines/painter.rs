@@ -25,6 +25,7 @@ use super::{
 use crate::{
     cli::{DEPTH_MAX, IntegratorArg, RenderArgs, SAMPLES_MAX, Size},
     error::CliError,
+    identity::identity,
     render,
     scene::{Subject, agents, shown, threads},
 };
@@ -142,7 +143,7 @@ impl Painter {
             let _ = write!(options, "{name}={value},");
         }
         let parts = [
-            format!("version={}", env!("CARGO_PKG_VERSION")),
+            format!("version={}", identity()),
             format!("engine={}", self.located.identity()),
             format!("mixed={}", self.mix.is_some()),
             format!("scene={}", blake3::hash(&bytes).to_hex()),

@@ -35,7 +35,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let reporter = Arc::new(render::reporter(args, dashboard.clone())?);
     notes.into_iter().for_each(|note| reporter.warn(note));
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let number = Asked::submit(farm.as_ref(), args, &Material::gather(args)?, stop)?.number;
+        let number = Asked::submit(farm.as_ref(), args, &Material::gather(args)?, None, stop, &reporter)?.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
         return Ok(ExitCode::SUCCESS);
@@ -44,17 +44,18 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut painter = Painter::open(args, experts)?;
     painter.settings.engine_choice = choice;
     painter.settings.goal = render::goal(args, begun)?;
-    let keeping = Keeping::begin(&args.output, &painter.name(args)?, args.resume)?;
+    let name = painter.name(args)?;
+    let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     started(&reporter, args, &painter);
     watch(args, dashboard, &painter, &reporter, begun);
     painter.settings.goal = render::goal(args, begun)?;
     let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) = (painter.paints(), Arc::clone(&reporter) as _);
     let settings = painter.settings.clone();
     let tools = Tools { settings, engine, observer, store: Some(keeping.store), kept: keeping.kept };
-    let asked = asked(args, stop, &reporter)?;
+    let asked = asked(args, &name, stop, &reporter)?;
     let (report, leading) = match render::painted(asked.as_ref(), tools, stop, &reporter)? {
         Painted::Here(report, leading) => (*report, leading),
-        Painted::Elsewhere(picture) => return render::had(args, &reporter, &picture, &keeping.path),
+        Painted::Elsewhere(picture) => return render::had(args, asked.as_ref(), &reporter, &picture, &keeping.path),
     };
     reporter.finish();
     if painter.engine.dropped_count() > 0 {
@@ -64,7 +65,11 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let mut metadata = painter.metadata(args, &report);
     let mut report = report;
     denoise::finish(denoiser.as_ref(), args, &mut report, &mut metadata, &reporter, stop)?;
-    render::write(args, None, &args.output, format, &report.film, &metadata)?;
+    let written = render::write(args, None, &args.output, format, &report.film, &metadata);
+    written.map_err(|error| match &asked {
+        Some(asked) => asked.unwritten(error),
+        None => error,
+    })?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
         && let Err(error) = asked.finish(&leading, report.failed.len(), &reporter)
     {
@@ -91,11 +96,11 @@ fn tell_mix(painter: &Painter, report: &JobReport, reporter: &Reporter) -> Resul
 }
 
 /// Asks a farm, where one is named.
-fn asked(args: &RenderArgs, stop: &StopSwitch, reporter: &Reporter) -> Result<Option<Asked>, CliError> {
+fn asked(args: &RenderArgs, journal: &str, stop: &StopSwitch, reporter: &Reporter) -> Result<Option<Asked>, CliError> {
     let Some(farm) = &args.farm else { return Ok(None) };
     let material = Material::gather(args)?;
     material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
-    Asked::submit(farm.as_ref(), args, &material, stop).map(Some)
+    Asked::submit(farm.as_ref(), args, &material, Some(journal), stop, reporter).map(Some)
 }
 
 fn started(reporter: &Reporter, args: &RenderArgs, painter: &Painter) {

@@ -19,17 +19,18 @@ use bottega_image::check_writable;
 use super::{
     address::state_folder,
     cache::Cache,
-    client::{new_job, order, write_picture},
+    client::{new_job, order, unfetched, write_picture},
     job::{JobState, Order},
     job_board::{JobBoard, ended_badly},
     link::{FarmLink, link},
     part::Member,
     patience::patiently,
+    refusals::{RefusalWatch, Refusals},
     studio::Own,
     worker::{CACHE_BYTES, Worker},
 };
 use crate::{
-    cli::RenderArgs, denoise, engines::Material, error::CliError, frames::Frames, render, reporter::Reporter,
+    cli::RenderArgs, denoise, engines::Material, error::CliError, frames::Frames, parting, render, reporter::Reporter,
     scene::threads,
 };
 
@@ -39,6 +40,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// A frame that is asked for.
 struct Wanted {
     frame: u32,
+    /// The number of the work.
+    work: u64,
     output: PathBuf,
 }
 
@@ -51,11 +54,12 @@ pub(crate) fn animate(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> 
     }
     let FarmLink { uplink, name, .. } = link(args.farm.as_ref().and_then(Option::as_ref), &args.login)?;
     let board = JobBoard { uplink };
-    let wanted = submit(args, frames, &board, &name, &reporter)?;
+    let wanted = submit(args, frames, &board, &name, stop, &reporter)?;
     if args.detach {
         return Ok(ExitCode::SUCCESS);
     }
-    let member = Member { board: board.clone(), name, threads: threads(&args.scene), stop: stop.clone() };
+    let (threads, refusals) = (threads(&args.scene), Refusals::default());
+    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals };
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {
@@ -94,6 +98,7 @@ fn submit(
     frames: &Frames,
     board: &JobBoard,
     me: &str,
+    stop: &StopSwitch,
     reporter: &Reporter,
 ) -> Result<BTreeMap<u32, Wanted>, CliError> {
     board.refuse_guests()?;
@@ -105,17 +110,22 @@ fn submit(
     for warning in &material.warnings {
         reporter.warn(warning.clone());
     }
-    let order = order(&board.uplink, &first, &material)?;
     board.sweep();
+    let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
     let mut wanted = BTreeMap::new();
     for frame in missing {
         let of_frame = args.clone().at_frame(frame);
         let mut job = new_job(&of_frame, me);
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
-        wanted.insert(number, Wanted { frame, output: of_frame.output });
+        wanted.insert(number, Wanted { frame, work: job.work, output: of_frame.output });
     }
+    sent.keep();
     if let (Some((first, _)), Some((last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
+        parting::say_if_ended_at_once(format!(
+            "jobs {first} to {last} stay with the farm: `bottega jobs list` shows them, `bottega jobs fetch N` has a picture \
+             that is done, `bottega jobs cancel N` calls one off"
+        ));
         reporter.say(&match wanted.len() {
             1 => format!("1 frame is job {first} of the farm"),
             count => format!("{count} frames are jobs {first} to {last} of the farm"),
@@ -133,10 +143,14 @@ fn collect(
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
     let (all, say) = (wanted.len(), |line: &str| reporter.say(line));
-    let mut failure = None;
+    let (mut failure, mut watch) = (None, RefusalWatch::default());
     while !wanted.is_empty() && !stop.is_requested() {
         let mut over = Vec::new();
-        for (&number, Wanted { frame, output }) in &wanted {
+        let seats = board.seats();
+        for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
+            reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
+        }
+        for (&number, Wanted { frame, output, .. }) in &wanted {
             let Some(job) = board.get(number) else {
                 over.push(number);
                 failure = Some(CliError::failed(format!("frame {frame} is gone"), "somebody has removed its job"));
@@ -148,7 +162,11 @@ fn collect(
             } else if let JobState::Done { .. } = job.state
                 && let Some(picture) = patiently(stop, say, || board.picture(&job))?
             {
-                write_picture(output, &picture)?;
+                if let Err(error) = write_picture(output, &picture) {
+                    failure = Some(unfetched(number, error));
+                    over.push(number);
+                    continue;
+                }
                 if let Some(lacking) = denoise::lacking(args, &picture) {
                     reporter.warn(lacking);
                 }

@@ -1,5 +1,5 @@
-//! Files in pieces that are named by what is in them: sent and fetched several at a time, each once, each verified; what has come
-//! stays when the rest does not.
+//! Files in pieces that are named by what is in them: fetched several at a time, each once, each verified; what has come stays
+//! when the rest does not.
 
 use std::{
     collections::BTreeSet,
@@ -20,11 +20,11 @@ use super::{cache::Cache, scene_files::write_whole};
 use crate::error::CliError;
 
 /// Bytes of a piece.
-const CHUNK_BYTES: usize = 4 << 20;
+pub(super) const CHUNK_BYTES: usize = 4 << 20;
 /// Pieces of a file at most: 4 TiB.
 const CHUNKS_MAX: usize = 1 << 20;
 /// What their names in the store begin with.
-const PREFIX: &str = "chunk/";
+pub(super) const PREFIX: &str = "chunk/";
 /// Pieces under way at once.
 const AT_ONCE: usize = 8;
 
@@ -59,19 +59,6 @@ impl ChunkStore for NatsBlobs {
 pub(super) struct Contents {
     pub(super) hash: String,
     chunks: Vec<String>,
-}
-
-/// Puts the pieces of a file where others can fetch them; those that are there already stay.
-pub(super) fn send(path: &Path, store: &dyn ChunkStore) -> Result<Contents, CliError> {
-    let bytes = fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    let chunks: Vec<&[u8]> = bytes.chunks(CHUNK_BYTES).collect();
-    let names: Vec<String> = chunks.iter().map(|chunk| hash_of(chunk)).collect();
-    several(chunks.len(), &|i| {
-        let name = blob_name(&names[i]);
-        let is_there = store.has(&name).map_err(CliError::Blob)?;
-        if is_there { Ok(()) } else { store.put(&name, chunks[i]).map_err(CliError::Blob) }
-    })?;
-    Ok(Contents { hash: hash_of(&bytes), chunks: names })
 }
 
 /// Whether a file is there and holds this: a machine that lost power may have kept less than it wrote.
@@ -123,7 +110,7 @@ pub(super) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
 }
 
 /// Does something for each number below `count`, several at a time, until one fails.
-fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), CliError> + Sync)) -> Result<(), CliError> {
+pub(super) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), CliError> + Sync)) -> Result<(), CliError> {
     let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
     thread::scope(|scope| {
         for _ in 0..AT_ONCE.min(count) {
@@ -145,7 +132,7 @@ fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), CliError> + Sync)) 
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
 }
 
-fn hash_of(bytes: &[u8]) -> String {
+pub(super) fn hash_of(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
@@ -153,11 +140,16 @@ fn is_hash(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }
 
-fn blob_name(hash: &str) -> String {
+pub(super) fn blob_name(hash: &str) -> String {
     format!("{PREFIX}{hash}")
 }
 
 impl Contents {
+    /// - `chunks`: the digests of its pieces, in order.
+    pub(super) fn new(hash: String, chunks: Vec<String>) -> Self {
+        Self { hash, chunks }
+    }
+
     /// The names of its pieces in the store.
     pub(super) fn blobs(&self) -> impl Iterator<Item = String> {
         self.chunks.iter().map(|hash| blob_name(hash))
@@ -172,14 +164,14 @@ pub(super) fn is_unused(name: &str, age: Duration, needed: &BTreeSet<String>) ->
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::collections::BTreeMap;
 
-    use super::*;
+    use super::{super::transfer::Transfer, *};
 
     /// A store in memory that can break down.
     #[derive(Default)]
-    struct Shelf {
+    pub(in super::super) struct Shelf {
         chunks: Mutex<BTreeMap<String, Vec<u8>>>,
         gets: AtomicUsize,
         gets_max: Option<usize>,
@@ -199,10 +191,18 @@ mod tests {
         fn get(&self, name: &str, _: usize) -> Result<Option<Vec<u8>>, BlobError> {
             let gets = self.gets.fetch_add(1, Ordering::Relaxed);
             if self.gets_max.is_some_and(|max| gets >= max) {
-                return Err(BlobError { name: name.to_owned(), reason: "it is away".to_owned(), is_lasting: false });
+                return Err(BlobError { name: name.to_owned(), reason: "it is away".to_owned(), is_lasting: false, is_full: false });
             }
             Ok(self.chunks.lock().unwrap().get(name).cloned())
         }
+    }
+
+    /// A file that is sent.
+    fn send(path: &Path, shelf: &Shelf) -> Result<Contents, CliError> {
+        let mut transfer = Transfer::default();
+        let contents = transfer.add(path)?;
+        transfer.send_to(shelf)?;
+        Ok(contents)
     }
 
     fn bytes(count: usize) -> Vec<u8> {

@@ -1,10 +1,8 @@
 //! `bottega render --farm`: asks a farm for a picture, paints with the others, and has the picture in the end.
 
-use std::{env, ffi::OsString, path::Path, sync::Arc, thread, time::Duration};
+use std::{env, ffi::OsString, path::Path, thread, time::Duration};
 
-use bottega_agents::driver::nats::NatsUplink;
-use bottega_farm::{FarmCodec, JobError, JobReport, StopSwitch};
-use bottega_scene::SceneFile;
+use bottega_farm::{JobError, JobReport, StopSwitch};
 
 use super::{
     address::FarmAddress,
@@ -13,13 +11,17 @@ use super::{
     link::{FarmLink, link},
     names::fresh_number,
     part::{Leading, Member, Part, Tools, take_part},
-    patience::patiently,
+    patience::{meanwhile, patiently},
+    refusals::{RefusalWatch, Refusals},
     scene_files::SceneFiles,
+    transfer::{self, Sent},
 };
 use crate::{
     cli::{EnvironmentArg, RenderArgs},
     engines::{self, Material},
     error::CliError,
+    identity::{commit, identity},
+    parting,
     reporter::Reporter,
     scene::{shown, threads},
 };
@@ -31,6 +33,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 pub(crate) struct Asked {
     member: Member,
     pub(crate) number: u32,
+    work: u64,
 }
 
 /// A picture that a farm has painted.
@@ -43,25 +46,48 @@ pub(crate) enum Painted {
 
 impl Asked {
     /// Sends the scene and asks for the picture.
+    ///
+    /// - `journal`: how the picture is called in the journal beside it, where there is one.
     pub(crate) fn submit(
         farm: Option<&FarmAddress>,
         args: &RenderArgs,
         material: &Material,
+        journal: Option<&str>,
         stop: &StopSwitch,
+        reporter: &Reporter,
     ) -> Result<Self, CliError> {
         let FarmLink { uplink, name, .. } = link(farm, &args.login)?;
         let board = JobBoard { uplink };
         board.refuse_guests()?;
-        let order = order(&board.uplink, args, material)?;
-        let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
-        let job = new_job(args, &member.name);
-        member.board.sweep();
-        let number = member.board.submit(&job, &order)?;
-        Ok(Self { member, number })
+        board.sweep();
+        let (order, sent) = order(&board, &name, args, material, stop, reporter)?;
+        let order = Order { journal: journal.map(str::to_owned), ..order };
+        let job = new_job(args, &name);
+        let number = board.submit(&job, &order)?;
+        sent.keep();
+        parting::say_if_ended_at_once(format!(
+            "job {number} stays with the farm: `bottega jobs fetch {number}` has its picture when it is done, \
+             `bottega jobs cancel {number}` calls it off"
+        ));
+        let (threads, stop, refusals) = (threads(&args.scene), stop.clone(), Refusals::default());
+        let member = Member { board, name, threads, stop, refusals };
+        Ok(Self { member, number, work: job.work })
     }
 
-    /// Paints with the others until the picture is there, or the user wants to stop.
-    pub(crate) fn paint(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
+    /// Paints with the others until the picture is there, or the user wants to stop. Tells the user which machines have left
+    /// the job out.
+    pub(crate) fn paint(&self, tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
+        let mut watch = RefusalWatch::default();
+        let tell = || {
+            let seats = self.member.board.seats();
+            for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
+                reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
+            }
+        };
+        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
+    }
+
+    fn paint_with_others(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, CliError> {
         let Member { board, stop, .. } = &self.member;
         let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
@@ -123,6 +149,23 @@ impl Asked {
         patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state))
     }
 
+    /// The picture of another process could not be written here; the farm has it.
+    pub(crate) fn unfetched(&self, error: CliError) -> CliError {
+        unfetched(self.number, error)
+    }
+
+    /// The picture could not be written here. Whoever leads the job next will have the farm keep it.
+    pub(crate) fn unwritten(&self, error: CliError) -> CliError {
+        let number = self.number;
+        CliError::failed(
+            error.told(),
+            format!(
+                "the farm has all that is painted: the next machine that leads job {number} has it keep the picture, and \
+                 `bottega jobs fetch {number} -o FILE` writes it, where there is room; `bottega jobs cancel {number}` calls it off"
+            ),
+        )
+    }
+
     fn called_off(&self) -> CliError {
         self.call_off();
         CliError::failed("stopped before there was a picture", "ask again")
@@ -146,8 +189,15 @@ impl Asked {
 
 impl Drop for Asked {
     fn drop(&mut self) {
+        parting::say_nothing();
         self.member.board.rise(&self.member.name);
     }
+}
+
+/// A picture that the farm has and that could not be written here.
+pub(super) fn unfetched(number: u32, error: CliError) -> CliError {
+    let remedy = format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
+    CliError::failed(error.told(), remedy)
 }
 
 /// Writes a picture that another process has made. The file is there as a whole or not at all.
@@ -160,7 +210,8 @@ pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 /// A job that is asked for now.
 pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
     let mut job = Job {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: identity().to_owned(),
+        commit: commit(),
         work: fresh_number(),
         scene: shown(&args.scene.file.scene),
         output: shown(&args.output),
@@ -174,21 +225,33 @@ pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
     job
 }
 
-/// What is asked for, in words that other machines understand.
-pub(super) fn order(
-    uplink: &Arc<NatsUplink<FarmCodec>>,
+/// What is asked for, in words that other machines understand. The scene is sent, and is taken back unless a job comes of it.
+///
+/// - `me`: the process that asks.
+pub(super) fn order<'a>(
+    board: &'a JobBoard,
+    me: &'a str,
     args: &RenderArgs,
     material: &Material,
-) -> Result<Order, CliError> {
-    let files = send_files(uplink, args, &material.files)?;
-    Ok(Order {
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<(Order, Sent<'a>), CliError> {
+    let environment = match &args.scene.env {
+        Some(EnvironmentArg::Picture(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    let (files, transfer) = SceneFiles::read(&args.scene.file.scene, &material.files, environment)?;
+    let sent = transfer::send(&transfer, board, me, stop, reporter)?;
+    let order = Order {
         words: public(env::args_os().skip(1))?,
         files,
         rules: engines::rules(args)?,
         choice: engines::choice(args)?,
         frame: None,
         engine: material.engine.clone(),
-    })
+        journal: None,
+    };
+    Ok((order, sent))
 }
 
 /// What the user wrote, from `render` on, but for the secret that an address holds: who may only paint reads it too.
@@ -201,19 +264,6 @@ fn public(words: impl Iterator<Item = OsString>) -> Result<Vec<String>, CliError
         }
     });
     words.collect()
-}
-
-/// Has the farm keep the files of a scene.
-fn send_files(
-    uplink: &Arc<NatsUplink<FarmCodec>>,
-    args: &RenderArgs,
-    files: &[SceneFile],
-) -> Result<SceneFiles, CliError> {
-    let environment = match &args.scene.env {
-        Some(EnvironmentArg::Picture(path)) => Some(path.as_path()),
-        _ => None,
-    };
-    SceneFiles::send(&args.scene.file.scene, files, environment, uplink.blobs())
 }
 
 #[cfg(test)]

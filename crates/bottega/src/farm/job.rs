@@ -73,8 +73,11 @@ pub(crate) struct LogLine {
 /// A job as everybody may read it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Job {
-    /// Of the program: pictures are the same bits for the same program alone.
+    /// The identity of the build: pictures are the same bits for the same one alone.
     pub(crate) version: String,
+    /// The commit of its sources, for people; empty: unknown.
+    #[serde(default)]
+    pub(crate) commit: String,
     /// The number under which its zones are kept, which no other job has had.
     pub(crate) work: u64,
     pub(crate) scene: String,
@@ -114,6 +117,9 @@ pub(crate) struct Order {
     /// The engine of other people that paints it, as all machines must have it; none: our own.
     #[serde(default)]
     pub(crate) engine: Option<String>,
+    /// How the one who asks calls the picture in the journal beside it, where there is one.
+    #[serde(default)]
+    pub(crate) journal: Option<String>,
 }
 
 impl Order {

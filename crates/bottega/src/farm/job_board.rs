@@ -5,7 +5,7 @@
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](super::machine).
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     sync::Arc,
     thread,
     time::Duration,
@@ -16,12 +16,12 @@ use bottega_farm::{FarmCodec, Link, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    chunks,
     job::{Job, JobState, Order},
     machine::{Standing, order_name},
+    refusals::Refusal,
     together,
 };
-use crate::error::CliError;
+use crate::{error::CliError, identity::identity};
 
 /// How often those who hold something say so.
 pub(super) const RENEW_EVERY: Duration = Duration::from_millis(500);
@@ -56,7 +56,7 @@ pub(crate) struct Lead {
 pub(crate) struct Seat {
     pub(crate) name: String,
     pub(crate) threads: usize,
-    /// Of its program.
+    /// The identity of its build.
     pub(crate) version: String,
     /// The job that it paints.
     pub(crate) job: Option<u32>,
@@ -64,13 +64,27 @@ pub(crate) struct Seat {
     pub(crate) standing: Standing,
     /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
     pub(crate) takes_orders: bool,
+    /// Whether it may paint and no more.
+    #[serde(default)]
+    pub(crate) is_guest: bool,
+    /// The last jobs that it does not paint, and why.
+    #[serde(default)]
+    pub(crate) refusals: Vec<Refusal>,
 }
 
 impl Seat {
-    /// The seat of a machine of this version that paints, or waits for work.
+    /// The seat of a machine of this build that paints, or waits for work.
     pub(crate) fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
-        let version = env!("CARGO_PKG_VERSION").to_owned();
-        Self { name: name.to_owned(), threads, version, job, standing: Standing::Active, takes_orders: true }
+        Self {
+            name: name.to_owned(),
+            threads,
+            version: identity().to_owned(),
+            job,
+            standing: Standing::Active,
+            takes_orders: true,
+            is_guest: false,
+            refusals: Vec::new(),
+        }
     }
 }
 
@@ -101,30 +115,8 @@ impl JobBoard {
         Err(too_busy())
     }
 
-    /// Lets go of what nobody will ask for: zones of jobs that are over, and after a day their scenes.
-    pub(crate) fn sweep(&self) {
-        let jobs = self.all();
-        let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
-        let work = |folder: &str| folder.strip_prefix("work-")?.parse().ok();
-        for folder in self.uplink.tiles().folders() {
-            if work(&folder).is_some_and(|work| !is_live(work)) {
-                self.uplink.tiles().forget(&folder);
-            }
-        }
-        for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
-            self.forget_zones(job.work);
-            self.forget_learnt(job.work);
-        }
-        together::works(self).into_iter().filter(|&work| !is_live(work)).for_each(|work| together::forget(self, work));
-        let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
-        // What a job needs whose order cannot be read just now is not known.
-        let Ok(orders) = live.map(|(_, job)| self.order(job)).collect::<Result<Vec<_>, _>>() else { return };
-        let needed: BTreeSet<String> = orders.iter().flat_map(|order| order.files.blobs()).collect();
-        self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed));
-    }
-
     /// Lets go of the rows and pixels of a job's zones.
-    fn forget_zones(&self, work: u64) {
+    pub(super) fn forget_zones(&self, work: u64) {
         Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), name: String::new() }.forget();
     }
 
@@ -187,16 +179,17 @@ impl JobBoard {
         }
     }
 
-    /// Forgets a job and all that was kept for it.
+    /// Forgets a job and what was kept for it alone. What takes room goes first: on a full server nothing can be written, and that
+    /// a notice is taken down is written.
     pub(crate) fn remove(&self, number: u32) -> Result<(), CliError> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         self.refuse_guests()?;
-        self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
-        self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
         self.forget_zones(job.work);
         together::forget(self, job.work);
         let prefix = format!("job-{}/", job.work);
         self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
+        self.uplink.notices().remove(&job_name(number)).map_err(CliError::Blob)?;
+        self.uplink.notices().remove(&lead_name(number)).map_err(CliError::Blob)?;
         Ok(())
     }
 

@@ -1,19 +1,30 @@
 //! `bottega jobs`: what a farm is asked for, and what becomes of it.
 
-use std::{path::PathBuf, process::ExitCode, time::Duration};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Duration,
+};
 
 use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
 use super::{
-    client::write_picture,
+    client::{unfetched, write_picture},
     job::{Job, JobState, PRIORITY_MAX, unix_seconds},
     job_board::{JobBoard, no_such},
     link::FarmArgs,
     machine::Standing,
+    refusals::RefusalWatch,
+    room::{MAKE_ROOM, bytes_said},
     view::JobView,
 };
-use crate::{error::CliError, reporter::duration};
+use crate::{
+    error::CliError,
+    keeping::{is_journal_of, journal_of},
+    reporter::duration,
+};
 
 /// See and steer the jobs of a farm.
 #[derive(Debug, Args)]
@@ -54,7 +65,7 @@ enum JobsCommand {
         #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
         output: Option<PathBuf>,
     },
-    /// Forget a job that is over, and its picture.
+    /// Forget a job that is over, its picture, and its scene if no other job needs it.
     Remove { number: u32 },
 }
 
@@ -82,25 +93,35 @@ fn list(board: &JobBoard, as_json: bool) {
     let seats = board.seats();
     if !as_json {
         println!(
-            "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:<24} scene",
-            "job", "state", "done", "priority", "machines", "from"
+            "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:>8}  {:<24} scene",
+            "job", "state", "done", "priority", "machines", "holds", "from"
         );
     }
-    for (number, job) in board.all() {
+    let jobs = board.all();
+    let held = board.held(&jobs);
+    for (number, job) in jobs {
         let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
         let view = JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines);
+        let held = held.get(&number).copied().unwrap_or_default();
         if as_json {
-            println!("{}", json!(view));
+            let mut told = json!(view);
+            told["holds_bytes"] = held.all().into();
+            println!("{told}");
         } else {
             println!(
-                "{number:>4}  {:<9} {:>4.0}%  {:>8}  {machines:>8}  {:<24} {}",
+                "{number:>4}  {:<9} {:>4.0}%  {:>8}  {:>8}  {:>8}  {:<24} {}",
                 view.state,
                 100.0 * view.done,
                 job.priority,
+                view.machines,
+                bytes_said(held.all()),
                 job.from,
                 job.scene
             );
         }
+    }
+    if !as_json {
+        tell_room(board);
     }
     let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
     if !as_json {
@@ -113,10 +134,25 @@ fn list(board: &JobBoard, as_json: bool) {
     }
 }
 
+/// What the farm's server keeps, what is on its way there, and what can be done when that is too much.
+fn tell_room(board: &JobBoard) {
+    for (process, sent) in board.transfers() {
+        println!("{process} sends a scene: {} of {}", bytes_said(sent.sent), bytes_said(sent.bytes));
+    }
+    if let Some(room) = board.room() {
+        println!("the farm's server keeps {} of at most {}", bytes_said(room.used), bytes_said(room.limit));
+        if room.is_scarce() {
+            println!("that is nearly all: {MAKE_ROOM}");
+        }
+    }
+}
+
 fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
-    let seats: Vec<_> = board.seats().into_iter().filter(|seat| seat.job == Some(number)).collect();
+    let all = board.seats();
+    // A machine that was killed does not say that it has left.
+    let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());
     if as_json {
         println!("{}", json!(view));
@@ -135,6 +171,9 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     println!("led by {}", lead.leader.as_deref().unwrap_or("nobody"));
     for seat in seats {
         println!("  {} ({} processors)", seat.name, seat.threads);
+    }
+    for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
+        println!("  {} is left out: {}", seat.name, refusal.reason);
     }
     if let JobState::Failed { reason } = &job.state {
         println!("it failed: {reason}");
@@ -198,9 +237,22 @@ fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<(), C
     let picture = board.picture(&job)?;
     let picture = picture.ok_or_else(|| CliError::failed("the farm has no picture of this job", remedy))?;
     let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
-    write_picture(&output, &picture)?;
+    write_picture(&output, &picture).map_err(|error| unfetched(number, error))?;
     println!("{}", output.display());
+    forget_journal(board, &job, &output);
     Ok(())
+}
+
+/// The one who asked may have been killed, and its journal lies beside the picture: the picture is there now. A journal of another
+/// picture stays.
+fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
+    let path = journal_of(output);
+    let Some(name) = board.order(job).ok().and_then(|order| order.journal) else { return };
+    if is_journal_of(&path, &name)
+        && let Err(error) = fs::remove_file(&path)
+    {
+        tracing::warn!("cannot remove {}, which is of no more use: {error}", path.display());
+    }
 }
 
 fn remove(board: &JobBoard, number: u32) -> Result<(), CliError> {
@@ -211,5 +263,5 @@ fn remove(board: &JobBoard, number: u32) -> Result<(), CliError> {
             format!("call it off first: bottega jobs cancel {number}"),
         ));
     }
-    board.remove(number)
+    board.remove_with_scene(number)
 }

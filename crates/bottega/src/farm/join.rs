@@ -11,6 +11,7 @@ use super::{
     job_board::JobBoard,
     link::{FarmLink, LoginArgs, link},
     part::Member,
+    refusals::Refusals,
     studio::Own,
     worker::{CACHE_BYTES, Worker},
 };
@@ -58,7 +59,13 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let how = if uplink.is_guest() { "as a guest: " } else { "" };
     println!("joined {servers} (NATS {}) as {name}; {how}waiting for work", uplink.server_version());
     let member =
-        Member { board: JobBoard { uplink }, name, threads: args.threads.map_or_else(processors, usize::from), stop };
+        Member {
+            board: JobBoard { uplink },
+            name,
+            threads: args.threads.map_or_else(processors, usize::from),
+            stop,
+            refusals: Refusals::default(),
+        };
     let folder = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, args.cache_size.map_or(CACHE_BYTES, |gigabytes| (gigabytes * 1e9) as u64));
     let own = Own { threads: args.threads, devices: args.devices.clone() };
@@ -69,7 +76,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn parse_gigabytes(text: &str) -> Result<f64, String> {
+pub(super) fn parse_gigabytes(text: &str) -> Result<f64, String> {
     let size = text.parse().ok().filter(|size: &f64| (0.0..=1e6).contains(size));
     size.ok_or_else(|| "a number of gigabytes is needed, such as 20".to_owned())
 }

@@ -7,7 +7,7 @@ use std::{
     process::Command,
     sync::Arc,
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bottega_agents::driver::nats::{Login, MemberKey, NatsError, NatsOptions, NatsUplink, Tls, enrol, newcomer};
@@ -25,9 +25,13 @@ use crate::error::CliError;
 
 /// The oldest server that is fit for networks that are not to be trusted.
 const FIT_FOR_ALL: (u64, u64) = (2, 14);
-/// How often one who was just let in is turned away, until the server knows of it.
-const TRIES_MAX: u32 = 50;
-const BETWEEN_TRIES: Duration = Duration::from_millis(100);
+/// How long one who was just let in is patient with a server that reads its configuration anew.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// The same of one who is turned away and may have no right to come in: whose word is wrong, whom the farm has forgotten.
+const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
+/// Between tries, at first and at most.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
 /// Who one is to servers of others.
 #[derive(Clone, Debug, Default, Args)]
@@ -142,24 +146,75 @@ pub(super) fn pinned(address: &FarmAddress, word: &JoinWord, member: &str) -> Na
 /// As a member: what this machine was once let in as, or else now.
 fn with_word(address: &FarmAddress, word: &JoinWord) -> Result<(NatsUplink<FarmCodec>, String), CliError> {
     let file = state_folder().join("members").join(format!("{}-{}.json", word.pin, word.group.word()));
-    let known = fs::read(&file).ok().and_then(|text| serde_json::from_slice::<Membership>(&text).ok());
-    if let Some(membership) = known {
-        match as_member(address, word, &membership) {
-            // The farm does not know it any more.
-            Err(error) if is_unknown(&error) => {}
-            linked => return linked.map_err(told).map(|uplink| (uplink, process_name(&membership.member))),
+    let known = membership(&file);
+    if let Some(known) = &known
+        && let Some(linked) = as_known(address, word, known)
+    {
+        return linked;
+    }
+    let membership = {
+        // Processes of one machine that come at the same moment are one member.
+        let _alone = lock(&file)?;
+        match self::membership(&file) {
+            Some(other) if known.is_none_or(|known| known.seed != other.seed) => other,
+            _ => {
+                let new = let_in(address, word)?;
+                write_secret(&file, &serde_json::to_vec(&new).unwrap_or_default())?;
+                new
+            }
+        }
+    };
+    let attempt = || as_member(address, word, &membership);
+    let linked = persist(PATIENCE, NatsError::may_pass, attempt).map_err(reloading)?;
+    Ok((linked, process_name(&membership.member)))
+}
+
+/// As the member that this machine was let in as. `None`: the farm does not know it any more.
+fn as_known(
+    address: &FarmAddress,
+    word: &JoinWord,
+    known: &Membership,
+) -> Option<Result<(NatsUplink<FarmCodec>, String), CliError>> {
+    let attempt = || as_member(address, word, known);
+    let is_reloading = |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
+    match persist(PATIENCE_OF_REFUSED, is_reloading, attempt) {
+        Err(error) if error.is_refusal() => None,
+        Err(error) => Some(Err(told(error))),
+        Ok(uplink) => Some(Ok((uplink, process_name(&known.member)))),
+    }
+}
+
+fn membership(file: &Path) -> Option<Membership> {
+    serde_json::from_slice(&fs::read(file).ok()?).ok()
+}
+
+/// Keeps other processes of this machine from a file until it is dropped.
+fn lock(file: &Path) -> Result<fs::File, CliError> {
+    let path = file.with_extension("lock");
+    private_folder(file.parent().unwrap_or(Path::new(".")))?;
+    let locked = fs::File::create(&path).and_then(|lock| lock.lock().map(|()| lock));
+    locked.map_err(|source| CliError::Write { path, source })
+}
+
+/// Tries until it is done or goes wrong for good, for some time, and less and less often.
+fn persist<T>(
+    patience: Duration,
+    may_pass: impl Fn(&NatsError) -> bool,
+    mut attempt: impl FnMut() -> Result<T, NatsError>,
+) -> Result<T, NatsError> {
+    let (begun, mut pause) = (Instant::now(), FIRST_PAUSE);
+    loop {
+        match attempt() {
+            Err(error) if may_pass(&error) && begun.elapsed() < patience => {
+                tracing::debug!(%error, "trying again");
+                // Those who came together do not come together again.
+                let share = 0.5 + (fresh_number() % 1024) as f64 / 1024.0;
+                thread::sleep(pause.mul_f64(share));
+                pause = LONGEST_PAUSE.min(2 * pause);
+            }
+            result => return result,
         }
     }
-    let membership = let_in(address, word)?;
-    let text = serde_json::to_vec(&membership).unwrap_or_default();
-    write_secret(&file, &text)?;
-    for _ in 1..TRIES_MAX {
-        match as_member(address, word, &membership) {
-            Err(error) if is_unknown(&error) => thread::sleep(BETWEEN_TRIES),
-            linked => return linked.map_err(told).map(|uplink| (uplink, process_name(&membership.member))),
-        }
-    }
-    as_member(address, word, &membership).map_err(told).map(|uplink| (uplink, process_name(&membership.member)))
 }
 
 fn as_member(
@@ -171,10 +226,6 @@ fn as_member(
     connect(&NatsOptions { login, ..pinned(address, word, &membership.member) })
 }
 
-fn is_unknown(error: &NatsError) -> bool {
-    matches!(error, NatsError::Connect { source, .. } if source.kind() == async_nats::ConnectErrorKind::AuthorizationViolation)
-}
-
 /// Asks to become a member.
 fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, CliError> {
     let key = MemberKey::new();
@@ -182,7 +233,13 @@ fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, CliError
     let request = serde_json::to_vec(&request).unwrap_or_default();
     let group = word.group.word();
     let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
-    let answer = enrol(&options, group, &request).map_err(told)?;
+    let begun = Instant::now();
+    // A wrong word stays wrong; a right one is turned away, too, while the server reads its configuration anew.
+    let may_pass = |error: &NatsError| match error {
+        NatsError::NobodyAnswers { .. } => true,
+        error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
+    };
+    let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(told)?;
     let answer: Option<Answer> = serde_json::from_slice(&answer).ok();
     let refused = |reason: String| {
         CliError::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")
@@ -199,8 +256,24 @@ fn process_name(member: &str) -> String {
     format!("{member}.{:08x}", fresh_number() & 0xffff_ffff)
 }
 
+/// What is wrong with a link of one who was let in a moment ago.
+fn reloading(source: NatsError) -> CliError {
+    if !source.may_pass() {
+        return told(source);
+    }
+    let remedy = format!(
+        "the farm has let this machine in, and for {} s its server has not taken it: it reads its configuration anew while \
+         machines are let in. Try again in a moment; see what `bottega up` says",
+        PATIENCE.as_secs()
+    );
+    CliError::Farm { source, remedy }
+}
+
 fn told(source: NatsError) -> CliError {
     let remedy = match &source {
+        NatsError::NobodyAnswers { .. } => {
+            "the NATS server is there and `bottega up` is not, or it has no time: see whether it runs, and try again"
+        }
         NatsError::Connect { .. } => "is `bottega up` running there, and is this the line that it printed?",
         NatsError::Version { .. } => "install a newer nats-server, see `bottega up --help`",
         NatsError::Credentials { .. } => "give the file that the keeper of the servers gave you",

@@ -68,7 +68,7 @@ fn list(board: &JobBoard, there: &[Seat], as_json: bool) {
         println!("{:<32} {:<10} {:>7}  {:>4}  version", "machine", "state", "threads", "job");
     }
     for seat in there {
-        let Seat { name, threads, version, job, standing, takes_orders } = seat;
+        let Seat { name, threads, version, job, standing, takes_orders, .. } = seat;
         let ordered = board.order_to(name).standing;
         if as_json {
             println!(

@@ -81,6 +81,11 @@ impl Members {
         }
     }
 
+    /// How many there are. None ever goes.
+    pub(super) fn count(&self) -> usize {
+        self.roll.members.len()
+    }
+
     /// By which `bottega up` itself is known.
     pub(super) fn seed(&self) -> &str {
         &self.roll.seed

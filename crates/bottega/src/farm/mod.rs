@@ -5,6 +5,7 @@
 //! die, and any other process goes on.
 
 mod address;
+mod admission;
 mod animation;
 mod cache;
 mod chunks;
@@ -14,6 +15,7 @@ mod job;
 mod job_board;
 mod jobs;
 mod join;
+mod keeper;
 mod link;
 mod machine;
 mod machines;
@@ -22,12 +24,16 @@ mod names;
 mod own_server;
 mod part;
 mod patience;
+mod refusals;
+mod room;
 mod scene_files;
 mod server;
 mod shares;
 mod studio;
 mod together;
+mod transfer;
 mod up;
+mod upkeep;
 mod view;
 mod worker;
 
@@ -46,6 +52,7 @@ pub(crate) use self::{
     machines::{MachinesArgs, run as machines},
     own_server::{Entry, OwnServer},
     part::Tools,
+    room::bytes_said,
     up::{UpArgs, run as up},
     view::{FarmView, JobView, MachineView},
 };

@@ -37,7 +37,7 @@ impl OwnServer {
     pub(crate) fn start(asked: Option<&Path>, folder: &Path) -> Result<Self, CliError> {
         let program = program(asked)?;
         let entry = Entry { folder: folder.to_owned(), address: free_address()? };
-        let setup = Setup { folder: folder.to_owned(), listen: entry.address };
+        let setup = Setup { folder: folder.to_owned(), listen: entry.address, store_bytes: None };
         let config = setup.write(&entry.members()?)?;
         let (server, _) = up::begin(&program, &config, &setup, &entry.options("bench")?)?;
         Ok(Self { _server: server, entry })

@@ -18,12 +18,16 @@ use bottega_farm::{
 use super::{
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Lease, RENEW_EVERY, Seat},
+    refusals::{RefusalWatch, Refusals},
     together::{self, Together},
 };
 use crate::error::CliError;
 
 /// How often is looked whether somebody wants something else.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Lines that wait to be written into the log of a job at most.
+const LOG_WAITING_MAX: usize = 64;
 
 /// A process at a farm.
 #[derive(Clone)]
@@ -33,6 +37,16 @@ pub(crate) struct Member {
     pub(crate) threads: usize,
     /// The user wants to stop.
     pub(crate) stop: StopSwitch,
+    /// Jobs that this machine does not paint.
+    pub(crate) refusals: Refusals,
+}
+
+impl Member {
+    /// Its seat, while it paints a job or waits for one.
+    pub(super) fn seat(&self, job: Option<u32>) -> Seat {
+        let (is_guest, refusals) = (self.board.uplink.is_guest(), self.refusals.last());
+        Seat { is_guest, refusals, ..Seat::new(&self.name, self.threads, job) }
+    }
 }
 
 /// What is needed to paint.
@@ -75,7 +89,7 @@ pub(crate) fn take_part(
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
-    let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default() });
+    let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default(), log: Mutex::default() });
     let guard = Guard {
         member: member.clone(),
         number,
@@ -89,6 +103,7 @@ pub(crate) fn take_part(
         elsewhere: Box::new(elsewhere),
         over: Arc::default(),
         is_silent: false,
+        watch: RefusalWatch::default(),
     };
     let watch = Watch::begin(guard)?;
     let begun = Instant::now();
@@ -224,6 +239,8 @@ struct Guard {
     over: Arc<AtomicBool>,
     /// The farm did not answer the last time.
     is_silent: bool,
+    /// What guests say that do not paint the job: they cannot write it into its log.
+    watch: RefusalWatch,
 }
 
 impl Guard {
@@ -233,6 +250,7 @@ impl Guard {
             if renewed.is_none_or(|at| at.elapsed() >= RENEW_EVERY) {
                 renewed = Some(Instant::now());
                 self.renew();
+                self.keep_log();
             }
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
@@ -281,8 +299,8 @@ impl Guard {
     }
 
     fn renew(&mut self) {
-        let Member { board, name, threads, .. } = &self.member;
-        board.sit(&Seat { takes_orders: !self.asked, ..Seat::new(name, *threads, Some(self.number)) });
+        let Member { board, name, .. } = &self.member;
+        board.sit(&Seat { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
         let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
         let Some(lease) = &mut self.lease else { return };
         let renewed = board.renew(lease, &lead);
@@ -300,6 +318,25 @@ impl Guard {
         }
     }
 
+    /// The leader writes into the job's log who was left out, and why.
+    fn keep_log(&mut self) {
+        if self.lease.is_none() {
+            return;
+        }
+        let board = &self.member.board;
+        let mut lines = std::mem::take(&mut *self.told.log.lock().unwrap_or_else(PoisonError::into_inner));
+        let seats = board.seats();
+        let news = self.watch.news(&seats, |work| work == self.work).into_iter();
+        lines.extend(
+            news.filter(|(seat, _)| seat.is_guest)
+                .map(|(seat, refusal)| format!("{} is left out: {}", seat.name, refusal.reason)),
+        );
+        let is_known = |line: &str| board.get(self.number).is_some_and(|job| job.log.iter().any(|it| it.text == line));
+        for line in lines.iter().filter(|line| !is_known(line)) {
+            board.log(self.number, line);
+        }
+    }
+
     /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
         if let Some(lease) = self.lease.as_mut().filter(|_| !self.has_claimed || self.member.stop.is_requested())
@@ -310,10 +347,11 @@ impl Guard {
     }
 }
 
-/// An observer that remembers how far the job is.
+/// An observer that remembers how far the job is, and what is to be written into its log.
 struct Told {
     inner: Arc<dyn Observer>,
     lead: Mutex<Lead>,
+    log: Mutex<Vec<String>>,
 }
 
 impl Told {
@@ -351,6 +389,11 @@ impl Observer for Told {
     }
 
     fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        if log.len() < LOG_WAITING_MAX {
+            log.push(format!("{agent} is left out: {reason}"));
+        }
+        drop(log);
         self.inner.left_out(agent, reason);
     }
 

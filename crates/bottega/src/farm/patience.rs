@@ -1,9 +1,14 @@
 //! Waiting for a farm that does not answer.
 
-use std::{thread, time::Duration};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread::{self, Thread},
+    time::Duration,
+};
 
 use bottega_farm::StopSwitch;
 
+use super::room::MAKE_ROOM;
 use crate::error::CliError;
 
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
@@ -22,7 +27,12 @@ pub(super) fn patiently<T>(
         match attempt() {
             Err(error) if error.may_pass() && !stop.is_requested() => {
                 if !std::mem::replace(&mut has_said, true) {
-                    say("the farm does not do what it is asked: waiting for it");
+                    let is_full = matches!(&error, CliError::Blob(error) if error.is_full);
+                    say(&if is_full {
+                        format!("the farm's server has no room: waiting for it. {MAKE_ROOM}")
+                    } else {
+                        "the farm does not do what it is asked: waiting for it".to_owned()
+                    });
                 }
                 tracing::debug!(%error, "trying again");
             }
@@ -30,6 +40,29 @@ pub(super) fn patiently<T>(
         }
         thread::sleep(BETWEEN_TRIES);
     }
+}
+
+/// Does `tick` now and then while `work` is done, which takes long: opens a scene, has kernels compiled.
+pub(super) fn meanwhile<T>(every: Duration, mut tick: impl FnMut() + Send, work: impl FnOnce() -> T) -> T {
+    /// Ends the thread that does it, whatever becomes of the work.
+    struct Done<'a>(&'a AtomicBool, Thread);
+    impl Drop for Done<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+            self.1.unpark();
+        }
+    }
+    let is_done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let ticker = scope.spawn(|| {
+            while !is_done.load(Ordering::Relaxed) {
+                tick();
+                thread::park_timeout(every);
+            }
+        });
+        let _done = Done(&is_done, ticker.thread().clone());
+        work()
+    })
 }
 
 #[cfg(test)]
@@ -41,7 +74,7 @@ mod tests {
     use super::*;
 
     fn wrong(is_lasting: bool) -> CliError {
-        CliError::Blob(BlobError { name: "b".to_owned(), reason: "r".to_owned(), is_lasting })
+        CliError::Blob(BlobError { name: "b".to_owned(), reason: "r".to_owned(), is_lasting, is_full: false })
     }
 
     #[test]

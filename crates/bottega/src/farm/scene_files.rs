@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     cache::Cache,
     chunks::{self, Contents},
+    transfer::Transfer,
 };
 use crate::error::CliError;
 
@@ -36,15 +37,16 @@ pub(crate) struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// Puts the files where the farm can read them; those that are there already stay.
-    pub(crate) fn send(
+    /// Reads the files, and says what is to be sent of them.
+    pub(super) fn read(
         scene: &Path,
         files: &[SceneFile],
         environment: Option<&Path>,
-        blobs: &NatsBlobs,
-    ) -> Result<Self, CliError> {
+    ) -> Result<(Self, Transfer), CliError> {
+        let mut transfer = Transfer::default();
+        let mut add = |name: String, path: &Path| Ok::<_, CliError>(SentFile { name, contents: transfer.add(path)? });
         let name = scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        let mut sent = vec![send(name, scene, blobs)?];
+        let mut read = vec![add(name, scene)?];
         for file in files {
             if Path::new(&file.name).is_absolute() {
                 return Err(CliError::failed(
@@ -52,13 +54,14 @@ impl SceneFiles {
                     "other machines have no such file: copy it beside the scene and refer to it by a relative path",
                 ));
             }
-            sent.push(send(file.name.clone(), &file.path, blobs)?);
+            read.push(add(file.name.clone(), &file.path)?);
         }
         let environment = environment.map(|path| {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            send(name, path, blobs)
+            add(name, path)
         });
-        Ok(Self { files: sent, environment: environment.transpose()? })
+        let environment = environment.transpose()?;
+        Ok((Self { files: read, environment }, transfer))
     }
 
     /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
@@ -113,10 +116,6 @@ impl SceneFiles {
 
 fn leading_out(name: &str) -> usize {
     Path::new(name).components().take_while(|part| *part == Component::ParentDir).count()
-}
-
-fn send(name: String, path: &Path, store: &NatsBlobs) -> Result<SentFile, CliError> {
-    Ok(SentFile { name, contents: chunks::send(path, store)? })
 }
 
 impl SentFile {

@@ -17,6 +17,9 @@ use crate::error::CliError;
 /// Where systems put the server, beside what PATH names.
 const PLACES: [&str; 3] = ["/usr/sbin/nats-server", "/usr/local/bin/nats-server", "/opt/homebrew/bin/nats-server"];
 
+/// How its configuration says what it may keep.
+const LIMIT: &str = "max_file_store: ";
+
 /// The program of the server: the one that was asked for, or the system's.
 pub(super) fn program(asked: Option<&Path>) -> Result<PathBuf, CliError> {
     if let Some(program) = asked {
@@ -36,6 +39,15 @@ pub(super) fn program(asked: Option<&Path>) -> Result<PathBuf, CliError> {
 pub(super) struct Setup {
     pub(super) folder: PathBuf,
     pub(super) listen: SocketAddr,
+    /// What it may keep; `None`: it decides that itself.
+    pub(super) store_bytes: Option<u64>,
+}
+
+/// How the server was configured last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Configured {
+    pub(super) listen: SocketAddr,
+    pub(super) store_bytes: Option<u64>,
 }
 
 impl Setup {
@@ -48,13 +60,15 @@ impl Setup {
         write_secret(&certificate_file, certificate.as_bytes())?;
         write_secret(&key_file, key.as_bytes())?;
         let quoted = |path: &Path| format!("{:?}", path.display().to_string());
+        // A server refuses to read its configuration again where this has changed: it stays what it was when it began.
+        let limit = self.store_bytes.map(|bytes| format!(", {LIMIT}{bytes}")).unwrap_or_default();
         let text = format!(
-            "listen: \"{}\"\ntls {{ cert_file: {}, key_file: {} }}\njetstream {{ store_dir: {} }}\nlog_file: {}\n\
+            "listen: \"{}\"\ntls {{ cert_file: {}, key_file: {} }}\njetstream {{ store_dir: {}{limit} }}\nlog_file: {}\n\
              pid_file: {}\nauthorization {{\n  timeout: 5\n  users: [\n{}  ]\n}}\n",
             self.listen,
             quoted(&certificate_file),
             quoted(&key_file),
-            quoted(&self.folder.join("jetstream")),
+            quoted(&self.store()),
             quoted(&self.log()),
             quoted(&self.pid_file()),
             members.users(),
@@ -63,10 +77,17 @@ impl Setup {
         Ok(config)
     }
 
-    /// Where the server listens that was configured last in this folder.
-    pub(super) fn listened(&self) -> Option<SocketAddr> {
+    /// How the server was configured last in this folder.
+    pub(super) fn configured(&self) -> Option<Configured> {
         let text = fs::read_to_string(self.config()).ok()?;
-        text.lines().find_map(|line| line.strip_prefix("listen: ")?.trim_matches('"').parse().ok())
+        let listen = text.lines().find_map(|line| line.strip_prefix("listen: ")?.trim_matches('"').parse().ok())?;
+        let store_bytes = text.split_once(LIMIT).and_then(|(_, rest)| rest.split([' ', '}']).next()?.parse().ok());
+        Some(Configured { listen, store_bytes })
+    }
+
+    /// Where it keeps what it keeps.
+    pub(super) fn store(&self) -> PathBuf {
+        self.folder.join("jetstream")
     }
 
     fn config(&self) -> PathBuf {
@@ -122,6 +143,22 @@ impl Server {
         matches!(self.process, Process::Adopted(_))
     }
 
+    /// Ends it at once, even if it hangs.
+    pub(super) fn end(&mut self) {
+        match &mut self.process {
+            Process::Child(child) => {
+                // It may have ended by itself.
+                _ = child.kill();
+                _ = child.wait();
+            }
+            Process::Adopted(number) => {
+                if !signal(&self.program, "stop", *number) {
+                    tracing::debug!(number, "it had ended");
+                }
+            }
+        }
+    }
+
     /// Whether it has ended, and how. Of one that was adopted it is not known.
     pub(super) fn ended(&mut self) -> Result<Option<ExitStatus>, CliError> {
         match &mut self.process {
@@ -148,6 +185,14 @@ impl Server {
     }
 }
 
+/// Has the server of a folder read its configuration again.
+pub(super) fn reload(program: &Path, setup: &Setup) -> Result<(), CliError> {
+    match setup.running() {
+        Some(number) if signal(program, "reload", number) => Ok(()),
+        _ => Err(CliError::failed("the NATS server does not run, or takes no signal", "see its log")),
+    }
+}
+
 /// Has a server do something: `reload` its configuration, `quit`.
 pub(super) fn signal(program: &Path, what: &str, number: u32) -> bool {
     let mut command = Command::new(program);
@@ -159,15 +204,29 @@ pub(super) fn signal(program: &Path, what: &str, number: u32) -> bool {
 impl Drop for Server {
     fn drop(&mut self) {
         match &mut self.process {
-            Process::Child(child) => {
-                _ = child.kill();
-                _ = child.wait();
-            }
+            Process::Child(_) => self.end(),
             Process::Adopted(number) => {
                 if !signal(&self.program, "quit", *number) {
                     tracing::warn!("the NATS server, process {number}, was not ended");
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_configured_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let members = Members::open(folder.path().join("members.json")).unwrap();
+        for store_bytes in [None, Some(20_000_000)] {
+            let listen = "127.0.0.1:4222".parse().unwrap();
+            let setup = Setup { folder: folder.path().to_owned(), listen, store_bytes };
+            setup.write(&members).unwrap();
+            assert_eq!(setup.configured(), Some(Configured { listen, store_bytes }));
         }
     }
 }

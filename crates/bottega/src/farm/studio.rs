@@ -19,6 +19,7 @@ use crate::{
     devices::{Crew, DeviceChoice},
     engines::Painter,
     error::CliError,
+    identity::{description, difference, identity, with_commit},
     render,
     rules::{engine_choice, experts},
     scene::Subject,
@@ -50,12 +51,8 @@ pub(super) struct Own {
 impl Studio {
     /// Fetches what this machine lacks of a job's scene, and loads it.
     pub(super) fn open(member: &Member, job: &Job, cache: &Cache, own: &Own) -> Result<Self, CliError> {
-        let version = env!("CARGO_PKG_VERSION");
-        if job.version != version {
-            return Err(CliError::failed(
-                format!("the job is for version {}, this is {version}", job.version),
-                format!("install bottega {} here, or {version} there", job.version),
-            ));
+        if job.version != identity() {
+            return Err(other_build(job));
         }
         let order = member.board.order(job)?;
         let (scene, environment) = order.files.fetch(cache, member.board.uplink.blobs())?;
@@ -119,6 +116,15 @@ impl Studio {
         }
         written
     }
+}
+
+/// What is wrong with a job of another build.
+fn other_build(job: &Job) -> CliError {
+    let (there, here) = (with_commit(&job.version, &job.commit), description());
+    CliError::failed(
+        format!("the job is for version {there}, this is {here}: {}", difference(&job.version, identity())),
+        format!("install bottega {there} here, or {here} there: only the same build gives the same bits"),
+    )
 }
 
 impl Hand {

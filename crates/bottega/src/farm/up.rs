@@ -2,12 +2,13 @@
 
 use std::{
     fs,
-    net::{IpAddr, SocketAddr, UdpSocket},
+    io::Write,
+    net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket},
     path::{Path, PathBuf},
     process::ExitCode,
-    sync::{Mutex, PoisonError},
+    sync::Arc,
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Pin};
@@ -16,10 +17,15 @@ use clap::{Args, ValueHint};
 use rustls::pki_types::{CertificateDer, pem::PemObject};
 
 use super::{
+    admission::Admission,
     address::{FarmAddress, Group, JoinWord, address_file, state_folder},
     discovery::Beacon,
-    link::{Answer, pinned, write_secret},
+    job_board::JobBoard,
+    join::parse_gigabytes,
+    keeper::Keeper,
+    link::{pinned, private_folder, write_secret},
     members::Members,
+    room::{bytes_said, bytes_below, disk, fitting_limit},
     server::{Server, Setup, program, signal},
 };
 use crate::{error::CliError, render};
@@ -27,10 +33,10 @@ use crate::{error::CliError, render};
 /// How long a server may take to begin.
 const BEGIN_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(100);
-/// A server that lived for so long has not died of its configuration.
-const LIVES_LONG: Duration = Duration::from_secs(5);
-/// How often in turn it may die sooner.
-const DEATHS_MAX: u32 = 3;
+/// Where a farm listens if nobody says.
+const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 4222);
+/// The file that the process holds which has a farm.
+const LOCK: &str = "up.lock";
 
 /// Start a farm on this machine: others join it by the line that this prints.
 #[derive(Debug, Args)]
@@ -43,12 +49,15 @@ const DEATHS_MAX: u32 = 3;
     everything; with the other paint, and no more: neither ask for pictures nor lead a job, nor speak as anybody else."
 )]
 pub(crate) struct UpArgs {
-    /// Where to listen.
-    #[arg(long, value_name = "ADDRESS", default_value = "0.0.0.0:4222")]
-    listen: SocketAddr,
+    /// Where to listen. [default: 0.0.0.0:4222]
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<SocketAddr>,
     /// Where works and pixels are kept; default: a folder of the user's state.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     state: Option<PathBuf>,
+    /// How much is kept there at most, in gigabytes; default: what its disk has, but for a twentieth. Jobs wait while it is full.
+    #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
+    store_size: Option<f64>,
     /// The program of the NATS server; default: `nats-server`, where systems put it.
     #[arg(long, value_name = "PROGRAM", value_hint = ValueHint::ExecutablePath)]
     server: Option<PathBuf>,
@@ -59,42 +68,127 @@ pub(crate) struct UpArgs {
 
 pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     let folder = args.state.clone().unwrap_or_else(|| state_folder().join("server"));
+    let Some(_alone) = lock(&folder)? else { return up_already(args, folder) };
     let program = program(args.server.as_deref())?;
     let members = Members::open(folder.join("members.json"))?;
-    let pin = pin(&members)?;
-    let words = Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin });
-    let setup = Setup { folder, listen: args.listen };
-    let [trusted, guest] = words;
-    let here = |listen| FarmAddress::of_up(reachable_here(listen), trusted.clone());
-    let login = || Login::NKey(members.seed().to_owned());
-    let options = |listen| NatsOptions { login: login(), ..pinned(&here(listen), &trusted, "up") };
-    if let Some(before) = setup.listened().filter(|before| *before != args.listen) {
-        end_of_other(&program, &setup, &options(before));
-    }
+    let listen = args.listen.unwrap_or(LISTEN);
+    let words = words(&members)?;
+    let options = |listen| options(&members, listen, &words[0]);
+    let mut setup = Setup { folder, listen, store_bytes: None };
+    setup.store_bytes = store_bytes(args, &setup, &program, &options)?;
     let config = setup.write(&members)?;
-    let (here, options) = (here(args.listen), options(args.listen));
-    let (mut server, uplink) = begin(&program, &config, &setup, &options)?;
-    let log = setup.log();
-    let_in_newcomers(&uplink, members, setup, program.clone());
-    write_secret(&address_file(), here.to_string().as_bytes())?;
+    let (server, uplink) = begin(&program, &config, &setup, &options(listen))?;
+    let board = JobBoard { uplink: Arc::new(uplink) };
+    let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
+    let mut keeper = Keeper::new(server, &program, config, &setup, board.clone());
+    let admission = Admission::new(members, setup, program.clone());
+    board.uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| admission.answer(group, request));
+    write_secret(&address_file(), here.as_bytes())?;
     let stop = StopSwitch::new();
     render::stop_on_signal(&stop)?;
-    let beacon = (!args.hidden && !args.listen.ip().is_loopback()).then(|| Beacon::light(pin, args.listen.port()));
-    tell(args, &uplink.server_version(), trusted, guest);
+    let beacon = (!args.hidden && !listen.ip().is_loopback()).then(|| Beacon::light(words[0].pin, listen.port()));
+    println!("the farm is up (NATS {}). {}", board.uplink.server_version(), keeper.room_said());
+    tell(listen, &words);
     if let Some(Err(error)) = &beacon {
         tracing::warn!(%error, "the local network is not told where the farm is");
     }
-    keep_up(&mut server, &stop, &uplink, &program, &config, &log)?;
-    if let Err(error) = fs::remove_file(address_file()) {
+    keeper.keep_up(&stop)?;
+    // Another one may have begun in another folder.
+    if fs::read_to_string(address_file()).is_ok_and(|text| text == here)
+        && let Err(error) = fs::remove_file(address_file())
+    {
         tracing::debug!(%error, "the address was not removed");
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn tell(args: &UpArgs, version: &str, trusted: JoinWord, guest: JoinWord) {
-    let there = reachable_there(args.listen);
-    let (all, paint) = (FarmAddress::of_up(there.clone(), trusted), FarmAddress::of_up(there, guest));
-    println!("the farm is up (NATS {version}). On each other machine:\n\n  bottega join {all}\n");
+/// Keeps other processes of this program from a folder until it is dropped, or this process dies. `None`: one has it.
+fn lock(folder: &Path) -> Result<Option<fs::File>, CliError> {
+    private_folder(folder)?;
+    let path = folder.join(LOCK);
+    let wrong = |source| CliError::Write { path: path.clone(), source };
+    let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(wrong)?;
+    match file.try_lock() {
+        Ok(()) => {
+            // Whoever comes later is told who it is.
+            let told = file.set_len(0).and_then(|()| (&file).write_all(std::process::id().to_string().as_bytes()));
+            told.map_err(wrong)?;
+            Ok(Some(file))
+        }
+        Err(fs::TryLockError::WouldBlock) => Ok(None),
+        Err(fs::TryLockError::Error(error)) => Err(wrong(error)),
+    }
+}
+
+/// Another process of this user has the farm: it is left alone.
+fn up_already(args: &UpArgs, folder: PathBuf) -> Result<ExitCode, CliError> {
+    let process = fs::read_to_string(folder.join(LOCK)).unwrap_or_default();
+    let file = folder.join("members.json");
+    if !file.is_file() {
+        let problem = format!("process {process} is about to start a farm in {}", folder.display());
+        return Err(CliError::failed(problem, "try again in a moment"));
+    }
+    let members = Members::open(file)?;
+    let setup = Setup { folder, listen: args.listen.unwrap_or(LISTEN), store_bytes: None };
+    let listen = setup.configured().map_or(setup.listen, |configured| configured.listen);
+    if args.listen.is_some_and(|asked| asked != listen) {
+        return Err(CliError::failed(
+            format!("a farm is up already in {}, at {listen}: process {process}", setup.folder.display()),
+            "end that one first, or have another one in another folder: --state",
+        ));
+    }
+    println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
+    tell(listen, &words(&members)?);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The words by which one becomes a member.
+fn words(members: &Members) -> Result<[JoinWord; 2], CliError> {
+    let pin = pin(members)?;
+    Ok(Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin }))
+}
+
+fn options(members: &Members, listen: SocketAddr, word: &JoinWord) -> NatsOptions {
+    let here = FarmAddress::of_up(reachable_here(listen), word.clone());
+    NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&here, word, "up") }
+}
+
+/// What the server may keep; `None`: it decides that itself. A server that was left behind goes on as it is, unless something
+/// else is asked for than what it has: then it is ended.
+fn store_bytes(
+    args: &UpArgs,
+    setup: &Setup,
+    program: &Path,
+    options: &dyn Fn(SocketAddr) -> NatsOptions,
+) -> Result<Option<u64>, CliError> {
+    let asked = args.store_size.map(|gigabytes| (gigabytes * 1e9) as u64);
+    if let (Some(before), Some(number)) = (setup.configured(), setup.running())
+        // Nobody else's has this certificate.
+        && let Ok(uplink) = NatsUplink::connect(&options(before.listen), FarmCodec)
+    {
+        let is_as_asked = before.listen == setup.listen && asked.is_none_or(|asked| before.store_bytes == Some(asked));
+        if is_as_asked {
+            return Ok(before.store_bytes);
+        }
+        tracing::warn!("the server that was left behind at {} is ended", before.listen);
+        end_of_other(program, number, &uplink);
+    }
+    let folder = setup.store();
+    let (used, disk) = (bytes_below(&folder), disk(&setup.folder));
+    let limit = asked.or_else(|| disk.map(|disk| fitting_limit(used, disk)));
+    if let (Some(asked), Some((free, _))) = (asked, disk)
+        && asked > used + free
+    {
+        let free = bytes_said(used + free);
+        tracing::warn!("--store-size is more than there is room for: the disk of {} has {free}", folder.display());
+    }
+    Ok(limit)
+}
+
+fn tell(listen: SocketAddr, [trusted, guest]: &[JoinWord; 2]) {
+    let there = reachable_there(listen);
+    let [all, paint] = [trusted, guest].map(|word| FarmAddress::of_up(there.clone(), word.clone()));
+    println!("On each other machine:\n\n  bottega join {all}\n");
     println!("or, where a machine is to paint and no more:\n\n  bottega join {paint}\n");
     println!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n");
 }
@@ -145,12 +239,8 @@ pub(super) fn begin(
     Err(CliError::failed("the NATS server does not answer", "see its log"))
 }
 
-/// Ends a server that was left behind elsewhere: two cannot have the same folder.
-fn end_of_other(program: &Path, setup: &Setup, options: &NatsOptions) {
-    let Some(number) = setup.running() else { return };
-    // Nobody else's has this certificate.
-    let Ok(uplink) = NatsUplink::<FarmCodec>::connect(options, FarmCodec) else { return };
-    tracing::warn!("the server that was left behind at {} is ended", options.servers.join(", "));
+/// Ends a server that was left behind: two cannot have the same folder.
+fn end_of_other(program: &Path, number: u32, uplink: &NatsUplink<FarmCodec>) {
     signal(program, "quit", number);
     for _ in 0..BEGIN_TRIES {
         if !uplink.is_connected() {
@@ -158,57 +248,6 @@ fn end_of_other(program: &Path, setup: &Setup, options: &NatsOptions) {
         }
         thread::sleep(BETWEEN_TRIES);
     }
-}
-
-/// Starts the server again whenever it dies, until the user wants to stop.
-fn keep_up(
-    server: &mut Server,
-    stop: &StopSwitch,
-    uplink: &NatsUplink<FarmCodec>,
-    program: &Path,
-    config: &Path,
-    log: &Path,
-) -> Result<(), CliError> {
-    let (mut begun, mut deaths, mut answered) = (Instant::now(), 0, Instant::now());
-    while !stop.is_requested() {
-        if uplink.is_connected() {
-            answered = Instant::now();
-        }
-        let ended = server.ended()?.map(|status| status.to_string());
-        // Of one that was adopted nothing else can be known.
-        let is_gone = || server.is_adopted() && answered.elapsed() > LIVES_LONG;
-        if let Some(status) = ended.or_else(|| is_gone().then(|| "it does not answer".to_owned())) {
-            deaths = if begun.elapsed() > LIVES_LONG { 1 } else { deaths + 1 };
-            if deaths > DEATHS_MAX {
-                let problem = format!("the NATS server ends whenever it is started ({status})");
-                return Err(CliError::failed(problem, format!("see {}", log.display())));
-            }
-            tracing::warn!("the NATS server ended ({status}); it is started again");
-            begun = Instant::now();
-            answered = begun;
-            *server = Server::start(program, config)?;
-        }
-        thread::sleep(BETWEEN_TRIES);
-    }
-    Ok(())
-}
-
-/// From now on those who know a word become members, and the server is told of them.
-fn let_in_newcomers(uplink: &NatsUplink<FarmCodec>, members: Members, setup: Setup, program: PathBuf) {
-    let members = Mutex::new(members);
-    uplink.answer_newcomers(&Group::ALL.map(Group::word), move |group, request| {
-        let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
-        let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut answer = members.answer(group, request);
-        let reload = || setup.running().is_some_and(|number| signal(&program, "reload", number));
-        if answer.member.is_some() && !(setup.write(&members).is_ok() && reload()) {
-            answer = Answer { member: None, refused: Some("its server cannot be told of it".to_owned()) };
-        }
-        if let Some(member) = &answer.member {
-            tracing::info!(member, group = group.word(), "let in");
-        }
-        serde_json::to_vec(&answer).ok()
-    });
 }
 
 /// The farm's address for this machine.

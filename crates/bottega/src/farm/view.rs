@@ -51,7 +51,8 @@ impl JobView {
             zones_done: lead.zones_done,
             zones: lead.zones,
             priority: job.priority,
-            machines,
+            // A machine that was killed does not say that it has left.
+            machines: if job.state.is_over() { 0 } else { machines },
             leader: lead.leader.clone(),
             from: job.from.clone(),
             submitted: job.submitted,

@@ -2,8 +2,7 @@
 
 use std::{
     collections::BTreeSet,
-    sync::atomic::{AtomicBool, Ordering},
-    thread::{self, Thread},
+    thread,
     time::{Duration, Instant},
 };
 
@@ -13,7 +12,8 @@ use super::{
     job_board::{JobBoard, RENEW_EVERY, Seat},
     machine::{MachineOrder, Standing},
     part::{Member, Part, take_part},
-    patience::patiently,
+    patience::{meanwhile, patiently},
+    refusals::{Refusal, Refusals},
     shares::{Wanting, choose, should_move},
     studio::{Own, Studio},
 };
@@ -33,8 +33,6 @@ pub(super) struct Worker {
     own: Own,
     /// The job that was painted last: its scene stays loaded.
     studio: Option<Studio>,
-    /// Jobs that this machine cannot paint.
-    refused: BTreeSet<u32>,
     /// The only ones that it may; then it is the process that asked for them, and takes no orders.
     only: Option<BTreeSet<u32>>,
     /// A job that is painted, and whose picture somebody else makes safe.
@@ -54,7 +52,7 @@ impl Worker {
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(&str)>,
     ) -> Self {
-        Self { member, cache, own, studio: None, refused: BTreeSet::new(), only, helped: None, say }
+        Self { member, cache, own, studio: None, only, helped: None, say }
     }
 
     /// Says that it has gone.
@@ -89,8 +87,8 @@ impl Worker {
     fn rest(&mut self) {
         // Memory, too, is for others now.
         self.studio = None;
-        let Member { board, name, threads, stop } = &self.member;
-        board.sit(&Seat { standing: Standing::Suspended, ..Seat::new(name, *threads, None) });
+        let Member { board, name, stop, .. } = &self.member;
+        board.sit(&Seat { standing: Standing::Suspended, ..self.member.seat(None) });
         let begun = Instant::now();
         while begun.elapsed() < RENEW_EVERY
             && !stop.is_requested()
@@ -107,18 +105,18 @@ impl Worker {
     }
 
     /// Whether this machine would paint a job.
-    fn would(&self, number: u32) -> bool {
-        may(&self.only, &self.refused, number) && !self.is_done_with(number)
+    fn would(&self, number: u32, job: &Job) -> bool {
+        may(&self.only, &self.member.refusals, number, job) && !self.is_done_with(number)
     }
 
     /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
     pub(super) fn work_once(&mut self) -> bool {
-        let Member { board, name, threads, .. } = &self.member;
+        let Member { board, name, .. } = &self.member;
         let others: Vec<Seat> = board.seats().into_iter().filter(|seat| seat.name != *name).collect();
-        let wanting = wanting(board, |number| self.would(number));
+        let wanting = wanting(board, |number, job| self.would(number, job));
         let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
         let Some((number, job)) = chosen else {
-            board.sit(&Seat { takes_orders: self.only.is_none(), ..Seat::new(name, *threads, None) });
+            board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
             self.wait();
             return false;
         };
@@ -128,10 +126,12 @@ impl Worker {
             Err(error) if error.may_pass() => false,
             // What is wrong with one job is no reason to leave the farm.
             Err(error) => {
-                let board = &self.member.board;
-                board.log(number, &format!("{} is left out: {}", self.member.name, error.told()));
+                let Member { board, name, refusals, .. } = &self.member;
+                let reason = error.told_with_remedy();
+                board.log(number, &format!("{name} is left out: {reason}"));
                 eprintln!("{:?}", miette::Report::new(error));
-                self.refused.insert(number);
+                refusals.add(Refusal { job: number, work: job.work, reason });
+                board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
                 true
             }
         }
@@ -148,20 +148,21 @@ impl Worker {
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
             thread::sleep(LOOK_EVERY);
-            if is_called_off() || !wanting(&self.member.board, |number| self.would(number)).is_empty() {
+            if is_called_off() || !wanting(&self.member.board, |number, job| self.would(number, job)).is_empty() {
                 return;
             }
         }
     }
 
     fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, CliError> {
-        let Member { board, stop, name, threads, .. } = &self.member;
-        let seat = Seat { takes_orders: self.only.is_none(), ..Seat::new(name, *threads, Some(number)) };
+        let Member { board, stop, .. } = &self.member;
+        let seat = Seat { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
         if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
             let open = || Studio::open(&self.member, job, &self.cache, &self.own);
-            self.studio = Some(sitting(board, &seat, || patiently(stop, &self.say, open))?);
+            let sit = || board.sit(&seat);
+            self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently(stop, &self.say, open))?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };
         let before = studio.samples_done();
@@ -192,49 +193,26 @@ impl Worker {
     /// Whether this machine is told to paint no more, or another job has too few machines for its priority.
     fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
         let (board, me) = (self.member.board.clone(), self.member.name.clone());
-        let (only, refused) = (self.only.clone(), self.refused.clone());
+        let (only, refusals) = (self.only.clone(), self.member.refusals.clone());
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         move || {
-            let wanting = || wanting(&board, |number| may(&only, &refused, number));
+            let wanting = || wanting(&board, |number, job| may(&only, &refusals, number, job));
             is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
         }
     }
 }
 
-/// Says that a machine is there while it does what takes long: opens a scene, has kernels compiled.
-fn sitting<T>(board: &JobBoard, seat: &Seat, work: impl FnOnce() -> T) -> T {
-    /// Ends the thread that says so, whatever becomes of the work.
-    struct Done<'a>(&'a AtomicBool, Thread);
-    impl Drop for Done<'_> {
-        fn drop(&mut self) {
-            self.0.store(true, Ordering::Relaxed);
-            self.1.unpark();
-        }
-    }
-    let is_done = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let keeper = scope.spawn(|| {
-            while !is_done.load(Ordering::Relaxed) {
-                board.sit(seat);
-                thread::park_timeout(RENEW_EVERY);
-            }
-        });
-        let _done = Done(&is_done, keeper.thread().clone());
-        work()
-    })
-}
-
-fn may(only: &Option<BTreeSet<u32>>, refused: &BTreeSet<u32>, number: u32) -> bool {
-    !refused.contains(&number) && only.as_ref().is_none_or(|only| only.contains(&number))
+fn may(only: &Option<BTreeSet<u32>>, refusals: &Refusals, number: u32, job: &Job) -> bool {
+    !refusals.has(job.work) && only.as_ref().is_none_or(|only| only.contains(&number))
 }
 
 /// Jobs that want machines.
-fn wanting(board: &JobBoard, is_wanted: impl Fn(u32) -> bool) -> Vec<Wanting> {
+fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<Wanting> {
     let all = board.all().into_iter();
     let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
     // Guests paint for somebody.
     let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
     let active =
-        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number) && is_possible(*number));
+        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));
     active.map(|(number, job)| Wanting { number, priority: job.priority }).collect()
 }

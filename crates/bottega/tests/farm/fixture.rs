@@ -69,33 +69,51 @@ pub(super) struct Farm {
     pub(super) port: u16,
     server: PathBuf,
     pub(super) up: Option<Process>,
+    /// More words of `bottega up`.
+    more: Vec<String>,
     _alone: MutexGuard<'static, ()>,
 }
 
 impl Farm {
     pub(super) fn start(server: &Path) -> Self {
+        Self::start_with(server, &[])
+    }
+
+    /// - `more`: what else `bottega up` is told.
+    pub(super) fn start_with(server: &Path, more: &[&str]) -> Self {
+        let more = more.iter().map(|word| (*word).to_owned()).collect();
         let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().expect("a folder");
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
-        let mut farm = Self { folder, port, server: server.to_owned(), up: None, _alone: alone };
+        let mut farm = Self { folder, port, server: server.to_owned(), up: None, more, _alone: alone };
         farm.up();
         farm
     }
 
     /// Starts the server, and waits until it is there.
     pub(super) fn up(&mut self) {
-        let listen = format!("127.0.0.1:{}", self.port);
-        let up = self.spawn(&["up", "--listen", &listen, "--server", text(&self.server)], "up.log");
+        let words = self.up_words(&self.more.iter().map(String::as_str).collect::<Vec<_>>());
+        let up = self.spawn(&words.iter().map(String::as_str).collect::<Vec<_>>(), "up.log");
         self.up = Some(up);
         self.until_says("up.log", "bottega join");
     }
 
+    pub(super) fn up_words(&self, more: &[&str]) -> Vec<String> {
+        let listen = format!("127.0.0.1:{}", self.port);
+        let words = ["up", "--listen", &listen, "--server", text(&self.server)];
+        words.iter().chain(more).map(|word| (*word).to_owned()).collect()
+    }
+
     /// The server itself, as if its machine had lost power.
     pub(super) fn kill_server(&self) {
+        self.signal_server("-KILL");
+    }
+
+    pub(super) fn signal_server(&self, what: &str) {
         let number = fs::read_to_string(self.path("state/bottega/server/server.pid")).unwrap_or_default();
         if let Ok(number) = number.trim().parse() {
             // It may be gone already.
-            signal("-KILL", number);
+            signal(what, number);
         }
     }
 
@@ -110,8 +128,14 @@ impl Farm {
     }
 
     pub(super) fn spawn(&self, arguments: &[&str], log: &str) -> Process {
+        self.spawn_in("state", arguments, log)
+    }
+
+    /// - `state`: the folder of its state, where it is another machine.
+    pub(super) fn spawn_in(&self, state: &str, arguments: &[&str], log: &str) -> Process {
         let log = fs::File::create(self.path(log)).expect("a log");
         let mut command = self.command(arguments);
+        command.env("XDG_STATE_HOME", self.path(state));
         command.stdout(log.try_clone().expect("a log")).stderr(log).stdin(Stdio::null());
         Process(command.spawn().expect("the program starts"))
     }
@@ -153,7 +177,7 @@ impl Farm {
     pub(super) fn render_by(&self, output: &str, samples: &str, more: &[&str]) -> Process {
         let path = self.path(output);
         let arguments = ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", samples];
-        self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{output}.log"))
+        self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{}.log", output.replace('/', "-")))
     }
 
     /// The picture of one machine alone.

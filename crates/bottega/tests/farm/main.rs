@@ -3,12 +3,15 @@
 //! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
 //! skipped.
 
+mod arrivals;
+mod builds;
 mod engines;
 mod fixture;
 mod guests;
 mod jobs;
 mod others;
 mod platform;
+mod room;
 #[path = "../support/mod.rs"]
 mod support;
 
@@ -132,6 +135,15 @@ fn when_the_one_who_leads_is_killed_another_goes_on_with_what_is_painted() {
     let path = farm.path("b.exr");
     farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
     assert!(bits(&path) == plain, "{}", farm.logs());
+    // The journal of the one who asked is of no more use beside the picture; one of another picture stays.
+    let journals = ["a.exr.bottega-journal", "b.exr.bottega-journal"].map(|name| farm.path(name));
+    std::fs::write(&journals[1], "another").expect("a journal");
+    assert!(journals[0].exists(), "it was killed");
+    for name in ["a.exr", "b.exr"] {
+        farm.succeed(&["jobs", "fetch", "1", "-o", text(&farm.path(name))]);
+    }
+    assert!(!journals[0].exists() && journals[1].exists());
+    assert_eq!(farm.job(1)["machines"], 0, "a machine that was killed paints nothing that is over");
     farm.succeed(&["jobs", "remove", "1"]);
     assert!(farm.succeed(&["jobs", "list", "--json"]).is_empty());
 }

@@ -24,21 +24,21 @@ use super::{
 const PICTURE: [&str; 8] = ["render", "goblets.glb", "--size", "96x72", "--spp", "16", "--quiet", "-o"];
 
 /// The folder of such a server.
-struct Other {
+pub(super) struct Other {
     folder: TempDir,
-    port: u16,
+    pub(super) port: u16,
     server: PathBuf,
     _alone: MutexGuard<'static, ()>,
 }
 
 impl Other {
-    fn new(server: &Path) -> Self {
+    pub(super) fn new(server: &Path) -> Self {
         let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
         Self { folder: tempfile::tempdir().expect("a folder"), port, server: server.to_owned(), _alone: alone }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -48,7 +48,7 @@ impl Other {
         path
     }
 
-    fn start(&self, more: &str) -> Process {
+    pub(super) fn start(&self, more: &str) -> Process {
         let (port, store) = (self.port, self.path("store"));
         let words = format!("listen: \"127.0.0.1:{port}\"\n{}", more.replace("STORE", text(&store)));
         let config = self.write("nats.conf", &words);
@@ -65,7 +65,7 @@ impl Other {
         process
     }
 
-    fn command(&self, arguments: &[&str]) -> Command {
+    pub(super) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = bottega(arguments);
         command.env("XDG_STATE_HOME", self.folder.path()).env_remove("BOTTEGA_FARM");
         command

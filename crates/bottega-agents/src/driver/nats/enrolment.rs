@@ -1,14 +1,19 @@
 //! How one who knows the farm's word becomes a member with a key of its own.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
-use tokio::runtime::Builder;
+use async_nats::Request;
+use tokio::{runtime::Builder, sync::Semaphore};
 use tokio_stream::StreamExt;
 
 use super::{ANSWER_TIME, Codec, Login, NatsError, NatsOptions, NatsUplink, names, rights::NEWCOMER};
 
 /// The largest request.
 const REQUEST_BYTES_MAX: usize = 1 << 12;
+/// How long an answer may take: many may want to be let in at once, and a server reads its configuration for each.
+const ENROL_TIME: Duration = Duration::from_secs(10);
+/// Requests of a group that are answered at once.
+const AT_ONCE: usize = 16;
 
 /// A key by which a server knows somebody.
 pub struct Key(nkeys::KeyPair);
@@ -52,14 +57,15 @@ pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u
     runtime.block_on(async {
         let options = NatsOptions { member: NEWCOMER.to_owned(), ..options.clone() };
         let client = super::connect(&options).await?;
-        let answer = client.request(names::enrolment(group), request.to_vec().into()).await;
-        let answer = answer.map_err(|error| NatsError::Keep { what: "a place", reason: error.to_string() })?;
+        let request = Request::new().payload(request.to_vec().into()).timeout(Some(ENROL_TIME));
+        let answer = client.send_request(names::enrolment(group), request).await;
+        let answer = answer.map_err(|error| NatsError::NobodyAnswers { reason: error.to_string() })?;
         Ok(answer.payload.to_vec())
     })
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Answers those who want to be let in, for as long as this lives.
+    /// Answers those who want to be let in, for as long as this lives; several at once.
     ///
     /// - `answer`: gets the group and the request; blocks for as long as it needs. `None`: no answer.
     pub fn answer_newcomers(
@@ -72,16 +78,22 @@ impl<K: Codec> NatsUplink<K> {
             let (client, answer, group) = (self.client.clone(), Arc::clone(&answer), (*group).to_owned());
             self.handle.spawn(async move {
                 let Ok(mut requests) = client.subscribe(names::enrolment(&group)).await else { return };
+                let places = Arc::new(Semaphore::new(AT_ONCE));
                 while let Some(request) = requests.next().await {
                     let Some(reply) = request.reply else { continue };
                     if request.payload.len() > REQUEST_BYTES_MAX {
                         continue;
                     }
-                    let (answer, of) = (Arc::clone(&answer), group.clone());
-                    let answered = tokio::task::spawn_blocking(move || answer(&of, &request.payload)).await;
-                    if let Ok(Some(bytes)) = answered {
-                        _ = client.publish(reply, bytes.into()).await;
-                    }
+                    // It is closed by nobody.
+                    let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+                    let (client, answer, group) = (client.clone(), Arc::clone(&answer), group.clone());
+                    tokio::spawn(async move {
+                        let answered = tokio::task::spawn_blocking(move || answer(&group, &request.payload)).await;
+                        if let Ok(Some(bytes)) = answered {
+                            _ = client.publish(reply, bytes.into()).await;
+                        }
+                        drop(place);
+                    });
                 }
             });
         }

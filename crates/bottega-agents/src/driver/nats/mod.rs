@@ -26,7 +26,7 @@ use std::{
 };
 
 use async_nats::{
-    Client,
+    Client, ConnectErrorKind, Request, RequestErrorKind,
     jetstream::{self, kv},
 };
 use tokio::{
@@ -37,7 +37,7 @@ use tokio_stream::StreamExt;
 
 use self::store::Bucket;
 pub use self::{
-    blobs::{BlobError, NatsBlobs},
+    blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
     enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
@@ -57,6 +57,8 @@ const ANSWER_TIME: Duration = Duration::from_secs(2);
 const CONNECT_TIME: Duration = Duration::from_secs(5);
 /// How often an agent that hears nothing is asked whether it is still there.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// The subject on which a server says what it stores.
+const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest server that is known to work.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
@@ -104,10 +106,46 @@ pub enum NatsError {
         what: &'static str,
         /// Why not.
         reason: String,
+        /// Whether it is so whenever it is tried again; not of a server that reads its configuration anew.
+        is_lasting: bool,
+    },
+    /// Nobody answers one who wants to be let in.
+    #[error("nobody lets machines into the farm: {reason}")]
+    NobodyAnswers {
+        /// What the server says.
+        reason: String,
     },
     /// The operating system gives no thread.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
+}
+
+impl NatsError {
+    /// Whether the server does not know who one is. One that reads its configuration anew may not know it yet.
+    pub fn is_refusal(&self) -> bool {
+        matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
+    }
+
+    /// Whether a server that was reached a moment ago may do it when it is asked again: while it reads its configuration anew it
+    /// turns members away, closes links and keeps nothing.
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Connect { source, .. } => matches!(
+                source.kind(),
+                ConnectErrorKind::AuthorizationViolation
+                    | ConnectErrorKind::Authentication
+                    | ConnectErrorKind::TimedOut
+                    | ConnectErrorKind::Io
+            ),
+            Self::Keep { is_lasting, .. } => !is_lasting,
+            Self::NobodyAnswers { .. } => true,
+            Self::Address { .. }
+            | Self::Name { .. }
+            | Self::Credentials { .. }
+            | Self::Version { .. }
+            | Self::Thread(_) => false,
+        }
+    }
 }
 
 /// A link to a farm.
@@ -171,7 +209,7 @@ impl<K: Codec> NatsUplink<K> {
         let codec = Arc::new(codec);
         let bucket = Bucket::new(client.clone(), blackboard, Arc::clone(&codec));
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
-        let blobs = NatsBlobs::new(objects, handle.clone());
+        let blobs = NatsBlobs::new(context.clone(), objects, names::objects(&options.farm), handle.clone());
         let tiles = NatsTiles::new(context, tiles, &options.farm, handle.clone());
         let (farm, is_guest) = (options.farm.clone(), options.is_guest);
         Ok(Self {
@@ -230,6 +268,18 @@ impl<K: Codec> NatsUplink<K> {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
+    /// Asks the server what it stores; blocks until it answers, two seconds at most.
+    pub fn server_state(&self) -> ServerState {
+        let asked = Request::new().timeout(Some(ANSWER_TIME));
+        match self.handle.block_on(self.client.send_request(STORE_INFO, asked)) {
+            Ok(answer) => ServerState::read(&answer.payload),
+            Err(error) if error.kind() == RequestErrorKind::NoResponders => {
+                ServerState::StoresNothing { reason: error.to_string() }
+            }
+            Err(_) => ServerState::Silent,
+        }
+    }
+
     /// Lets all entries of the store go whose names begin so.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
@@ -245,6 +295,34 @@ impl<K: Codec> NatsUplink<K> {
             _ = self.client.flush().await;
         };
         _ = self.handle.block_on(async { tokio::time::timeout(ANSWER_TIME, wait).await });
+    }
+}
+
+/// What a server says of what it stores.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ServerState {
+    /// It does not answer.
+    Silent,
+    /// It answers, and stores nothing: its disk was full once, or is.
+    StoresNothing {
+        /// What it says.
+        reason: String,
+    },
+    /// It stores.
+    Stores {
+        /// What it keeps of all farms.
+        bytes: u64,
+    },
+}
+
+impl ServerState {
+    /// What an answer says. The library's own way of reading it does not know all servers.
+    fn read(answer: &[u8]) -> Self {
+        let told: serde_json::Value = serde_json::from_slice(answer).unwrap_or_default();
+        match told["storage"].as_u64() {
+            Some(bytes) => Self::Stores { bytes },
+            None => Self::StoresNothing { reason: told["error"]["description"].as_str().unwrap_or_default().to_owned() },
+        }
     }
 }
 
@@ -276,7 +354,7 @@ struct Opened {
     context: jetstream::Context,
     blackboard: kv::Store,
     notices: kv::Store,
-    objects: jetstream::object_store::ObjectStore,
+    objects: (jetstream::object_store::ObjectStore, jetstream::stream::Stream),
     tiles: jetstream::stream::Stream,
 }
 

@@ -33,7 +33,7 @@ pub(super) async fn open(
     what: &'static str,
     may_make: bool,
 ) -> Result<kv::Store, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what, reason };
+    let keep = |reason: String| NatsError::Keep { what, reason, is_lasting: false };
     let wanted = stream::Config {
         name: format!("KV_{bucket}"),
         description: Some(what.to_owned()),
@@ -68,7 +68,7 @@ pub(super) async fn open(
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(store),
-        Some((other, _)) => Err(keep(format!("its stream KV_{bucket} has another {other} than was asked for"))),
+        Some((other, _)) => Err(NatsError::Keep { what, reason: format!("its stream KV_{bucket} has another {other} than was asked for"), is_lasting: true }),
     }
 }
 

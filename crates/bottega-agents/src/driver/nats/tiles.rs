@@ -4,6 +4,8 @@
 //! where an object of the object store costs three and a consumer. The first part, which says how many there are, is written
 //! last: a tile that is there is whole. Who reads it checks that it is the one that was meant.
 
+use std::collections::BTreeMap;
+
 use async_nats::jetstream::{
     Context,
     context::PublishAckFuture,
@@ -35,7 +37,7 @@ pub struct NatsTiles {
 
 /// Opens the stream of a farm, or makes it. What the server then says of it is compared with what was asked.
 pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Result<Stream, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what: "pixels", reason };
+    let keep = |reason: String| NatsError::Keep { what: "pixels", reason, is_lasting: false };
     let name = names::tiles(farm);
     let wanted = stream::Config {
         name: name.clone(),
@@ -70,7 +72,7 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(stream),
-        Some((other, _)) => Err(keep(format!("its stream {name} has another {other} than was asked for"))),
+        Some((other, _)) => Err(NatsError::Keep { what: "pixels", reason: format!("its stream {name} has another {other} than was asked for"), is_lasting: true }),
     }
 }
 
@@ -113,7 +115,7 @@ impl NatsTiles {
             Some(there) if *there == *bytes => Ok(()),
             Some(_) => {
                 let reason = "there is another one of this name".to_owned();
-                Err(BlobError { name: name.to_owned(), reason, is_lasting: true })
+                Err(BlobError::lasting(name, reason))
             }
             None => Err(BlobError::passing(name, &error)),
         }
@@ -131,7 +133,7 @@ impl NatsTiles {
     /// # Errors
     /// The server does not give it, or not all of it.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
-        let wrong = |reason: String| BlobError { name: name.to_owned(), reason, is_lasting: true };
+        let wrong = |reason: String| BlobError::lasting(name, reason);
         self.handle.block_on(async {
             let Some(first) = self.part(name, 0).await? else { return Ok(None) };
             let Some((head, first)) = first.split_first_chunk::<HEAD_BYTES>() else {
@@ -183,6 +185,24 @@ impl NatsTiles {
         folders.sort_unstable();
         folders.dedup();
         folders
+    }
+
+    /// About how many bytes there are by the first words of the names of tiles: servers count messages and not bytes.
+    pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
+        let mut counts: BTreeMap<String, u64> = BTreeMap::new();
+        let all = self.handle.block_on(async {
+            let mut subjects = self.stream.info_with_subjects(format!("{}>", self.prefix)).await.ok()?;
+            while let Some(Ok((subject, count))) = subjects.next().await {
+                let token = subject.strip_prefix(&self.prefix).and_then(|rest| rest.split('.').next());
+                if let Some(folder) = token.and_then(names::name) {
+                    *counts.entry(folder).or_default() += count as u64;
+                }
+            }
+            self.stream.get_info().await.ok().map(|info| info.state)
+        });
+        let Some(all) = all else { return BTreeMap::new() };
+        let bytes = |count: u64| (all.bytes as f64 * count as f64 / all.messages.max(1) as f64) as u64;
+        counts.into_iter().map(|(folder, count)| (folder, bytes(count))).collect()
     }
 
     /// Lets all tiles go whose names begin with this word and a stroke.

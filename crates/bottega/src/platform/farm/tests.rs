@@ -145,7 +145,7 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_strangers_wait_until_it_
     let result = format!(
         "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
          \"{}\")))",
-        env!("CARGO_PKG_VERSION")
+        crate::identity::identity()
     );
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)]);
 }

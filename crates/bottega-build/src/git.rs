@@ -1,0 +1,24 @@
+//! What git knows of the sources.
+
+use std::{fs, path::Path, process::Command};
+
+/// Digits of a commit's number: enough to be the only one.
+const DIGITS: &str = "--short=12";
+
+/// The commit of the sources, and whether they differ from it. `None`: there is no git, or it keeps others than these.
+pub(crate) fn commit(root: &Path, places: &[&str]) -> Option<(String, bool)> {
+    let top = ask(root, &["rev-parse", "--show-toplevel"])?;
+    if fs::canonicalize(top).ok()? != fs::canonicalize(root).ok()? {
+        return None;
+    }
+    let commit = ask(root, &["rev-parse", DIGITS, "HEAD"])?;
+    let status = [&["--no-optional-locks", "status", "--porcelain", "--"], places].concat();
+    let is_changed = !ask(root, &status)?.is_empty();
+    Some((commit, is_changed))
+}
+
+fn ask(root: &Path, words: &[&str]) -> Option<String> {
+    let output = Command::new("git").arg("-C").arg(root).args(words).output().ok()?;
+    let said = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| said.trim().to_owned())
+}

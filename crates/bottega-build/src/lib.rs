@@ -1,0 +1,33 @@
+//! From which sources a program is built, as a macro that says so where it is expanded.
+//!
+//! It is a macro and no build script, because nothing is rebuilt for its sake: the crate that expands it is compiled anyway when a
+//! source of the program changes, and no other crate knows of it. A commit that changes no source rebuilds nothing; the
+//! program then names the commit that it was compiled at.
+
+mod git;
+mod sources;
+
+use std::{env, path::Path};
+
+use proc_macro::TokenStream;
+
+/// Expands to `(commit, is_changed, sources, compiler)`: the commit of the sources (empty where there is no git), whether
+/// they differ from it, their digest, and the version of the compiler.
+#[proc_macro]
+pub fn provenance(_: TokenStream) -> TokenStream {
+    let told = tell().unwrap_or_else(|problem| format!("compile_error!({problem:?})"));
+    told.parse().expect("literals are tokens")
+}
+
+fn tell() -> Result<String, String> {
+    let folder = env::var("CARGO_MANIFEST_DIR").map_err(|_| "this is compiled by cargo alone".to_owned())?;
+    let root = Path::new(&folder).ancestors().nth(2).ok_or("the sources are in no workspace")?;
+    let sources = sources::digest(root)?;
+    let (commit, is_changed) = git::commit(root, &sources::PLACES).unwrap_or_default();
+    let [manifest, lock] = ["Cargo.toml", "Cargo.lock"].map(|name| root.join(name).display().to_string());
+    Ok(format!(
+        "{{ const _: [&[u8]; 2] = [include_bytes!({manifest:?}), include_bytes!({lock:?})]; \
+         ({commit:?}, {is_changed}, {sources:?}, {:?}) }}",
+        env!("BOTTEGA_COMPILER")
+    ))
+}
