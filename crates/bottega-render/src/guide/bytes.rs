@@ -1,7 +1,8 @@
 //! A guide as bytes, for others who paint the same view of the same scene.
 //!
 //! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
-//! axis: three each); how many nodes, regions and agents there are; whether paths are split; columns and rows of the parts of the picture, and how many
+//! axis: three each); how many nodes, regions and agents there are; whether rays are
+//! spent by what they are worth; columns and rows of the parts of the picture, and how many
 //! of these are known; of each node its plane and its link; of each region its share; of each agent what it knows; what each
 //! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
 
@@ -25,7 +26,7 @@ impl Guide {
         put(nodes.len() as u32);
         put(regions.len() as u32);
         put(agents.len() as u32);
-        put(u32::from(self.splits()));
+        put(u32::from(self.goes_by_worth()));
         [columns, rows, worth.len() as u32].into_iter().for_each(&mut put);
         nodes.iter().flat_map(|node| node.to_numbers()).for_each(&mut put);
         regions.iter().for_each(|region| put(region.share.to_bits()));
@@ -60,7 +61,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     }
     let lattice = Lattice::from_numbers(lattice)?;
     let (nodes, regions, agents) = (number()? as usize, number()? as usize, number()? as usize);
-    let splits = number()? != 0;
+    let by_worth = number()? != 0;
     let (columns, rows, parts) = (number()?, number()?, number()? as usize);
     // No more is set aside than there is.
     let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4)];
@@ -87,7 +88,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     };
     let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
     let expected = Expected::from_parts(columns, rows, worth)?;
-    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.splitting(splits))
+    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.going_by_worth(by_worth))
 }
 
 #[cfg(test)]

@@ -243,8 +243,8 @@ pub(crate) struct Guide {
     /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
     agents: Vec<Agent>,
     expected: Expected,
-    /// Whether it pays to end and to split paths by what agents say.
-    splits: bool,
+    /// Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
+    by_worth: bool,
 }
 
 impl Guide {
@@ -282,14 +282,14 @@ impl Guide {
         Self { expected, ..self }
     }
 
-    /// With whether it pays to end and to split paths by what agents say.
-    pub(crate) fn splitting(self, splits: bool) -> Self {
-        Self { splits, ..self }
+    /// With whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
+    pub(crate) fn going_by_worth(self, by_worth: bool) -> Self {
+        Self { by_worth, ..self }
     }
 
-    /// Whether it pays to end and to split paths by what agents say.
-    pub(crate) fn splits(&self) -> bool {
-        self.splits
+    /// Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
+    pub(crate) fn goes_by_worth(&self) -> bool {
+        self.by_worth
     }
 
     /// What it is made of.
@@ -321,7 +321,7 @@ impl Guide {
             regions,
             agents,
             expected,
-            splits: false,
+            by_worth: false,
         })
     }
 

@@ -138,6 +138,8 @@ pub struct PathIntegrator<'a> {
     guide: Option<Arc<Guide>>,
     /// Whether agents decide where paths end, and where they go on as several.
     splits: bool,
+    /// Whether agents decide how often to look whether a light is seen.
+    looks_rarely: bool,
 }
 
 impl<'a> PathIntegrator<'a> {
@@ -146,7 +148,8 @@ impl<'a> PathIntegrator<'a> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
         if (settings.guiding || settings.agents.any()) && prepared.can_learn(view) {
             let guide = prepared.guide(view, settings, || integrator.learn(view));
-            integrator.splits = settings.agents.roulette && guide.splits();
+            integrator.splits = settings.agents.roulette && guide.goes_by_worth();
+            integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();
             integrator.guide = Some(guide);
         }
         Ok(integrator)
@@ -174,6 +177,7 @@ impl<'a> PathIntegrator<'a> {
             wanted: Wanted::default(),
             guide: None,
             splits: false,
+            looks_rarely: false,
         })
     }
 
@@ -203,12 +207,12 @@ impl<'a> PathIntegrator<'a> {
             let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
             (compiled::run(path).values.radiance.into(), [x, y])
         });
-        if !agents.roulette {
+        if !(agents.roulette || agents.shadows) {
             return guide;
         }
         let guide = Arc::new(guide);
-        let splits = self.prepared.on_threads(|| integrator.splitting_pays(training.samples, &guide));
-        Arc::unwrap_or_clone(guide).splitting(splits)
+        let pays = self.prepared.on_threads(|| integrator.worth_pays(training.samples, &guide));
+        Arc::unwrap_or_clone(guide).going_by_worth(pays)
     }
 
     #[must_use]
@@ -318,6 +322,7 @@ impl<'a> PathIntegrator<'a> {
             cone: ray.cone,
             previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
             worth: 0.0,
+            due: None,
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
         }
@@ -377,6 +382,8 @@ pub(super) struct Path<'a> {
     previous: Previous,
     /// What a unit of light is worth to the pixel; 0: nobody knows.
     worth: f32,
+    /// How much of one look at lights is due, below 1, on all branches together; `None`: no light was left out so far.
+    due: Option<f32>,
     wants_albedo: bool,
     record: PathRecord,
 }

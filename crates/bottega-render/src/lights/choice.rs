@@ -50,21 +50,10 @@ pub(crate) struct Choice {
     up_to: [f32; PARTS],
     /// The share of each part's light that is seen, as far as is known; the last is of light that is far away.
     seen: [f32; PARTS + 1],
-    /// The standard deviation of that, from one ray to the next.
-    doubt: [f32; PARTS + 1],
 }
 
 /// Numbers that a [`Choice`] is written down as.
-pub(crate) const NUMBERS: usize = 2 + 3 * PARTS + 2 * (PARTS + 1);
-
-/// What is known of a light before it is looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
-    /// The share of such light that is seen.
-    pub(crate) seen: f32,
-    /// The standard deviation of that, from one ray to the next.
-    pub(crate) doubt: f32,
-}
+pub(crate) const NUMBERS: usize = 2 + 3 * PARTS + PARTS + 1;
 
 /// A part of the tree while a cut is sought.
 #[derive(Clone, Copy)]
@@ -107,14 +96,9 @@ impl Tally {
         (square * f64::from(self.asked)).sqrt()
     }
 
-    fn sight(&self) -> Sight {
-        if self.wanted == 0 {
-            return Sight { seen: 0.5, doubt: 0.5 };
-        }
-        let (wanted, seen) = (self.wanted as f32, self.seen as f32);
-        // Jeffreys' estimate: all of few is less sure than all of many.
-        let seen = (seen + 0.5) / (wanted + 1.0);
-        Sight { seen, doubt: (seen * (1.0 - seen)).sqrt() }
+    /// The share of the light that is seen, by Jeffreys' estimate: all of few is less sure than all of many.
+    fn share_seen(&self) -> f32 {
+        (self.seen as f32 + 0.5) / (self.wanted as f32 + 1.0)
     }
 }
 
@@ -167,7 +151,6 @@ impl Choice {
             nodes: [NO_LIGHT; PARTS],
             up_to: [1.0; PARTS],
             seen: [0.5; PARTS + 1],
-            doubt: [0.5; PARTS + 1],
         };
         let mut sum = 0.0;
         for (place, part) in parts.iter().enumerate() {
@@ -177,15 +160,10 @@ impl Choice {
                 choice.ends[place] = part.end;
                 choice.up_to[place] = if near > 0.0 { (sum / near) as f32 } else { 1.0 };
             }
-            choice.set_sight(place, part.tally.sight());
+            choice.seen[place] = part.tally.share_seen();
         }
-        choice.set_sight(FAR, far.sight());
+        choice.seen[FAR] = far.share_seen();
         choice
-    }
-
-    fn set_sight(&mut self, part: usize, sight: Sight) {
-        self.seen[part] = sight.seen;
-        self.doubt[part] = sight.doubt;
     }
 
     /// The part of the tree that a light belongs to.
@@ -206,11 +184,10 @@ impl Choice {
         self.up_to[part] - if part == 0 { 0.0 } else { self.up_to[part - 1] }
     }
 
-    /// What is known of a light before it is looked at; [`NO_LIGHT`]: one infinitely far away.
+    /// The share of a light that is seen, as far as is known; [`NO_LIGHT`]: of one infinitely far away.
     #[inline(always)]
-    pub(crate) fn sight(&self, light: u32) -> Sight {
-        let part = if light == NO_LIGHT { FAR } else { self.part(light) };
-        Sight { seen: self.seen[part], doubt: self.doubt[part] }
+    pub(crate) fn seen(&self, light: u32) -> f32 {
+        self.seen[if light == NO_LIGHT { FAR } else { self.part(light) }]
     }
 
     /// As numbers, bits of those that are none.
@@ -222,7 +199,6 @@ impl Choice {
             self.nodes.to_vec(),
             bits(&self.up_to),
             bits(&self.seen),
-            bits(&self.doubt),
         ];
         let mut all = all.into_iter().flatten();
         std::array::from_fn(|_| all.next().unwrap_or_default())
@@ -237,14 +213,13 @@ impl Choice {
         let nodes = std::array::from_fn(|_| next());
         let up_to: [f32; PARTS] = std::array::from_fn(|_| f32::from_bits(next()));
         let seen: [f32; PARTS + 1] = std::array::from_fn(|_| f32::from_bits(next()));
-        let doubt: [f32; PARTS + 1] = std::array::from_fn(|_| f32::from_bits(next()));
         let is_share = |number: &f32| (0.0..=1.0).contains(number);
         let is_sound = share <= SHARES[SHARES.len() - 1]
-            && [share, far].iter().chain(&up_to).chain(&seen).chain(&doubt).all(is_share)
+            && [share, far].iter().chain(&up_to).chain(&seen).all(is_share)
             && ends.is_sorted()
             && up_to.is_sorted()
             && up_to[PARTS - 1] == 1.0;
-        is_sound.then_some(Self { share, far, ends, nodes, up_to, seen, doubt })
+        is_sound.then_some(Self { share, far, ends, nodes, up_to, seen })
     }
 }
 

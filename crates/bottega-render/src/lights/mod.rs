@@ -33,7 +33,7 @@ use crate::{
     sampler::Quad,
 };
 use bounds::LightBounds;
-pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS, Sight};
+pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, Emitted};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;

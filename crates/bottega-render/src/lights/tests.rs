@@ -379,7 +379,7 @@ fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
             assert!(times < pmf + error, "{light}: {times} {pmf}");
         }
         let share = f64::from(lights.far_share(&receiver));
-        assert!(choice.sight(NO_LIGHT).seen < 0.1 || far > 0.2 * share, "{far} {share}");
+        assert!(choice.seen(NO_LIGHT) < 0.1 || far > 0.2 * share, "{far} {share}");
         let [(found, variance), (expected, other)] = [found, expected].map(|all| moments(all.into_iter()));
         let z = (found - expected) / (variance + other).sqrt().max(1e-9);
         assert!(z.abs() < 4.5, "{receiver:?}: {found} {expected}, z = {z}");

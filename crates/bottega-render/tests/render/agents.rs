@@ -73,7 +73,7 @@ fn compared(what: &str, scene: Scene, agents: AgentUse, spp: u32) -> (f64, f64) 
 
 /// A room with small lamps all over its ceiling, most of them above a sheet that keeps their light off, and a sky that nobody
 /// sees.
-fn lamps(along: [u32; 2]) -> Scene {
+pub(crate) fn lamps(along: [u32; 2]) -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(0.0, -0.6, -1.0), 1.0)], ..Scene::default() };
     let white = matte(Vec3::splat(0.4));
@@ -106,7 +106,7 @@ fn of_many_lights_those_are_chosen_that_are_seen() {
 }
 
 /// A room that is lit through a gap beside a screen, with a ball of glass in it.
-fn around_a_corner() -> Scene {
+pub(crate) fn around_a_corner() -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };
     let white = matte(Vec3::splat(0.75));
@@ -139,7 +139,7 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
         let options = PrepareOptions { threads, compensate_environment: true };
         Arc::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
     };
-    let settings = PathSettings { guiding: true, ..settings(ALL, 3, 8) };
+    let settings = PathSettings { guiding: true, ..settings(ALL, 3, 32) };
     let (one, three) = (by(1), by(3));
     let expected = whole(&one, &settings, 4);
     let learnt = one.learnt(VIEW, &settings).expect("it was painted");
@@ -160,7 +160,7 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
 #[test]
 fn what_is_sent_damaged_is_refused_or_harmless() {
     let scene = prepare(lamps([5, 5]));
-    let settings = settings(ALL, 3, 4);
+    let settings = settings(ALL, 3, 32);
     whole(&scene, &settings, 1);
     let learnt = scene.learnt(VIEW, &settings).expect("it was painted");
     let (mut refused, mut taken) = (0, 0);
@@ -195,7 +195,7 @@ fn black_light_and_no_light_teach_nothing() {
     let mut far = dark.clone();
     far.environment = Some(Environment::uniform(Vec3::ONE));
     for (scene, is_lit) in [(dark, false), (far, true)] {
-        let tile = whole(&prepare(scene), &PathSettings { guiding: true, ..settings(ALL, 1, 4) }, 2);
+        let tile = whole(&prepare(scene), &PathSettings { guiding: true, ..settings(ALL, 1, 32) }, 2);
         assert_eq!(moments(&tile, &tile.rect()).0 > 0.0, is_lit);
     }
 }

@@ -19,7 +19,7 @@ fn paint_by(scene: &Arc<PreparedScene>, guiding: bool, spp: u32, seed: u64) -> T
 }
 
 /// A room whose one lamp shines on the wall behind a screen, open at one side.
-fn behind_a_screen(wall: &Material) -> Scene {
+pub(crate) fn behind_a_screen(wall: &Material) -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };
     add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), wall);

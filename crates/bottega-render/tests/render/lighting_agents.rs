@@ -40,7 +40,7 @@ fn report_of(scene: &PreparedScene, (width, height): (u32, u32), settings: &Path
 }
 
 /// The room with a spherical light, as the scene of the paper has it.
-fn room_with_sphere() -> Scene {
+pub(crate) fn room_with_sphere() -> Scene {
     let mut scene = cornell();
     scene.meshes.pop();
     scene.instances.pop();
@@ -49,7 +49,7 @@ fn room_with_sphere() -> Scene {
 }
 
 /// The same with a floor and a back wall of rough plastic, and a ball of rough metal.
-fn glossy_room() -> Scene {
+pub(crate) fn glossy_room() -> Scene {
     let plastic = Layered { base_color: Vec3::splat(0.6).into(), roughness: 0.4.into(), ..Layered::default() };
     let metal = Layered { metallic: 1.0.into(), roughness: 0.7.into(), ..plastic.clone() };
     let mut scene = room_with_sphere();
@@ -82,7 +82,7 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
 
 /// The sky over a floor, as the lower half of a ball sees it: by light that came back once.
 /// A ball on the ground, under a sky that is the same everywhere.
-fn ball_under_sky() -> Scene {
+pub(crate) fn ball_under_sky() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::Y * 0.5, 0.25)], ..Scene::default() };
     let grey = matte(Vec3::splat(0.5));
     add_quad(&mut scene, Vec3::new(-10.0, 0.0, 10.0), Vec3::X * 20.0, Vec3::Z * -20.0, grey.clone());

@@ -55,7 +55,7 @@ fn mirror() -> Material {
 }
 
 /// A room with mirrors, frosted and clear glass, a matte sheet that lets light through, and lights of several kinds.
-fn many_things() -> Scene {
+pub(crate) fn many_things() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), &matte(Vec3::new(0.6, 0.5, 0.4)));
     add_sphere(&mut scene, Vec3::new(-0.5, -0.6, -0.4), 0.4, mirror());
@@ -76,7 +76,7 @@ fn many_things() -> Scene {
 }
 
 /// Below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths find through no glass.
-fn outside(has_sun: bool) -> Scene {
+pub(crate) fn outside(has_sun: bool) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-1.5, -0.5, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, matte(Vec3::splat(0.6)));
     add_sphere(&mut scene, Vec3::new(0.4, 0.0, 0.0), 0.45, if has_sun { matte(Vec3::splat(0.8)) } else { glass() });

@@ -8,15 +8,15 @@ use crate::{
     bsdf::BsdfAt,
     guide::{Agent, Region},
     interaction::{Interaction, emitted, sphere_uv},
-    lights::{Asked, LightSample, Receiver, Sight},
+    lights::{Asked, LightSample, Receiver},
     luminance,
     sampler::{DimensionSet, Quad},
     settings::DirectLight,
 };
 
-/// How often to look whether a light is seen, for what it may be more or less and is worth to the pixel: the root of what a
-/// vertex takes over what looking takes, and some caution. Least probability of it: three times the light is taken back at most
-/// where all of it was expected and nothing is seen, and looking less often spares no time that can be measured.
+/// How often to look whether a light is seen, for what it is worth to the pixel and the root of the share that is seen: the
+/// root of what a vertex takes over what looking takes, and some caution. Least probability of it: light that is seen counts
+/// four times at most, and looking less often spares no time that can be measured.
 const LOOKS: f32 = 3.0;
 const LOOKS_MIN: f32 = 0.25;
 
@@ -95,6 +95,7 @@ impl Path<'_> {
             let set = DimensionSet::light(self.depth);
             let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
             let choice = agent.filter(|_| AGENTS).and_then(Agent::lights);
+            let looks_rarely = AGENTS && self.integrator.looks_rarely;
             let drawn = match choice.filter(|_| settings.agents.lights) {
                 Some(choice) => prepared.lights().sample_by(prepared, receiver, choice, u),
                 None => prepared.lights().sample(prepared, receiver, u),
@@ -108,30 +109,39 @@ impl Path<'_> {
             if contribution == Spectrum::ZERO {
                 continue;
             }
-            if AGENTS
-                && settings.agents.shadows
-                && let Some(choice) = choice
-            {
-                self.add_expected(point, &light, contribution, choice.sight(light.light), u[3]);
-            } else if !self.is_occluded(&shadow_ray(point, &light)) {
-                self.radiance += self.throughput * contribution;
+            let seen = choice.filter(|_| looks_rarely).map_or(1.0, |choice| choice.seen(light.light));
+            let share = if looks_rarely { self.share_of_looks(contribution, seen) } else { 1.0 };
+            if self.is_due(share, u[3]) && !self.is_occluded(&shadow_ray(point, &light)) {
+                self.radiance += self.throughput * contribution / share;
             }
         }
     }
 
-    /// Adds light by what is known of how much of it is seen: that share of it always, and what it is more or less now and
-    /// then, the more often the more it may be.
+    /// With which probability to look whether light is seen, of which `seen` is as far as is known.
     #[inline(always)]
-    fn add_expected(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum, sight: Sight, u: f32) {
-        let light_carried = self.throughput * contribution;
-        let worth = if self.worth > 0.0 { light_carried.max_element() * self.worth } else { 1.0 };
-        let traced = (sight.doubt * worth * LOOKS).clamp(LOOKS_MIN, 1.0);
-        let mut seen = sight.seen;
-        if u < traced {
-            let is_seen = !self.is_occluded(&shadow_ray(point, light));
-            seen += (f32::from(u8::from(is_seen)) - seen) / traced;
+    fn share_of_looks(&self, contribution: Spectrum, seen: f32) -> f32 {
+        if self.worth <= 0.0 {
+            return 1.0;
         }
-        self.radiance += light_carried * seen;
+        let worth = (self.throughput * contribution).max_element() * self.worth;
+        (LOOKS * worth * seen.sqrt()).clamp(LOOKS_MIN, 1.0)
+    }
+
+    /// Whether it is this time that is looked, of all times with such probabilities on the path: whenever their sum has grown
+    /// by one. So a path of many faint lights finds nearly the same of them each time, and no light is ever taken back. It
+    /// holds only while the probabilities depend on nothing that looking has shown.
+    ///
+    /// - `u`: a uniform number, for where the sum begins.
+    #[inline(always)]
+    fn is_due(&mut self, share: f32, u: f32) -> bool {
+        // (What is no number is looked at, and counts as nothing in the end.)
+        if !(share < 1.0) {
+            return true;
+        }
+        let sum = self.due.unwrap_or(u) + share;
+        let is_due = sum >= 1.0;
+        self.due = Some(if is_due { sum - 1.0 } else { sum });
+        is_due
     }
 
     /// Adds light, and writes down what came of asking for it.

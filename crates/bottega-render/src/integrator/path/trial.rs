@@ -1,4 +1,5 @@
-//! Whether it pays to end and to split paths by what agents say they are worth: tried on a few pixels beforehand.
+//! Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: tried on a few
+//! pixels beforehand.
 //!
 //! What agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is worth
 //! more than to end paths here and to split them there. So some pixels are painted both ways, twice each, and the way with
@@ -44,7 +45,7 @@ struct Tried {
 
 impl PathIntegrator<'_> {
     /// Tries it. `samples`: of the whole picture.
-    pub(super) fn splitting_pays(&self, samples: u64, guide: &Arc<Guide>) -> bool {
+    pub(super) fn worth_pays(&self, samples: u64, guide: &Arc<Guide>) -> bool {
         let count = samples / SAMPLES_PER_TRIED / u64::from(4 * SAMPLES);
         if count < PIXELS_MIN {
             return false;
@@ -56,16 +57,16 @@ impl PathIntegrator<'_> {
                 (place.x as u32, place.y as u32)
             })
             .collect();
-        let ways = [false, true].map(|splits| {
+        let nothing = AgentUse { roulette: false, shadows: false, ..self.settings.agents };
+        let ways = [nothing, self.settings.agents].map(|agents| {
             [1, 2].map(|seed| {
-                let agents = AgentUse { roulette: splits, ..self.settings.agents };
                 let settings = PathSettings { seed: LEARNING_SEED + seed, agents, ..*self.settings };
-                self.tried(&settings, splits, guide, &pixels)
+                self.tried(&settings, guide, &pixels)
             })
         });
         let worth = |&(x, y): &(u32, u32)| guide.expected().at(self.place(x, y));
         let worths: Vec<f32> = pixels.iter().map(worth).collect();
-        let [plain, split] = ways.map(|[once, again]| {
+        let [plain, by_worth] = ways.map(|[once, again]| {
             let work = once.iter().chain(&again).map(|tried| tried.work).sum::<f64>();
             let pairs = once.iter().zip(&again).zip(&worths);
             let mut errors: Vec<f64> = pairs.map(|((a, b), worth)| error(*a, *b, *worth)).collect();
@@ -74,13 +75,14 @@ impl PathIntegrator<'_> {
             errors[..kept].iter().sum::<f64>() * work
         });
         // (Neither is a number where nothing shines.)
-        split * GAIN_MIN < plain
+        by_worth * GAIN_MIN < plain
     }
 
-    fn tried(&self, settings: &PathSettings, splits: bool, guide: &Arc<Guide>, pixels: &[(u32, u32)]) -> Vec<Tried> {
+    fn tried(&self, settings: &PathSettings, guide: &Arc<Guide>, pixels: &[(u32, u32)]) -> Vec<Tried> {
         let integrator = PathIntegrator {
             settings,
-            splits,
+            splits: settings.agents.roulette,
+            looks_rarely: settings.agents.shadows,
             camera: self.camera.clone(),
             filter: self.filter.clone(),
             guide: Some(Arc::clone(guide)),
