@@ -9,6 +9,7 @@ mod fuzzy_reference;
 mod layers;
 mod leaks;
 mod needs;
+mod symbols;
 
 use anyhow::Result;
 use clap::Parser;
