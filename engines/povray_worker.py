@@ -119,7 +119,7 @@ class PovRay:
         self.height = int(request.get("height") or settings.get("height", height))
         self.first_frame = int(parameters.get("initial_frame") or settings.get("initial_frame", 1))
         self.last_frame = int(parameters.get("final_frame") or settings.get("final_frame", self.first_frame))
-        self.frame = int(request.get("frame") or self.first_frame)
+        self.frame = self.first_frame if request.get("frame") is None else int(request["frame"])
         seen = self._state([scene, self.ini, *files], parameters)
         if seen != self.seen:
             self.seen = None

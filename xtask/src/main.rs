@@ -14,6 +14,7 @@ mod leaks;
 mod needs;
 mod python;
 mod suite;
+mod symbols;
 
 use anyhow::Result;
 use clap::Parser;

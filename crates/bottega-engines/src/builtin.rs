@@ -269,6 +269,13 @@ struct BlockUnderWay {
     in_unit: u32,
 }
 
+/// The blocks of a zone, or of parts of it.
+fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
+    let parts =
+        parts.map_or_else(|| vec![rect], |parts| parts.iter().filter_map(|it| it.intersection(&rect)).collect());
+    parts.iter().flat_map(|part| part.blocks(BLOCK_SIDE)).collect()
+}
+
 impl<'a> ZonePainter<'a> {
     fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
         let mut settings = shared.options.settings;
@@ -282,7 +289,7 @@ impl<'a> ZonePainter<'a> {
             rect: task.rect,
             tile,
             samples: task.samples,
-            waiting: task.rect.blocks(BLOCK_SIDE).collect(),
+            waiting: blocks(task.rect, task.parts.as_deref()),
             under_way: Vec::new(),
             busy: Duration::ZERO,
             parts: Vec::new(),

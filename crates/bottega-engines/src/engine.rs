@@ -102,6 +102,9 @@ pub struct ZoneTask {
     pub leaning: Leaning,
     /// Running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
+    /// Disjoint parts of the rectangle that are to have the samples; `None`: all of it. Engines that paint whole windows may
+    /// give them to all pixels: whoever asks for parts takes no others.
+    pub parts: Option<Vec<Rect>>,
     /// Whoever has this may end it early.
     pub cancel: CancelSwitch,
     /// The engine counts here what it has painted, as often as it knows, before the task is done too.

@@ -243,6 +243,7 @@ mod tests {
             tunables: Tunables { max_depth: 1, light_samples: 1 },
             leaning: Leaning::new(leaning),
             tile: None,
+            parts: None,
             cancel: CancelSwitch::default(),
             progress: TaskProgress::default(),
         }

@@ -71,6 +71,7 @@ fn begin_with(
         tunables,
         leaning: Leaning::default(),
         tile,
+        parts: None,
         cancel,
         progress: TaskProgress::default(),
     };
@@ -142,6 +143,7 @@ fn an_engine_may_end_with_its_last_zone() {
         tunables,
         leaning: Leaning::default(),
         tile: None,
+        parts: None,
         cancel,
         progress: progress.clone(),
     };

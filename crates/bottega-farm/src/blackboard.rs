@@ -82,6 +82,11 @@ pub struct Rival {
     pub fence: Revision,
 }
 
+/// The multiple of `grid` that is nearest to a place.
+pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
+    at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
+}
+
 /// The least side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
@@ -154,6 +159,11 @@ impl ZoneRow {
         }
     }
 
+    /// The paper's complexity/size ratio: the complexity of an average pixel of it.
+    pub fn complexity_density(&self) -> f64 {
+        self.complexity / self.size().max(1) as f64
+    }
+
     /// What is painted for it with this choice: its pixels and those of its band.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
         self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
@@ -169,15 +179,20 @@ impl ZoneRow {
     ///
     /// - `share`: how much of the zone the row keeps, 0..1.
     /// - `offcut`: the id of the part that is cut off.
-    pub fn cut_to(&self, share: f64, offcut: ZoneId, frame: &Rect) -> Option<Self> {
+    /// - `grid`: the cut is at a multiple of so many pixels of the picture.
+    pub fn cut_to(&self, share: f64, offcut: ZoneId, frame: &Rect, grid: u32) -> Option<Self> {
         let whole = self.painted(&self.choice?, frame);
         let wide = whole.width() > whole.height();
         let (low, high) = if wide { (whole.x0, whole.x1) } else { (whole.y0, whole.y1) };
-        if high - low < 2 * PIECE_SIDE_MIN {
+        let side_min = PIECE_SIDE_MIN.max(grid);
+        if high - low < 2 * side_min {
             return None;
         }
         let kept = (f64::from(high - low) * share).round() as u32;
-        let at = low + kept.clamp(PIECE_SIDE_MIN, high - low - PIECE_SIDE_MIN);
+        let at = nearest_multiple(low + kept.clamp(side_min, high - low - side_min), grid);
+        if at < low + PIECE_SIDE_MIN || at > high - PIECE_SIDE_MIN {
+            return None;
+        }
         let (kept, off) = if wide {
             (Rect { x1: at, ..whole }, Rect { x0: at, ..whole })
         } else {
@@ -304,8 +319,8 @@ impl Interval {
 /// The scene's ranges, over which the input sets of the rules are laid out at run time (MAGarRO, section 3.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputRanges {
-    /// Of complexity/size ratios.
-    pub complexity: Interval,
+    /// Of [`ZoneRow::complexity_density`].
+    pub complexity_density: Interval,
     /// Of neighbor differences.
     pub neighbor_difference: Interval,
     /// Of sizes in pixels.
@@ -318,14 +333,14 @@ impl InputRanges {
         let mut ranges = [None; 3];
         for row in rows {
             let row = row.borrow();
-            let density = row.complexity / row.size().max(1) as f64;
-            for (range, value) in ranges.iter_mut().zip([density, row.neighbor_difference.mean, row.size() as f64]) {
+            let values = [row.complexity_density(), row.neighbor_difference.mean, row.size() as f64];
+            for (range, value) in ranges.iter_mut().zip(values) {
                 *range = Some(Interval::join(*range, value));
             }
         }
-        let [complexity, neighbor_difference, size] =
+        let [complexity_density, neighbor_difference, size] =
             ranges.map(|range| range.unwrap_or(Interval { min: 0.0, max: 0.0 }));
-        Self { complexity, neighbor_difference, size }
+        Self { complexity_density, neighbor_difference, size }
     }
 }
 

@@ -10,11 +10,12 @@ use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
 use bottega_image::Sides;
 
 use crate::{
-    Choice, EngineChoice, Goal, GoalRules, InputRanges, Interval, Technique, WorkRow, WorkSettings, ZoneRow,
+    Choice, EngineChoice, Goal, InputRanges, Interval, Technique, WorkRow, WorkSettings, ZoneRow,
+    cells::octave_end,
     technique::{INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
 };
 
-/// Complexity/size ratio.
+/// The paper's name for the ratio of complexity and size, which is [`ZoneRow::complexity_density`].
 pub(crate) const COMPLEXITY: &str = "complexity";
 /// Neighbor Difference.
 pub(crate) const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
@@ -77,7 +78,6 @@ pub struct Expert {
     has_max_depth: bool,
     has_light_samples: bool,
     is_profiled: bool,
-    goals: GoalRules,
     engine_choice: Option<EngineChoice>,
 }
 
@@ -102,10 +102,10 @@ impl Expert {
         if known.is_empty() {
             return Err(ExpertError::NoOutput { technique, found: ignored });
         }
-        let (rules, ignored, goals) = (Arc::new(rules), ignored.into(), GoalRules::default());
+        let (rules, ignored) = (Arc::new(rules), ignored.into());
         let (has_max_depth, has_light_samples, is_profiled) = (true, true, true);
         let engine_choice = None;
-        Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, goals, engine_choice })
+        Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, engine_choice })
     }
 
     /// The outputs of the rules that mean nothing in path tracing, by their names.
@@ -176,17 +176,17 @@ impl Expert {
     /// How many samples a zone's first painting takes. Where the engine is not profiled that is all of them, and the time of the
     /// zone is known when it is over.
     pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
-        if self.is_profiled || goal.needs_error() { choice.profile_samples(goal) } else { choice.samples }
+        if self.is_profiled || *goal != Goal::Samples { choice.profile_samples(goal) } else { choice.samples }
     }
 
     /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
     ///
-    /// - `error`: its estimated relative error, where it is known.
-    pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, error: Option<f64>) -> u32 {
+    /// - `unfinished`: share of its pixels whose error is too large.
+    pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, unfinished: f64) -> u32 {
         match settings.goal {
             Goal::Samples => choice.samples,
-            Goal::Error(wanted) => self.goals.next_samples(samples, choice.samples, error, wanted),
-            Goal::Time(_) => samples,
+            Goal::Error(_) if unfinished > 0.0 => octave_end(samples, choice.samples),
+            Goal::Error(_) | Goal::Time(_) => samples,
         }
     }
 
@@ -208,8 +208,8 @@ impl Expert {
 /// Rules with the terms of their inputs laid out over what the zones of a work are like.
 pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<FunctionBlock, LayoutError> {
     let mut rules = rules.clone();
-    let &InputRanges { complexity, neighbor_difference, size } = ranges;
-    let ranges = [(COMPLEXITY, complexity), (NEIGHBOR_DIFFERENCE, neighbor_difference), (SIZE, size)];
+    let &InputRanges { complexity_density, neighbor_difference, size } = ranges;
+    let ranges = [(COMPLEXITY, complexity_density), (NEIGHBOR_DIFFERENCE, neighbor_difference), (SIZE, size)];
     for (name, Interval { min, max }) in ranges {
         if rules.input_index(name).is_some() {
             rules.layout_inputs(name, min, max)?;
@@ -221,7 +221,7 @@ pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<Fu
 /// What rules may ask of a zone.
 pub(crate) fn zone_values(zone: &ZoneRow, difference: f64) -> [(&'static str, f64); 3] {
     let size = zone.size() as f64;
-    [(COMPLEXITY, zone.complexity / size.max(1.0)), (NEIGHBOR_DIFFERENCE, difference), (SIZE, size)]
+    [(COMPLEXITY, zone.complexity_density()), (NEIGHBOR_DIFFERENCE, difference), (SIZE, size)]
 }
 
 #[cfg(test)]

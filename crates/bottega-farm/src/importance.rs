@@ -202,8 +202,8 @@ impl ImportanceMap {
         self.cost.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
     }
 
-    /// Predicted cost a pixel of `rect`: the paper's complexity/size ratio.
-    pub fn density(&self, rect: &Rect) -> f64 {
+    /// Predicted cost of an average pixel of `rect`: the paper's complexity/size ratio.
+    pub fn complexity_density(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { self.complexity(rect) / rect.area() as f64 }
     }
 
@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(map.grey(), [0.0, 1.0]);
         let (left, right) = (Rect::new(0, 0, 100, 100), Rect::new(100, 0, 200, 100));
         assert!((map.complexity(&right) / map.complexity(&left) - 4.0).abs() < 1e-5);
-        assert!((map.density(&frame) - 1.0).abs() < 1e-6);
+        assert!((map.complexity_density(&frame) - 1.0).abs() < 1e-6);
     }
 
     #[test]

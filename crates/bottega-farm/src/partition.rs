@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use bottega_image::{Rect, Sides};
 
-use crate::{ImportanceMap, ZoneId};
+use crate::{ImportanceMap, ZoneId, blackboard::nearest_multiple};
 
 /// How far the partition is carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -117,6 +117,24 @@ impl Partition {
         Self::of_zones(frame, zones)
     }
 
+    /// The same with all edges within the frame at multiples of `side` pixels of the picture. Zones that are too small for that
+    /// become part of others.
+    #[must_use]
+    pub fn along_grid(self, side: u32) -> Self {
+        // Each edge of a zone goes where the same edges of all others go, so nothing overlaps and no hole is left.
+        let moved = |at: u32, low: u32, high: u32| {
+            if at == low || at == high { at } else { nearest_multiple(at, side).clamp(low, high) }
+        };
+        let Rect { x0, y0, x1, y1 } = self.frame;
+        let zones = self.zones.iter().map(|zone| Rect {
+            x0: moved(zone.x0, x0, x1),
+            y0: moved(zone.y0, y0, y1),
+            x1: moved(zone.x1, x0, x1),
+            y1: moved(zone.y1, y0, y1),
+        });
+        Self::of_zones(self.frame, zones.filter(|zone| !zone.is_empty()).collect())
+    }
+
     /// A partition that was made before. Panics when the zones do not cover the frame exactly once: see
     /// [`Partition::covers`] for rectangles of unknown origin.
     pub fn of_zones(frame: Rect, mut zones: Vec<Rect>) -> Self {
@@ -160,7 +178,7 @@ impl Partition {
 
     /// How each zone differs from its neighbours.
     pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
-        let density: Vec<f64> = self.zones.iter().map(|zone| map.density(zone)).collect();
+        let density: Vec<f64> = self.zones.iter().map(|zone| map.complexity_density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
         let difference = |(i, zone): (usize, &Rect)| {
             // Of each side: the sum of differences by length, and the length.
@@ -472,6 +490,16 @@ mod tests {
                 }
                 prop_assert!(hits.iter().all(|&hits| hits == 1));
                 prop_assert_eq!(&Partition::new(&map, frame, &settings), &partition);
+                // It panics where it does not cover the frame.
+                for side in [1, 7, 32] {
+                    let along = partition.clone().along_grid(side);
+                    let is_on = |at: u32, low: u32, high: u32| at == low || at == high || at % side == 0;
+                    for zone in along.zones() {
+                        prop_assert!([zone.x0, zone.x1].iter().all(|&x| is_on(x, frame.x0, frame.x1)));
+                        prop_assert!([zone.y0, zone.y1].iter().all(|&y| is_on(y, frame.y0, frame.y1)));
+                    }
+                    prop_assert!(side > 1 || along == partition);
+                }
             }
         }
     }

@@ -284,7 +284,8 @@ impl RenderAgent {
             let power = self.power();
             let profiling = hand.order.row.state == ZoneState::Profiling;
             let samples = painted.result.samples;
-            let goal = self.config.expert.next_samples(&hand.order.work.settings, samples, &hand.choice, painted.error);
+            let settings = &hand.order.work.settings;
+            let goal = self.config.expert.next_samples(settings, samples, &hand.choice, painted.unfinished);
             // Of one more sample where there is nothing left: whoever decides for more can scale it.
             let left = f64::from(goal.saturating_sub(samples).max(1));
             let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
@@ -299,7 +300,7 @@ impl RenderAgent {
                 time_measured: power.to_reference(painted.busy),
                 goal,
                 error: painted.error,
-                time_left: power.to_reference(scaled(painted.busy, left / taken)),
+                time_left: power.to_reference(scaled(painted.busy, painted.unfinished * left / taken)),
             }
         });
         let report = Arc::new(Report { zone, fence, outcome });
@@ -401,7 +402,8 @@ impl Hand {
             samples,
             tunables: self.choice.tunables,
             leaning: expert.leaning(&self.order.work, row),
-            needs_error: self.order.work.settings.goal.needs_error(),
+            error_use: self.order.work.settings.goal.error_use(),
+            samples_max: self.choice.samples,
             from,
             time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
         })));

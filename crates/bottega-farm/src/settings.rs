@@ -5,6 +5,8 @@ use std::{fmt, str::FromStr, time::Duration};
 use bottega_engines::Tunables;
 use bottega_image::{Rect, Sides};
 
+use crate::cells::CELL_SIDE;
+
 /// Share of the final samples that profiling takes (MAGarRO, section 3.4: "around 5% of the final number of rays").
 const PROFILE_SHARE: f64 = 0.05;
 
@@ -73,14 +75,28 @@ impl FromStr for Optimization {
     }
 }
 
+/// What the error of a zone is needed for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ErrorUse {
+    /// Nothing: it is not estimated.
+    #[default]
+    None,
+    /// It says how much more a zone gets than others.
+    Weighs,
+    /// Whoever has this error, or less, stops.
+    Stops(f64),
+}
+
 /// When a zone has had enough samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Goal {
     /// When it has as many as were asked for.
     #[default]
     Samples,
-    /// When its estimated relative error is at most this: the root of the mean over its pixels of squared error over
-    /// squared value. Decided by the pixels alone, so the picture is the same whoever paints it.
+    /// When the estimated relative error of each of its cells is at most this: the root of the mean over the pixels of squared
+    /// error over squared value. A cell is 32 × 32 pixels of a grid that depends on nothing, and stops by its own pixels
+    /// alone: so the picture is the same whoever paints it, where the engine is exact by pixel. Engines that cannot
+    /// paint parts of a zone stop zone by zone.
     Error(f64),
     /// When so much time has passed since the work began. How good the picture is then depends on the machines.
     Time(Duration),
@@ -88,11 +104,20 @@ pub enum Goal {
 
 impl Goal {
     /// Samples of a zone's first look where nobody knows yet how many it will need.
-    const FIRST_SAMPLES: u32 = 8;
+    pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// Whether a zone's error must be estimated.
-    pub fn needs_error(&self) -> bool {
-        *self != Self::Samples
+    /// What a zone's error is needed for.
+    pub fn error_use(&self) -> ErrorUse {
+        match *self {
+            Self::Samples => ErrorUse::None,
+            Self::Error(wanted) => ErrorUse::Stops(wanted),
+            Self::Time(_) => ErrorUse::Weighs,
+        }
+    }
+
+    /// Zones and their pieces have edges at multiples of so many pixels, or at those of the frame.
+    pub(crate) fn grid(&self) -> u32 {
+        if matches!(self, Self::Error(_)) { CELL_SIDE } else { 1 }
     }
 }
 

@@ -7,7 +7,8 @@ use bottega_engines::{Leaning, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
-    FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId, WorkRow, ZoneId, ZoneRow,
+    ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId, WorkRow,
+    ZoneId, ZoneRow,
 };
 
 /// A zone, or some of its samples, to paint.
@@ -27,8 +28,10 @@ pub struct PaintOrder {
     pub leaning: Leaning,
     /// The samples before: `samples` goes on from them. `None`: it starts at 0.
     pub from: Option<ResultRef>,
-    /// Whether the error that is left is to be estimated.
-    pub needs_error: bool,
+    /// What the error that is left is needed for.
+    pub error_use: ErrorUse,
+    /// The most samples that a pixel may get, by this order and later ones.
+    pub samples_max: u32,
     /// Own time that it will take, as far as known: for those who show progress or cut long work into passes.
     pub time_estimated: Option<Duration>,
 }
@@ -177,8 +180,11 @@ pub struct PaintResult {
     pub result: ResultRef,
     /// Processor time that they took.
     pub busy: Duration,
-    /// The zone's estimated relative error, where it was asked for and can be known.
+    /// The zone's estimated relative error, where it was asked for and can be known; where cells stop by theirs, the greatest
+    /// of those that were looked at.
     pub error: Option<f64>,
+    /// Share of the pixels that are to have more samples, where the error says so; else 1.
+    pub unfinished: f64,
 }
 
 /// An event of the farm.

@@ -218,8 +218,8 @@ pub(crate) fn put_work(row: &WorkRow, bytes: &mut Vec<u8>) {
         }
     }
     put_u32(row.zone_count, bytes);
-    let InputRanges { complexity, neighbor_difference, size } = row.ranges;
-    for Interval { min, max } in [complexity, neighbor_difference, size] {
+    let InputRanges { complexity_density, neighbor_difference, size } = row.ranges;
+    for Interval { min, max } in [complexity_density, neighbor_difference, size] {
         put_f64(min, bytes);
         put_f64(max, bytes);
     }
@@ -235,7 +235,7 @@ pub(crate) fn get_work(reader: &mut Reader<'_>) -> Result<WorkRow, WireError> {
     let goal = reader.goal()?;
     let zone_count = reader.u32()?;
     let mut interval = || Ok(Interval { min: reader.finite()?, max: reader.finite()? });
-    let ranges = InputRanges { complexity: interval()?, neighbor_difference: interval()?, size: interval()? };
+    let ranges = InputRanges { complexity_density: interval()?, neighbor_difference: interval()?, size: interval()? };
     let settings = WorkSettings { picture, frame, samples, goal, tunables, optimization };
     Ok(WorkRow { work, settings, zone_count, ranges })
 }

@@ -11,7 +11,7 @@ use bottega_farm::{
     AuctionRule, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level, Observer,
     Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
 };
-use bottega_image::{Film, Rect};
+use bottega_image::{Aov, Film, Rect};
 
 use common::{FakeEngine, layout, tunables};
 
@@ -81,27 +81,66 @@ fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
     assert_eq!(bits(&again.film), bits(&report.film));
 }
 
+fn sample_counts(film: &Film) -> Vec<u32> {
+    film.rect().pixels().map(|(x, y)| film.aov(Aov::SampleCount, x, y)[0] as u32).collect()
+}
+
 #[test]
-fn with_an_error_each_zone_stops_when_its_estimate_is_below_it_and_the_picture_is_the_same_for_any_agents() {
+fn with_an_error_each_cell_stops_when_its_estimate_is_below_it_and_the_picture_is_the_same_for_any_zones() {
     let wanted = 0.05;
-    let settings = JobSettings { goal: Goal::Error(wanted), samples: 4096, zones: Some(16), ..settings() };
-    let reference = paint(&JobSettings { agents: 1, ..settings.clone() });
-    for row in &reference.rows {
-        let (samples, error) = (row.result.unwrap().samples, row.error.unwrap());
-        // The samples are uniform: the error of a mean of n is 0.450 / √n, by the definition of the measure.
-        let expected = 0.450 / f64::from(samples).sqrt();
-        // A zone has some 300 pixels of two noisy channels that go together: a tenth is two standard deviations.
-        assert!((error / expected - 1.0).abs() < 0.25, "{error} estimated, {expected} expected");
-        assert!(error <= wanted && samples < 256, "{error} with {samples} samples");
-    }
-    let counts = reference.rows.iter().map(|row| row.result.unwrap().samples);
-    assert!(counts.clone().max() < counts.min().map(|least| 3 * least));
-    for agents in [2, 7] {
-        assert_eq!(bits(&paint(&JobSettings { agents, ..settings.clone() }).film), bits(&reference.film));
+    let settings = JobSettings { goal: Goal::Error(wanted), samples: 4096, ..settings() };
+    let reference = paint(&JobSettings { agents: 1, level: Level::Whole, ..settings.clone() });
+    assert!(reference.rows.iter().all(|row| row.error.is_some_and(|error| error <= wanted)));
+    // The samples are uniform: the error of a mean of n is 0.450 / √n, by the definition of the measure. A cell of 32 × 32 pixels
+    // knows it to some 3 %, one at the edge of the picture to 20 %.
+    let counts = sample_counts(&reference.film);
+    assert!(counts.iter().all(|count| (40..=160).contains(count)), "{:?}", (counts.iter().min(), counts.iter().max()));
+    let enough = counts.iter().filter(|count| (80..=112).contains(*count)).count();
+    assert!(10 * enough > 9 * counts.len(), "{enough} of {}", counts.len());
+    for (agents, level, zones) in [
+        (1, Level::Divided, None),
+        (2, Level::Joined, None),
+        (7, Level::Balanced, None),
+        (3, Level::Balanced, Some(16)),
+    ] {
+        let other = paint(&JobSettings { agents, level, zones, ..settings.clone() });
+        assert_eq!(bits(&other.film), bits(&reference.film), "{agents} agents, {level:?}, {zones:?} zones");
     }
     // What nobody can reach ends at the most that is allowed.
     let capped = paint(&JobSettings { goal: Goal::Error(1e-6), samples: 50, ..settings });
-    assert!(capped.rows.iter().all(|row| row.result.unwrap().samples == 50 && row.state == ZoneState::Done));
+    assert!(sample_counts(&capped.film).iter().all(|count| *count == 50));
+    assert!(capped.rows.iter().all(|row| row.error > Some(1e-6) && row.state == ZoneState::Done));
+}
+
+/// Presses the switch when so many samples are taken.
+struct StopAtSamples(u64, StopSwitch);
+
+impl Observer for StopAtSamples {
+    fn progress(&self, progress: &Progress) {
+        if progress.samples_done >= self.0 {
+            self.1.request();
+        }
+    }
+}
+
+#[test]
+fn a_stopped_job_with_an_error_goes_on_to_the_same_bits() {
+    let settings = JobSettings { goal: Goal::Error(0.05), samples: 4096, zones: Some(6), ..settings() };
+    let whole = bits(&paint(&settings).film);
+    for samples in [1, 16, 40] {
+        let (paper, stop) = (Paper::default(), StopSwitch::new());
+        let journal = JournalWriter::create(paper.clone(), "fake").unwrap();
+        let observer = Arc::new(StopAtSamples(97 * 61 * samples, stop.clone()));
+        let engine = Arc::new(FakeEngine::new(2, 0));
+        let report = run(&settings, engine, observer, &stop, Some(Box::new(journal)), None).unwrap();
+        assert!(report.stopped, "stopped at {samples}");
+        let (engine, journal) = (Arc::new(FakeEngine::new(2, 0)), JournalWriter::append(paper.clone()));
+        let kept = paper.kept();
+        assert!(samples == 1 || kept.as_ref().is_some_and(|kept| !kept.tiles.is_empty()), "kept at {samples}");
+        let other = JobSettings { agents: 2, ..settings.clone() };
+        let resumed = run(&other, engine, Arc::new(()), &StopSwitch::new(), Some(Box::new(journal)), kept).unwrap();
+        assert_eq!(bits(&resumed.film), whole, "stopped at {samples}");
+    }
 }
 
 #[test]

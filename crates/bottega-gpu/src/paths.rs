@@ -55,7 +55,7 @@ impl Default for PathOptions {
 ///
 /// What it paints is the processor's picture but for rounding: the same samples of the same pixels take the same numbers, so
 /// most paths are the same to some 10⁻⁵, and where one takes another way (a ray that grazes an edge) the means are the same.
-/// Paths are not guided. Dropped, it waits for what is under way.
+/// Paths are not guided. Dropped, it waits for what is under way; what is queued behind that and was given up is not begun.
 pub struct GpuPaths {
     info: AdapterInfo,
     memory_bytes: u64,

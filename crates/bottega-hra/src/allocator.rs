@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::policy::core::Core;
 use crate::policy::ledger::Ledger;
 use crate::threads::far::{Window, WindowedResource};
-use crate::threads::shared::{LanePost, Shared};
+use crate::threads::shared::{LaneEnd, LanePost, Shared};
 use crate::threads::sync::Post;
 use crate::threads::{direct, far, watch};
 use crate::{CostBook, HraClient, HraReport, Resource, ResourceDescriptor, ResourceId, Work};
@@ -93,10 +93,14 @@ impl<W: Work> Lane<W> {
     }
 }
 
+/// The allocator waits no longer than this for resources that are idle to be dropped: a driver may hang there, too.
+const TEARDOWN_MAX: Duration = Duration::from_secs(2);
+
 /// The Hardware Resource Allocator. Owns a thread for each resource and one that watches over them, and the work bin.
 ///
 /// Dropped, it takes nothing more, answers the units that wait with [`UnitError::Closed`](crate::UnitError::Closed),
-/// lets those under way be finished and answered, and waits for its threads, but for those whose resource hangs.
+/// lets those under way be finished and answered, and waits for its threads, but for those whose resource hangs: such a thread
+/// ends when its resource answers, or with the process.
 /// Clients may go before or after it.
 pub struct Hra<W: Work> {
     shared: Arc<Shared<W>>,
@@ -152,11 +156,16 @@ fn start<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, lane: Lane<W>) -> Opt
     let lanes_shared = Arc::clone(shared);
     let run = move || {
         // The drivers catch what resources panic with; this is for a resource that panics in its `Drop`.
-        let _ = catch_unwind(AssertUnwindSafe(|| match lane {
-            Lane::Direct(resource) => direct::drive(&lanes_shared, id, resource),
-            Lane::Windowed(resource, _) => far::drive(&lanes_shared, id, resource),
+        let _ = catch_unwind(AssertUnwindSafe(|| {
+            let mut lane = lane;
+            match &mut lane {
+                Lane::Direct(resource) => direct::drive(&lanes_shared, id, &mut **resource),
+                Lane::Windowed(resource, _) => far::drive(&lanes_shared, id, &mut **resource),
+            }
+            lanes_shared.tear_down(id);
+            drop(lane);
         }));
-        lanes_shared.set_over(id, true);
+        lanes_shared.set_end(id, LaneEnd::Over);
     };
     let started = thread::Builder::new().name(name).spawn(run).ok();
     if started.is_none() {
@@ -164,7 +173,7 @@ fn start<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, lane: Lane<W>) -> Opt
             core.retire(now, id, out);
             shared.publish(core);
         });
-        shared.set_over(id, true);
+        shared.set_end(id, LaneEnd::Over);
     }
     started
 }
@@ -178,10 +187,10 @@ impl<W: Work> Drop for Hra<W> {
         // A unit that owned the last handle of its own allocator drops it on a lane, which cannot await itself.
         for (lane, id) in self.lanes.iter().zip(0..) {
             if is_here(lane) {
-                self.shared.set_over(ResourceId(id), true);
+                self.shared.set_end(ResourceId(id), LaneEnd::Over);
             }
         }
-        self.shared.wait_until_over();
+        self.shared.wait_until_over(TEARDOWN_MAX);
         self.shared.alarm.end();
         if let Some(watch) = self.watch.take().filter(|_| !is_here(&self.watch)) {
             let _ = watch.join();

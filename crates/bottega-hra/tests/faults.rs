@@ -65,6 +65,89 @@ fn an_allocator_with_a_resource_that_hangs_can_be_dropped() {
     });
 }
 
+/// A far device that answers so many packets, and nothing at all after them: no packet, no wish to recover, no end.
+struct Dead {
+    answers: usize,
+    gate: Gate,
+    kept: Vec<Packet<support::Job>>,
+    /// Packets that nobody waited for any more when it was asked to recover.
+    given_up: Arc<AtomicU64>,
+}
+
+impl WindowedResource<support::Job> for Dead {
+    fn descriptor(&self) -> ResourceDescriptor {
+        let link = Link { latency: Duration::from_micros(10), bandwidth: 1e9 };
+        ResourceDescriptor { name: "dead".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
+    }
+    fn send(&mut self, packet: Packet<support::Job>) {
+        assert!(packet.reply.is_awaited());
+        if self.answers == 0 {
+            return self.kept.push(packet);
+        }
+        self.answers -= 1;
+        packet.reply.send(packet.works.into_iter().map(|job| Ok(double(job))).collect());
+    }
+    fn recover(&mut self) -> Result<(), String> {
+        let given_up = self.kept.iter().filter(|packet| !packet.reply.is_awaited()).count();
+        self.given_up.fetch_add(given_up as u64, Ordering::SeqCst);
+        self.gate.pass();
+        Ok(())
+    }
+}
+
+impl Drop for Dead {
+    fn drop(&mut self) {
+        self.gate.pass();
+    }
+}
+
+#[test]
+fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_at_the_end() {
+    for answers in [0, 1, 40] {
+        within_reason(move || {
+            let gate = Gate::default();
+            let patience = Duration::from_secs(3600);
+            let window = Window { patience, ..Window::default() };
+            let given_up = Arc::default();
+            let dead = Dead { answers, gate: gate.clone(), kept: Vec::new(), given_up: Arc::clone(&given_up) };
+            let near = custom("near", PrimitiveSet::ALL, |job| {
+                thread::sleep(Duration::from_micros(50));
+                Ok(double(job))
+            });
+            let config = HraConfig { hang_min: Duration::from_millis(20), hang_max: patience, ..quick() };
+            let hra = Hra::with_lanes(config, vec![Lane::Direct(near), Lane::Windowed(Box::new(dead), window)]);
+            let client = hra.client();
+            client.submit_group((0..2000).map(|n| unit(n, PixelBlock)).collect()).unwrap();
+            let done: Vec<_> = std::iter::from_fn(|| client.take()).collect();
+            assert_eq!(done.iter().filter(|answer| answer.output == Ok(2 * answer.ticket)).count(), 2000);
+            assert!(fault_count(&hra.report(), Fault::Hung) > 0, "{answers} answers");
+            while given_up.load(Ordering::SeqCst) == 0 {
+                thread::sleep(Duration::from_millis(1)); // Until it is asked to recover.
+            }
+            let begun = std::time::Instant::now();
+            drop(hra);
+            assert!(begun.elapsed() < Duration::from_secs(1), "waited for {:?}", begun.elapsed());
+            gate.open(); // Lets the thread go.
+        });
+    }
+}
+
+#[test]
+fn a_device_that_hangs_when_it_is_torn_down_is_waited_for_a_moment_only() {
+    within_reason(|| {
+        let gate = Gate::default();
+        let dead = Dead { answers: usize::MAX, gate: gate.clone(), kept: Vec::new(), given_up: Arc::default() };
+        let hra = Hra::with_lanes(quick(), vec![Lane::Windowed(Box::new(dead), Window::default())]);
+        let client = hra.client();
+        client.submit(unit(1, PixelBlock)).unwrap();
+        assert_eq!(client.take().unwrap().output, Ok(2));
+        let begun = std::time::Instant::now();
+        drop(hra);
+        assert!(begun.elapsed() < Duration::from_secs(10), "waited for {:?}", begun.elapsed());
+        gate.open();
+    });
+}
+
 /// Work that can be looked at for garbage, and needs data.
 #[derive(Clone)]
 struct Checked {

@@ -134,8 +134,8 @@ pub struct Zone {
     pub id: u32,
     /// x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Predicted cost by pixel, relative to the other zones.
-    pub complexity: f64,
+    /// Complexity of an average pixel of it: predicted cost, 1 is the mean of the picture.
+    pub complexity_density: f64,
 }
 
 /// What the lighting agents of a picture were like, what they cost, and what they were asked on this machine.

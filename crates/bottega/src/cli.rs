@@ -210,8 +210,8 @@ pub(crate) struct RenderArgs {
     /// Light samples at each bounce.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Quality")]
     pub(crate) light_samples: u32,
-    /// Give each zone of the picture samples until its estimated relative error is at most this, such as 0.05; --spp is
-    /// then the most that a pixel gets (default: 4096).
+    /// Give each cell of 32 × 32 pixels samples until its estimated relative error is at most this, such as 0.05; --spp is
+    /// then the most that a pixel gets (default: 4096). Whoever paints it, the picture is the same.
     #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with = "time", help_heading = "Quality")]
     pub(crate) error: Option<f64>,
     /// The best picture in so much time, such as 90, 90s, 10m or 1.5h, from start to written file; --spp is then the most
@@ -288,9 +288,10 @@ pub(crate) struct RenderArgs {
     /// Have every pixel the same to the last bit, whoever paints it: by processors alone, on all machines of a farm.
     #[arg(long, help_heading = "Work")]
     pub(crate) exact: bool,
-    /// Paint an animation: frames FIRST..LAST, both included. The number of a frame takes the place of `####` in the name of
-    /// the output. With --farm all frames are painted at once, by all machines.
-    #[arg(long, value_name = "FIRST..LAST", conflicts_with_all = ["at", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
+    /// Paint these frames of an animation: a list of numbers and ranges, such as 1..24, 1..9:2 (every second one), -5..5 or
+    /// 1,4,7..9; both ends of a range are painted. The number of a frame takes the place of `####` or `%04d` in the name of
+    /// the output; one below 0 is `-` and then its digits. With --farm all frames are painted at once, by all machines.
+    #[arg(long, value_name = "FRAMES", allow_hyphen_values = true, conflicts_with_all = ["at", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
     pub(crate) frames: Option<Frames>,
     /// Frames a second: frame N shows the scene at N / FPS seconds.
     #[arg(long, value_name = "FPS", default_value_t = 24.0, requires = "frames", value_parser = parse_rate, help_heading = "Work")]

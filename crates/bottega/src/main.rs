@@ -1,5 +1,9 @@
 //! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
-#![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+// First: `println!` and its like mean what is defined there.
+#[macro_use]
+mod output;
 
 mod analyze;
 mod bench;
@@ -29,22 +33,38 @@ use std::{env, io, io::IsTerminal, process::ExitCode};
 use clap::{CommandFactory, Parser};
 use cli::{Cli, Command};
 use error::CliError;
+use output::Purpose;
 
 /// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
 const LOGGED: &str = "warn,async_nats=off";
 
-/// Exit code of a program that was told more than somebody wanted to hear, as shells have it: 128 and SIGPIPE.
-const NOBODY_LISTENS: i32 = 141;
-
 fn main() -> ExitCode {
-    end_quietly_when_nobody_listens();
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
-        .with_writer(io::stderr)
+        .with_writer(|| output::LogWriter)
         .with_ansi(has_colors())
         .init();
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(usage) => return output::print_usage(&usage),
+    };
+    output::begin(purpose(&command));
     engines::keep_quarantines();
-    let outcome = match Cli::parse().command {
+    output::finish(run(command).unwrap_or_else(report))
+}
+
+/// What standard output is for.
+fn purpose(command: &Command) -> Purpose {
+    match command {
+        Command::Render(args) if args.scene.json => Purpose::Events,
+        Command::Render(_) | Command::Up(_) | Command::Join(_) => Purpose::Log,
+        Command::Platform(args) => args.purpose(),
+        _ => Purpose::Result,
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode, CliError> {
+    match command {
         Command::Render(args) => render::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Diff(args) => diff::run(&args),
@@ -60,11 +80,12 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);
+            print!("{}", String::from_utf8_lossy(&script));
             Ok(ExitCode::SUCCESS)
         }
-    };
-    outcome.unwrap_or_else(report)
+    }
 }
 
 /// Whether the log may have colors: where people read it on a terminal, and have not said otherwise (no-color.org).
@@ -77,16 +98,4 @@ fn report(error: CliError) -> ExitCode {
     let code = if error.is_usage() { 2 } else { 1 };
     eprintln!("{:?}", miette::Report::new(error));
     ExitCode::from(code)
-}
-
-/// `bottega jobs list | head -1` ends the reader first: that is no fault of anybody's. The standard library panics then.
-fn end_quietly_when_nobody_listens() {
-    let tell = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        let words = panic.payload().downcast_ref::<String>();
-        if words.is_some_and(|words| words.starts_with("failed printing to std") && words.contains("Broken pipe")) {
-            std::process::exit(NOBODY_LISTENS);
-        }
-        tell(panic);
-    }));
 }

@@ -10,8 +10,8 @@ use bottega_farm::{
     simulate::Recorder, survey_size,
 };
 use bottega_image::{
-    Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap, check_writable,
-    write_exr, write_png,
+    Aov, Encoding, ExrOptions, Film, HalfOrFloat, Layout, Metadata, OutputFormat, PngOptions, Rect, ToneMap,
+    check_writable, write_exr, write_png,
 };
 use bottega_render::{Filter, PathSettings};
 use bottega_scene::RenderHints;
@@ -500,6 +500,15 @@ pub(crate) fn write(
     Ok(())
 }
 
+/// Samples of all pixels. Where cells stop by their error only the film knows them.
+fn samples_taken(report: &JobReport, settings: &JobSettings) -> u64 {
+    if matches!(settings.goal, Goal::Error(_)) {
+        let film = &report.film;
+        return film.rect().pixels().map(|(x, y)| film.aov(Aov::SampleCount, x, y)[0] as u64).sum();
+    }
+    report.rows.iter().map(|row| row.size() * u64::from(row.samples_done())).sum()
+}
+
 /// Tells how it ended. The journal goes only when the picture is complete.
 pub(crate) fn end(
     args: &RenderArgs,
@@ -511,7 +520,7 @@ pub(crate) fn end(
     let total = report.times.total.as_secs_f64();
     let painting = report.times.painting.as_secs_f64() / settings.processors as f64;
     let output = shown(&args.output);
-    let samples = report.rows.iter().map(|row| row.size() * u64::from(row.samples_done())).sum::<u64>();
+    let samples = samples_taken(report, settings);
     if report.stopped {
         let wanted = settings.crop.area() * u64::from(settings.samples);
         let done = samples as f64 / wanted as f64;

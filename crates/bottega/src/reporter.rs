@@ -277,7 +277,7 @@ impl Observer for Reporter {
     }
 
     fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
-        let zones = partition.iter().map(|(id, rect)| zone(id.0, rect, map.density(&rect))).collect();
+        let zones = partition.iter().map(|(id, rect)| zone(id.0, rect, map.complexity_density(&rect))).collect();
         let seconds = self.pace().begun.elapsed().as_secs_f64();
         self.tell(Event::Analyzed { zones, seconds });
     }
@@ -338,8 +338,8 @@ impl Observer for Reporter {
 }
 
 /// A zone for programs.
-pub(crate) fn zone(id: u32, rect: bottega_image::Rect, complexity: f64) -> wire::Zone {
-    wire::Zone { id, rect: [rect.x0, rect.y0, rect.x1, rect.y1], complexity }
+pub(crate) fn zone(id: u32, rect: bottega_image::Rect, complexity_density: f64) -> wire::Zone {
+    wire::Zone { id, rect: [rect.x0, rect.y0, rect.x1, rect.y1], complexity_density }
 }
 
 fn state_name(state: ZoneState) -> &'static str {

@@ -46,11 +46,16 @@ fn wrong_usage_is_told_before_any_work() {
         ("--time", "0"),
         ("--time", "soon"),
         ("--env", "1,-1,0"),
+        ("--frames", "5..3"),
+        ("--frames", "1..9:0"),
+        ("--frames", "1..99999999"),
     ] {
         fails(&["render", "cornell-box.glb", "-o", picture, &format!("{option}={value}")], 2, &[option]);
     }
     fails(&["render", "cornell-box.glb", "-o", picture, "--size", "8x8", "--crop", "0,0,9,8"], 2, &["crop", "8x8"]);
     fails(&["render", "cornell-box.glb", "-o", picture, "--error", "0.1", "--time", "1m"], 2, &["--error", "--time"]);
+    fails(&["render", "cornell-box.glb", "-o", "film.%4d.png", "--frames", "1..2"], 2, &["`%4d`", "%04d"]);
+    fails(&["render", "cornell-box.glb", "-o", "film.%d.##.png", "--frames", "1..2"], 2, &["several places"]);
     fails(&["render", "goblets.glb", "-o", picture, "--camera", "nobody"], 2, &["nobody", "camera"]);
     assert!(!folder.path().join("picture.png").exists());
 }
@@ -123,13 +128,98 @@ fn resume_without_anything_to_resume_says_so() {
     fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to go on with", "--resume"]);
 }
 
-#[cfg(unix)]
+/// Commands whose result is what they print.
+#[cfg(target_os = "linux")]
+const PRINTING: [&[&str]; 9] = [
+    &["info", "cornell-box.glb"],
+    &["info", "cornell-box.glb", "--json"],
+    &["rules", "check", "path-tracing"],
+    &["devices"],
+    &["engines", "list"],
+    &["completions", "bash"],
+    &["--help"],
+    &["render", "--help"],
+    &["--version"],
+];
+
+#[cfg(target_os = "linux")]
 #[test]
-fn when_nobody_listens_it_ends_quietly() {
-    let mut command = support::bottega(&["info", "cornell-box.glb"]);
+fn when_nobody_reads_a_result_it_ends_quietly() {
+    for arguments in PRINTING {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = support::bottega(arguments).stdout(writer).output().expect("an end");
+        assert_eq!((output.status.code(), told(&output)), (Some(141), String::new()), "{arguments:?}");
+    }
+}
+
+/// A disk that is full.
+#[cfg(target_os = "linux")]
+fn full() -> fs::File {
+    fs::File::options().write(true).open("/dev/full").expect("Linux has it")
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_result_that_cannot_be_written_is_a_failure_and_is_said() {
+    for arguments in PRINTING {
+        let output = support::bottega(arguments).stdout(full()).output().expect("an end");
+        let told = told(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {told}");
+        assert!(told.contains("standard output cannot be written"), "{arguments:?}: {told}");
+        assert!(!told.contains("panicked"), "{arguments:?}: {told}");
+    }
+    // What cannot be said changes no exit code.
+    for (arguments, code) in [(&["info", "missing.glb"][..], 1), (&["render"], 2), (&["info", "cornell-box.glb"], 0)] {
+        let output = support::bottega(arguments).stderr(full()).output().expect("an end");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_that_cannot_be_written_costs_no_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, more, output_is_full, error_is_full, word) in [
+        ("json.exr", &["--json"][..], true, false, "standard output cannot be written"),
+        ("bar.exr", &[], false, true, "standard error cannot be written"),
+        ("neither.exr", &["--json"], true, true, ""),
+        ("quiet.exr", &["--quiet"], true, true, ""),
+    ] {
+        let picture = folder.path().join(name);
+        let mut command =
+            support::bottega(&["render", "cornell-box.glb", "-o", text(&picture), "--size", "8x8", "--spp", "2"]);
+        command.args(more).env("BOTTEGA_LOG", "trace").stdout(std::process::Stdio::piped());
+        if output_is_full {
+            command.stdout(full());
+        }
+        if error_is_full {
+            command.stderr(full());
+        }
+        let output = command.output().expect("an end");
+        let said = [output.stdout.as_slice(), &output.stderr].concat();
+        let said = String::from_utf8_lossy(&said);
+        assert_eq!(output.status.code(), Some(0), "{name}: {said}");
+        assert_eq!(said.matches("cannot be written").count(), usize::from(!word.is_empty()), "{name}: {said}");
+        assert!(said.contains(word), "{name}: {said}");
+        assert!(picture.exists() && !folder.path().join(format!("{name}.bottega-journal")).exists(), "{name}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn whoever_reads_events_may_leave_before_the_picture_is_done() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("picture.exr");
+    let mut command =
+        support::bottega(&["render", "goblets.glb", "-o", text(&picture), "--size", "48x36", "--spp", "64", "--json"]);
     let mut child =
         command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().expect("a start");
-    drop(child.stdout.take());
+    let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    assert!(lines.next().expect("a line").expect("text").contains("started"));
+    drop(lines);
     let output = child.wait_with_output().expect("an end");
-    assert_eq!((output.status.code(), told(&output)), (Some(141), String::new()));
+    assert_eq!((output.status.code(), told(&output)), (Some(0), String::new()));
+    assert!(picture.exists() && !folder.path().join("picture.exr.bottega-journal").exists());
 }

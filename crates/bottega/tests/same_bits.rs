@@ -16,9 +16,14 @@ fn bits(path: &Path) -> Vec<[u32; 3]> {
 }
 
 fn painted(folder: &Path, name: &str, more: &[&str]) -> Vec<[u32; 3]> {
+    let usual = ["--size", SIZE, "--spp", "24"];
+    painted_as(folder, name, &[&usual, more].concat())
+}
+
+fn painted_as(folder: &Path, name: &str, settings: &[&str]) -> Vec<[u32; 3]> {
     let output = folder.join(name);
-    let mut arguments = vec!["render", "goblets.glb", "-o", text(&output), "--size", SIZE, "--spp", "24", "--quiet"];
-    arguments.extend(more);
+    let mut arguments = vec!["render", "goblets.glb", "-o", text(&output), "--quiet"];
+    arguments.extend(settings);
     succeed(&arguments);
     assert!(!folder.join(format!("{name}.bottega-journal")).exists(), "a complete picture needs no journal");
     bits(&output)
@@ -41,6 +46,35 @@ proptest! {
             painted(folder.path(), "b.exr", &["--agents", agents, "--level", level, "--threads", threads, "--seed", &seed]);
         prop_assert_eq!(reference, other);
     }
+}
+
+#[test]
+fn a_picture_with_an_error_does_not_depend_on_who_paints_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let painted = |name: &str, more: &[&str]| {
+        let usual = ["--size", "100x70", "--spp", "200", "--error", "0.25", "--aov", "samples", "--exact"];
+        painted_as(folder.path(), name, &[&usual, more].concat())
+    };
+    let reference = painted("a.exr", &["--agents", "1", "--level", "0", "--threads", "1"]);
+    for (name, more) in [
+        ("b.exr", ["--agents", "7", "--level", "1", "--threads", "2"]),
+        ("c.exr", ["--agents", "3", "--level", "3", "--threads", "2"]),
+        ("d.exr", ["--agents", "2", "--zones", "12", "--threads", "1"]),
+    ] {
+        assert_eq!(reference, painted(name, &more), "{more:?}");
+    }
+}
+
+#[test]
+fn frames_have_the_numbers_that_were_asked_for_and_no_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("f.%03d.exr");
+    let words = ["render", "goblets.glb", "--size", "8x8", "--spp", "1", "--quiet", "-o", text(&output)];
+    succeed(&[&words[..], &["--frames", "-2..2:2,7"]].concat());
+    let mut names: Vec<_> =
+        fs::read_dir(folder.path()).expect("it is there").flatten().map(|it| it.file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["f.-002.exr", "f.000.exr", "f.002.exr", "f.007.exr"]);
 }
 
 #[test]

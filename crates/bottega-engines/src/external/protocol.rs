@@ -16,7 +16,7 @@ pub(super) enum Request<'a> {
         scene: &'a Path,
         width: Option<u32>,
         height: Option<u32>,
-        frame: Option<u32>,
+        frame: Option<i32>,
         threads: usize,
         trust: bool,
         scratch: &'a Path,
@@ -32,7 +32,7 @@ pub(super) enum Request<'a> {
         max_depth: Option<u32>,
         light_samples: Option<u32>,
         time: Option<u32>,
-        frame: Option<u32>,
+        frame: Option<i32>,
     },
     Files {
         scene: &'a Path,
@@ -65,10 +65,10 @@ pub struct Opened {
     pub height: u32,
     /// The scene's first frame.
     #[serde(default)]
-    pub first_frame: Option<u32>,
+    pub first_frame: Option<i32>,
     /// The scene's last frame.
     #[serde(default)]
-    pub last_frame: Option<u32>,
+    pub last_frame: Option<i32>,
     /// Whether the scene has a camera, or has been given one. Without one nothing can be painted.
     #[serde(default = "yes")]
     pub camera: bool,

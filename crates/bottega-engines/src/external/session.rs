@@ -21,7 +21,7 @@ pub struct SceneRequest {
     /// Size of the picture; `None`: as the scene says.
     pub size: Option<(u32, u32)>,
     /// Which frame of an animation.
-    pub frame: Option<u32>,
+    pub frame: Option<i32>,
     /// Threads of the engine.
     pub threads: usize,
     /// The camera of a scene that has none.

@@ -8,7 +8,8 @@ use bottega_image::{Film, Layout, Tile};
 
 use super::{FarmMailbox, JobSettings, Progress, Shared, Times, progress::Tally};
 use crate::{
-    FarmCompletion, Mask, PaintOrder, PaintResult, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest,
+    ErrorUse, FarmCompletion, Mask, PaintOrder, PaintResult, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore,
+    cells::Cells, digest,
 };
 
 /// A zone that takes longer than this on all processors is painted in passes, each of which is kept: so much is lost by
@@ -150,8 +151,42 @@ struct Sitting {
     mailbox: FarmMailbox,
     cancel: CancelSwitch,
     progress: TaskProgress,
-    /// The samples of about the first half, where the error is to be estimated.
-    half: Option<Tile>,
+    estimate: Estimate,
+}
+
+/// How the error is estimated.
+enum Estimate {
+    /// It is not.
+    None,
+    /// Of the whole zone: the samples of about the first half, once they are there.
+    Zone(Option<Tile>),
+    /// Of each cell, which stops by it.
+    Cells(Cells),
+}
+
+impl Estimate {
+    /// - `by_cells`: whether the engine can paint parts of a zone.
+    fn of(order: &PaintOrder, by_cells: bool) -> Self {
+        match order.error_use {
+            ErrorUse::None => Self::None,
+            ErrorUse::Stops(wanted) if by_cells => Self::Cells(Cells::new(order.rect, wanted, order.samples_max)),
+            ErrorUse::Stops(_) | ErrorUse::Weighs => Self::Zone(None),
+        }
+    }
+
+    /// The error of a zone whose samples are `tile`, and the share of it that is to have more.
+    fn outcome(&mut self, order: &PaintOrder, tile: &Tile) -> (Option<f64>, f64) {
+        match self {
+            Self::None => (None, 1.0),
+            Self::Cells(cells) => (cells.error(), cells.unfinished(order.samples.end)),
+            Self::Zone(half) => {
+                let error = half.take().and_then(|half| tile.relative_error(&half));
+                let is_met =
+                    matches!((order.error_use, error), (ErrorUse::Stops(wanted), Some(error)) if error <= wanted);
+                (error, f64::from(u8::from(!is_met)))
+            }
+        }
+    }
 }
 
 impl Shared {
@@ -172,8 +207,9 @@ impl Shared {
         let count = order.samples.end - start;
         let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
         let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
+        let engine = self.engine.describe();
         // Whoever cannot go on would begin anew with each.
-        let passes = if self.engine.describe().resumes_samples { passes } else { 1 };
+        let passes = if engine.resumes_samples { passes } else { 1 };
         self.begin_outstanding();
         let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
         self.state().orders.insert((order.zone, order.fence), (cancel.clone(), progress.clone()));
@@ -184,7 +220,8 @@ impl Shared {
         let sitting = Sitting {
             cancel,
             progress,
-            half: None,
+            // An engine that says nothing of how long it takes has windows that cost something themselves.
+            estimate: Estimate::of(&order, engine.resumes_samples && engine.is_profiled),
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
             shared: Arc::clone(self),
@@ -220,25 +257,36 @@ impl Shared {
 
 impl Sitting {
     /// Starts the next pass.
-    fn go_on(mut self, start: u32, tile: Option<Tile>) {
+    fn go_on(mut self, start: u32, mut tile: Option<Tile>) {
         let shared = Arc::clone(&self.shared);
         if shared.stop.is_requested() {
             return self.interrupted(tile);
         }
-        let mut end = start.saturating_add(self.pass).min(self.order.samples.end);
-        if self.order.needs_error && self.half.is_none() {
-            // What comes after half of all samples, or after those before, is set against what comes first: for whoever
-            // could not have those before too.
-            let middle = (self.order.samples.end / 2).max(self.order.samples.start);
-            if start >= middle {
-                self.half.clone_from(&tile);
-            } else {
-                end = end.min(middle);
+        let (mut end, mut parts) = (start.saturating_add(self.pass).min(self.order.samples.end), None);
+        match &mut self.estimate {
+            Estimate::None | Estimate::Zone(Some(_)) => {}
+            Estimate::Zone(half) => {
+                // What comes after half of all samples, or after those before, is set against what comes first: for whoever
+                // could not have those before too.
+                let middle = (self.order.samples.end / 2).max(self.order.samples.start);
+                if start >= middle {
+                    half.clone_from(&tile);
+                } else {
+                    end = end.min(middle);
+                }
             }
+            Estimate::Cells(cells) => match (cells.next(start, tile.as_ref(), self.order.samples.end), tile) {
+                (Some(next), before) => {
+                    (end, parts, tile) = (next.end, next.parts, before);
+                }
+                // Nothing is left to do: that is known only to those who begin a zone that another has finished.
+                (None, Some(before)) => return self.complete(before),
+                (None, None) => return self.done(Err("a zone without cells".to_owned())),
+            },
         }
         let PaintOrder { rect, tunables, leaning, .. } = self.order;
         let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
-        let task = ZoneTask { rect, samples: start..end, tunables, leaning, tile, cancel, progress };
+        let task = ZoneTask { rect, samples: start..end, tunables, leaning, tile, parts, cancel, progress };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
     }
 
@@ -258,30 +306,44 @@ impl Sitting {
                     self.done(Err("the engine was cancelled".to_owned()));
                 }
             }
-            Ok(Painted { tile, busy, complete: true, .. }) => {
+            Ok(Painted { mut tile, busy, complete: true, .. }) => {
                 self.busy += busy;
                 if tile.rect() != self.order.rect {
                     return self.done(Err("the engine painted another rectangle".to_owned()));
                 }
                 // An engine may not know before a pass is done.
                 self.progress.add(1);
+                let mut can_be_kept = true;
+                if let Estimate::Cells(cells) = &mut self.estimate {
+                    cells.painted(end, &mut tile);
+                    if cells.unfinished(end) == 0.0 {
+                        return self.complete(tile);
+                    }
+                    // Amid an octave a tile does not say which of its cells have stopped.
+                    can_be_kept = end.is_power_of_two();
+                }
                 if end < self.order.samples.end {
-                    self.pass_done(end, &tile);
+                    if can_be_kept {
+                        self.pass_done(end, &tile);
+                    }
                     return self.go_on(end, Some(tile));
                 }
-                let digest = digest(&tile);
-                let result = ResultRef { fence: self.order.fence, samples: end, digest };
-                let error = self.half.take().and_then(|half| tile.relative_error(&half));
-                if let Some(Err(reason)) =
-                    self.shared.link.as_ref().map(|link| link.put(digest, &tile, &self.shared.stop))
-                {
-                    return self.done(Err(reason));
-                }
-                self.shared.easel().tiles.insert(self.order.zone, (digest, tile));
-                let busy = self.busy;
-                self.done(Ok(PaintResult { result, busy, error }));
+                self.complete(tile);
             }
         }
+    }
+
+    /// All that was ordered is painted, or need not be.
+    fn complete(mut self, tile: Tile) {
+        let digest = digest(&tile);
+        let result = ResultRef { fence: self.order.fence, samples: self.order.samples.end, digest };
+        let (error, unfinished) = self.estimate.outcome(&self.order, &tile);
+        if let Some(Err(reason)) = self.shared.link.as_ref().map(|link| link.put(digest, &tile, &self.shared.stop)) {
+            return self.done(Err(reason));
+        }
+        self.shared.easel().tiles.insert(self.order.zone, (digest, tile));
+        let busy = self.busy;
+        self.done(Ok(PaintResult { result, busy, error, unfinished }));
     }
 
     /// Keeps a pass, so that an interruption costs no more than the next one.

@@ -26,7 +26,7 @@ impl Master {
         let offcut = ZoneId(u32::try_from(revision.0).ok()?.checked_add(work.zone_count)?);
         let is_free =
             is_whole && row.votes.is_empty() && self.board.zone(offcut).is_none() && !self.writes.contains_key(&zone);
-        row.cut_to(share, offcut, &work.settings.frame).filter(|_| is_free)
+        row.cut_to(share, offcut, &work.settings.frame, work.settings.goal.grid()).filter(|_| is_free)
     }
 
     /// Remembers that the other part of a cut zone must have a row, until it has.

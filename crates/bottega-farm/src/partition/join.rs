@@ -19,13 +19,13 @@ pub(super) fn join(map: &ImportanceMap, zones: Vec<Rect>, similarity: f64, compl
             let right = zones.get(&(zone.y0, zone.x1)).filter(|other| other.y1 == zone.y1).copied();
             let below = zones.get(&(zone.y1, zone.x0)).filter(|other| other.x1 == zone.x1).copied();
             let alike = |other: &Rect| {
-                let (a, b) = (map.density(&zone), map.density(other));
+                let (a, b) = (map.complexity_density(&zone), map.complexity_density(other));
                 (a - b).abs() <= similarity * a.max(b)
                     && map.complexity(&zone) + map.complexity(other) <= complexity_max
             };
             let partner = [right, below].into_iter().flatten().filter(alike).min_by(|a, b| {
                 // The more similar one; to the right when both are equally so.
-                let difference = |other: &Rect| (map.density(other) - map.density(&zone)).abs();
+                let difference = |other: &Rect| (map.complexity_density(other) - map.complexity_density(&zone)).abs();
                 difference(a).total_cmp(&difference(b))
             });
             if let Some(other) = partner {

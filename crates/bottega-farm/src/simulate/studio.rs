@@ -178,7 +178,7 @@ impl Studio {
             let digest = digest(zone, job.samples, job.flaw ^ lie);
             let digest = if self.inexact { signed(digest, job.agent) } else { digest };
             let result = ResultRef { fence, samples: job.samples, digest };
-            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None })
+            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None, unfinished: 1.0 })
         };
         FarmCompletion::Painted { zone, fence, outcome }
     }

@@ -8,7 +8,8 @@ use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
 use crate::{
-    Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow,
+    ErrorUse, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId,
+    ZoneRow,
 };
 
 /// Zones of a simulation at most.
@@ -233,7 +234,8 @@ impl Workpiece {
                     tunables: self.work.settings.tunables,
                     leaning: Leaning::default(),
                     from: None,
-                    needs_error: false,
+                    error_use: ErrorUse::None,
+                    samples_max: samples,
                     time_estimated: None,
                 };
                 self.cost(&order).0

@@ -282,7 +282,7 @@ mod tests {
                 optimization: Optimization::Normal,
             },
             zone_count: 12,
-            ranges: InputRanges { complexity: interval, neighbor_difference: interval, size: interval },
+            ranges: InputRanges { complexity_density: interval, neighbor_difference: interval, size: interval },
         }
     }
 

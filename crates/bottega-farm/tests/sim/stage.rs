@@ -14,7 +14,7 @@ use bottega_agents::{
     driver::{Faults, Random, Simulator, World},
 };
 use bottega_farm::{
-    AdaptationRule, Analyst, AnalystConfig, AuctionRule, Expert, FarmAgent, FarmCompletion, FarmEffect, Goal,
+    AdaptationRule, Analyst, AnalystConfig, AuctionRule, ErrorUse, Expert, FarmAgent, FarmCompletion, FarmEffect, Goal,
     GoalRules, ImportanceFunction, Level, Master, MasterConfig, Optimization, PaintResult, PartitionSettings,
     RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
@@ -100,8 +100,13 @@ impl World<FarmAgent> for Studio {
                     digest[4..8].copy_from_slice(&order.samples.end.to_le_bytes());
                     let result = ResultRef { fence, samples: order.samples.end, digest: BlobId(digest) };
                     // Halves that do not agree by what chance explains, from a sample error of a half.
-                    let error = order.needs_error.then(|| 0.5 / f64::from(order.samples.end).sqrt());
-                    Ok(PaintResult { result, busy, error })
+                    let error = 0.5 / f64::from(order.samples.end).sqrt();
+                    let goes_on = match order.error_use {
+                        ErrorUse::Stops(wanted) => error > wanted && order.samples.end < order.samples_max,
+                        ErrorUse::None | ErrorUse::Weighs => true,
+                    };
+                    let (error, unfinished) = (Some(error), f64::from(u8::from(goes_on)));
+                    Ok(PaintResult { result, busy, error, unfinished })
                 };
                 reports.push((begin + busy - now, FarmCompletion::Painted { zone, fence, outcome }));
             }

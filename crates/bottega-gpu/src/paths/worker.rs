@@ -75,6 +75,8 @@ impl Worker {
         loop {
             let message = if before.is_some() { inbox.try_recv().ok() } else { inbox.recv().ok() };
             let begun = match message {
+                // Given up while the device was behind: dropping the reply says that nothing comes.
+                Some(Message::Paint(_, reply)) if !reply.is_awaited() => None,
                 Some(Message::Paint(works, reply)) => Some((self.begin(works), reply)),
                 Some(Message::Recover(tell)) => {
                     let _ = tell.send(self.tracer().map(|_| ()).map_err(|error| error.to_string()));

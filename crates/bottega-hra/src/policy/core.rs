@@ -7,7 +7,7 @@ use super::bin::Bin;
 use super::demand::Demand;
 use super::flow::Flow;
 use super::incident::{Fault, Incidents};
-use super::lane::{Health, Lane, Launch};
+use super::lane::{Flight, Health, Lane, Launch};
 use super::length::BinLength;
 use super::placement::{Choice, Planned};
 use super::roster::Roster;
@@ -66,11 +66,14 @@ pub(crate) struct Out<T> {
     /// These packets have no answer long after there should have been one. If their units can be done again, call
     /// [`Core::hung`], else [`Core::spare`].
     pub(crate) overdue: Vec<(ResourceId, u64)>,
+    /// Nothing else is left to do, nobody knows how long these packets should take, and others could have done them long
+    /// since. If their units can be done again, call [`Core::hung`].
+    pub(crate) doubtful: Vec<(ResourceId, u64)>,
 }
 
 impl<T> Default for Out<T> {
     fn default() -> Self {
-        Self { wake: Vec::new(), expired: Vec::new(), orphans: Vec::new(), overdue: Vec::new() }
+        Self { wake: Vec::new(), expired: Vec::new(), orphans: Vec::new(), overdue: Vec::new(), doubtful: Vec::new() }
     }
 }
 
@@ -266,7 +269,8 @@ impl<T> Core<T> {
         let sequence = lane.launch(now, &launch, &self.config);
         lane.account.enter(Activity::Working, now);
         self.length.taken(now, units.len(), self.bin.len());
-        let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.deadline);
+        let hang_min = self.config.hang_min;
+        let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.next_look(now, hang_min));
         Some(Packet { sequence, units, evicted, deadline })
     }
 
@@ -344,12 +348,31 @@ impl<T> Core<T> {
         for (lane, id) in self.lanes.iter().zip(0..) {
             let overdue = lane.flights.iter().filter(|(_, flight)| flight.deadline <= now);
             out.overdue.extend(overdue.map(|(&sequence, _)| (ResourceId(id), sequence)));
+            let is_doubtful = |flight: &Flight| flight.deadline > now && self.is_doubtful(now, ResourceId(id), flight);
+            let doubtful = lane.flights.iter().filter(|(_, flight)| is_doubtful(flight));
+            out.doubtful.extend(doubtful.map(|(&sequence, _)| (ResourceId(id), sequence)));
         }
     }
 
+    /// Whether a packet on trial keeps all waiting: nothing else is left to do, and another resource that has nothing to do
+    /// would have done it several times over since it was sent.
+    fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
+        let age = now.since(flight.sent);
+        if !flight.is_trial || self.bin.len() > 0 || age < self.config.hang_min {
+            return false;
+        }
+        let is_far_better = |(lane, other): (&Lane, u32)| {
+            let is_free = ResourceId(other) != id && lane.health == Health::Up && lane.flights.is_empty();
+            let takes = lane.predict_ns(flight.primitive, flight.items).filter(|_| lane.knows(flight.primitive));
+            is_free && takes.is_some_and(|ns| ns * self.config.hang_factor <= age.as_nanos() as f64)
+        };
+        self.lanes.iter().zip(0..).any(is_far_better)
+    }
+
     /// When [`Core::tick`] is next to be called.
-    pub(crate) fn next_event(&self) -> Option<Time> {
-        let flights = self.lanes.iter().filter_map(|lane| lane.flights.values().map(|flight| flight.deadline).min());
+    pub(crate) fn next_event(&self, now: Time) -> Option<Time> {
+        let look = |flight: &Flight| flight.next_look(now, self.config.hang_min);
+        let flights = self.lanes.iter().filter_map(|lane| lane.flights.values().map(look).min());
         flights.chain(self.bin.next_expiry()).min()
     }
 

@@ -47,9 +47,23 @@ pub(crate) struct Flight {
     pub(crate) predicted_ns: f64,
     /// Without an answer by then the resource hangs.
     pub(crate) deadline: Time,
+    /// Nobody knew how long it should take, so it has all the time that there is, unless it is the last that is waited for.
+    pub(crate) is_trial: bool,
     /// How long it may take, what is before it included.
     patience: Duration,
     alone: bool,
+}
+
+/// A packet on trial that is older than [`HraConfig::hang_min`] is looked at so many times in that time.
+const TRIAL_LOOKS: u32 = 8;
+
+impl Flight {
+    /// When it is next to be looked at whether it is overdue.
+    pub(crate) fn next_look(&self, now: Time, hang_min: Duration) -> Time {
+        let first = self.sent.after(hang_min);
+        let next = if now < first { first } else { now.after((hang_min / TRIAL_LOOKS).max(Duration::from_millis(1))) };
+        if self.is_trial { self.deadline.min(next) } else { self.deadline }
+    }
 }
 
 /// One resource.
@@ -236,12 +250,24 @@ impl Lane {
                 answer.since(now).mul_f64(times).clamp(config.hang_min.min(self.patience), self.patience)
             }
         };
+        let is_trial = known.is_none();
         let alone = self.flow.as_mut().is_none_or(|flow| flow.sent(predicted_ns));
         self.last_units = units.max(self.last_units / 2);
         let deadline = now.after(patience);
         let sent = now;
-        let flight =
-            Flight { sent, units, items, primitive, data, moved_bytes, predicted_ns, deadline, patience, alone };
+        let flight = Flight {
+            sent,
+            units,
+            items,
+            primitive,
+            data,
+            moved_bytes,
+            predicted_ns,
+            deadline,
+            is_trial,
+            patience,
+            alone,
+        };
         let sequence = self.next_sequence;
         self.next_sequence += 1;
         self.flights.insert(sequence, flight);

@@ -210,7 +210,7 @@ impl<'a> World<'a> {
         for unit in out.orphans {
             self.answer(unit.load, Some(Err(UnitError::NoResource(unit.meta.primitive))), None);
         }
-        for (id, sequence) in out.overdue {
+        for (id, sequence) in out.overdue.into_iter().chain(out.doubtful) {
             let units = self.ledgers[id.index()].settle(sequence).into_iter().flatten().collect();
             self.with_core(|core, now, out| core.hung(now, id, sequence, out));
             self.give_back(id, units, true);
@@ -225,7 +225,7 @@ impl<'a> World<'a> {
             let Some(id) = self.to_ask.pop_front() else { break };
             self.ask(id);
         }
-        if let Some(next) = self.core.next_event()
+        if let Some(next) = self.core.next_event(self.now)
             && next < self.next_tick
         {
             self.next_tick = next;

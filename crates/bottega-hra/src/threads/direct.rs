@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::settle::Attempt;
-use super::shared::{Job, Shared};
+use super::shared::{Job, LaneEnd, Shared};
 use super::sync::lock;
 use crate::policy::core::{Next, Packet};
 use crate::policy::incident::Fault;
@@ -23,16 +23,18 @@ const STRETCH_MAX: usize = 16;
 const ASK_MEMORY_EVERY: u64 = 64;
 
 /// Serves `resource` until the allocator is shut down or the resource given up.
-pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, mut resource: Box<dyn Resource<W>>) {
+pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: &mut dyn Resource<W>) {
     let lane = &shared.lanes[id.index()];
     lane.post.man();
     let mut next = shared.with_core(|core, now, out| core.next(now, id, out));
     loop {
         next = match next {
-            Next::Packet(packet) => serve(shared, id, &mut *resource, packet),
+            Next::Packet(packet) => serve(shared, id, resource, packet),
             Next::Recover(evicted) => {
-                evicted.into_iter().for_each(|data| quietly(|| resource.evict(data)));
-                let outcome = recover(|| resource.recover());
+                let outcome = recover(shared, id, || {
+                    evicted.into_iter().for_each(|data| quietly(|| resource.evict(data)));
+                    resource.recover()
+                });
                 shared.with_core(|core, now, out| {
                     core.recovered(now, id, outcome, out);
                     core.next(now, id, out)
@@ -67,7 +69,7 @@ fn serve<W: Work>(
     // Whoever finds it gone has no right to answer: it took so long that its units were given to others.
     let Some(units) = lock(&lane.ledger).settle(sequence) else {
         drop(attempts);
-        shared.set_over(id, false);
+        shared.set_end(id, LaneEnd::AtWork);
         return shared.with_core(|core, now, out| {
             core.landed(now, id, sequence, crate::policy::core::Landing::default(), out);
             core.next(now, id, out)
@@ -137,9 +139,18 @@ pub(crate) fn take_works<W: Work>(units: &mut [Unit<Job<W>>]) -> Vec<W> {
     works
 }
 
-/// Asks a resource to recover; a panic is taken for a no.
-pub(crate) fn recover(recover: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
-    catch_unwind(AssertUnwindSafe(recover)).unwrap_or_else(|panic| Err(panic_message(&*panic)))
+/// Asks a resource to recover; a panic is taken for a no. Nobody waits for one that does not answer, nor for one that says no.
+pub(crate) fn recover<W: Work>(
+    shared: &Shared<W>,
+    id: ResourceId,
+    recover: impl FnOnce() -> Result<(), String>,
+) -> Result<(), String> {
+    shared.set_end(id, LaneEnd::Over);
+    let outcome = catch_unwind(AssertUnwindSafe(recover)).unwrap_or_else(|panic| Err(panic_message(&*panic)));
+    if outcome.is_ok() {
+        shared.set_end(id, LaneEnd::AtWork);
+    }
+    outcome
 }
 
 /// Calls what must not end the thread.

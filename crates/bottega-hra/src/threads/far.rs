@@ -51,7 +51,8 @@ pub struct Window {
     /// Most units in a packet; at least 1.
     pub units_per_packet: usize,
     /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
-    /// it is known how long it should take. Also the longest time that shutting down waits for it.
+    /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
+    /// since. Also the longest time that shutting down waits for it.
     pub patience: Duration,
 }
 
@@ -99,6 +100,12 @@ impl<W: Work> Reply<W> {
         self.answer(works.into_iter().map(failed).collect(), None, Fault::OutOfMemory);
     }
 
+    /// Whether anybody waits for the answer: not after the packet was given up, for then its units are done elsewhere. Who
+    /// has fallen behind need not do what nobody waits for.
+    pub fn is_awaited(&self) -> bool {
+        lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
+    }
+
     fn answer(&mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Option<Duration>, fault: Fault) {
         self.answered = true;
         let answer = Answer { sequence: self.sequence, outcomes, busy, fault };
@@ -126,7 +133,7 @@ pub(crate) struct Answer<W: Work> {
 }
 
 /// Serves `resource` until the allocator is shut down or the resource given up.
-pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: Box<dyn WindowedResource<W>>) {
+pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
     shared.lanes[id.index()].post.man();
     Driver { shared, id, resource, sent: BTreeMap::new() }.run();
 }
@@ -134,7 +141,7 @@ pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: 
 struct Driver<'a, W: Work> {
     shared: &'a Arc<Shared<W>>,
     id: ResourceId,
-    resource: Box<dyn WindowedResource<W>>,
+    resource: &'a mut dyn WindowedResource<W>,
     /// When the packets under way were sent.
     sent: BTreeMap<u64, Time>,
 }
@@ -151,8 +158,10 @@ impl<W: Work> Driver<'_, W> {
             match shared.with_core(|core, now, out| core.next(now, id, out)) {
                 Next::Packet(packet) => self.send(packet),
                 Next::Recover(evicted) => {
-                    evicted.into_iter().for_each(|data| quietly(|| self.resource.evict(data)));
-                    let outcome = recover(|| self.resource.recover());
+                    let outcome = recover(shared, id, || {
+                        evicted.into_iter().for_each(|data| quietly(|| self.resource.evict(data)));
+                        self.resource.recover()
+                    });
                     shared.with_core(|core, now, out| core.recovered(now, id, outcome, out));
                 }
                 Next::Wait(until) => {

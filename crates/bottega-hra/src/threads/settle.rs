@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::clients::{ClientId, Clients};
-use super::shared::{Job, Shared};
+use super::shared::{Job, LaneEnd, Shared};
 use super::sync::lock;
 use crate::policy::core::{Core, Landed, Landing, Out};
 use crate::policy::faults::GiveUp;
@@ -223,10 +223,18 @@ impl<W: Work> Shared<W> {
             answers = self.try_again(core, now, id, undone, true, out);
         });
         self.answer_failed(id, answers);
-        if !lane.is_far {
-            self.set_over(id, true);
-        }
+        // A near one holds its thread, a far one may hold it as soon as anything is asked of it.
+        self.set_end(id, LaneEnd::Over);
         lane.post.wake();
+    }
+
+    /// A packet of which nobody knows how long it should take is all that is left to wait for: its units are done elsewhere if
+    /// they can be done again.
+    pub(crate) fn do_elsewhere(&self, id: ResourceId, sequence: u64) {
+        let can_be_done_again = |units: &[Unit<Job<W>>]| units.iter().all(|unit| unit.load.work.is_some());
+        if lock(&self.lanes[id.index()].ledger).look(sequence).is_some_and(can_be_done_again) {
+            self.give_up(id, sequence);
+        }
     }
 }
 

@@ -35,6 +35,17 @@ pub(crate) struct LanePost<W: Work> {
     pub(crate) inbox: Mutex<Vec<Answer<W>>>,
 }
 
+/// How the thread of a lane ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LaneEnd {
+    /// Not yet.
+    AtWork,
+    /// Its work is over, and its resource is being dropped.
+    TearingDown,
+    /// It has ended, or nobody waits for it, for its resource hangs or cannot be had.
+    Over,
+}
+
 pub(crate) struct Shared<W: Work> {
     core: Mutex<Core<Job<W>>>,
     pub(crate) clients: Clients<W::Output>,
@@ -46,8 +57,8 @@ pub(crate) struct Shared<W: Work> {
     listens: AtomicBool,
     /// By primitive: 1 + the most data that anybody can do it with; 0 when nobody can.
     able: [AtomicU64; Primitive::COUNT],
-    /// By lane: its thread has ended, or will not for as long as its resource hangs.
-    over: Mutex<Vec<bool>>,
+    /// By lane: how its thread ends.
+    over: Mutex<Vec<LaneEnd>>,
     over_changed: Condvar,
     started: Instant,
     pub(crate) max_delay_bound: Duration,
@@ -62,7 +73,7 @@ impl<W: Work> Shared<W> {
             alarm: Alarm::default(),
             listens: AtomicBool::new(false),
             able: std::array::from_fn(|_| AtomicU64::new(0)),
-            over: Mutex::new(vec![false; lanes.len()]),
+            over: Mutex::new(vec![LaneEnd::AtWork; lanes.len()]),
             over_changed: Condvar::new(),
             started: Instant::now(),
             core: Mutex::new(core),
@@ -141,6 +152,9 @@ impl<W: Work> Shared<W> {
         for (id, sequence) in out.overdue {
             self.give_up(id, sequence);
         }
+        for (id, sequence) in out.doubtful {
+            self.do_elsewhere(id, sequence);
+        }
     }
 
     // ---- The end.
@@ -155,17 +169,35 @@ impl<W: Work> Shared<W> {
         self.answer_unstarted(unstarted, Some(&crate::UnitError::Closed));
     }
 
-    /// Whether nothing is to be expected of this lane's thread any more.
-    pub(crate) fn set_over(&self, id: ResourceId, over: bool) {
-        lock(&self.over)[id.index()] = over;
+    /// How a lane's thread ends, or whether it is expected to.
+    pub(crate) fn set_end(&self, id: ResourceId, end: LaneEnd) {
+        lock(&self.over)[id.index()] = end;
         self.over_changed.notify_all();
     }
 
-    /// Waits until that is so for all lanes.
-    pub(crate) fn wait_until_over(&self) {
+    /// The work of a lane is over. Who was not waited for before is not waited for now.
+    pub(crate) fn tear_down(&self, id: ResourceId) {
         let mut over = lock(&self.over);
-        while !over.iter().all(|&over| over) {
+        if over[id.index()] == LaneEnd::AtWork {
+            over[id.index()] = LaneEnd::TearingDown;
+        }
+        drop(over);
+        self.over_changed.notify_all();
+    }
+
+    /// Waits for the threads of all lanes whose resources do not hang; for so long at most while these are torn down.
+    pub(crate) fn wait_until_over(&self, teardown_max: Duration) {
+        let mut over = lock(&self.over);
+        while over.contains(&LaneEnd::AtWork) {
             over = wait(&self.over_changed, over, None);
+        }
+        let until = Instant::now() + teardown_max;
+        while over.contains(&LaneEnd::TearingDown) {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            over = wait(&self.over_changed, over, Some(left));
         }
     }
 

@@ -45,7 +45,7 @@ pub(crate) fn watch<W: Work>(shared: &Arc<Shared<W>>) {
         alarm.at.store(u64::MAX, Ordering::SeqCst);
         let next = shared.with_core(|core, now, out| {
             core.tick(now, out);
-            core.next_event()
+            core.next_event(now)
         });
         if let Some(next) = next {
             alarm.at.fetch_min(next.nanos(), Ordering::SeqCst);

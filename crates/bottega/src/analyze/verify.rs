@@ -191,6 +191,7 @@ fn paint(subject: &Analyzed, rect: Rect, samples: Range<u32>, tile: Option<Tile>
         tunables: subject.settings.tunables,
         leaning: Leaning::default(),
         tile,
+        parts: None,
         cancel,
         progress,
     };

@@ -190,7 +190,7 @@ fn paint_samples(
 ) -> Result<(Tile, Duration), CliError> {
     let (sender, receiver) = mpsc::channel();
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask { rect, samples, tunables, leaning: Leaning::default(), tile, cancel, progress };
+    let task = ZoneTask { rect, samples, tunables, leaning: Leaning::default(), tile, parts: None, cancel, progress };
     let start = Instant::now();
     // The receiver outlives the engine's report.
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));

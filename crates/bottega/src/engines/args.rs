@@ -30,8 +30,8 @@ pub(crate) struct EngineArgs {
     #[arg(long, help_heading = "Engine")]
     pub(crate) trust: bool,
     /// Which frame of the animation, for engines that know of frames; default: the one that the scene is at.
-    #[arg(long, value_name = "N", conflicts_with = "frames", help_heading = "Engine")]
-    pub(crate) frame: Option<u32>,
+    #[arg(long, value_name = "N", conflicts_with = "frames", allow_negative_numbers = true, help_heading = "Engine")]
+    pub(crate) frame: Option<i32>,
 }
 
 impl EngineArgs {

@@ -143,6 +143,7 @@ impl Trial {
                 tunables: Tunables { max_depth: 0, light_samples: 0 },
                 leaning: Leaning::default(),
                 tile: None::<Tile>,
+                parts: None,
                 cancel: CancelSwitch::default(),
                 progress: TaskProgress::default(),
             };

@@ -1,4 +1,4 @@
-//! `bottega render --frames A..B --farm`: each frame is a job, so a machine has a frame of its own as long as there are enough,
+//! `bottega render --frames 1..240 --farm`: each frame is a job, so a machine has a frame of its own as long as there are enough,
 //! and the last ones are painted by all together.
 
 use std::{
@@ -39,7 +39,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// A frame that is asked for.
 struct Wanted {
-    frame: u32,
+    frame: i32,
     /// The number of the work.
     work: u64,
     output: PathBuf,
@@ -102,9 +102,9 @@ fn submit(
     reporter: &Reporter,
 ) -> Result<BTreeMap<u32, Wanted>, CliError> {
     board.refuse_guests()?;
-    let missing: Vec<u32> = frames.iter().filter(|frame| !args.has_frame(*frame)).collect();
+    let missing = args.missing_frames(frames)?;
     let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
-    let first = args.clone().at_frame(first);
+    let first = args.at_frame(first)?;
     check_writable(&first.output)?;
     let material = Material::gather(&first)?;
     for warning in &material.warnings {
@@ -114,7 +114,7 @@ fn submit(
     let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
     let mut wanted = BTreeMap::new();
     for frame in missing {
-        let of_frame = args.clone().at_frame(frame);
+        let of_frame = args.at_frame(frame)?;
         let mut job = new_job(&of_frame, me);
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;

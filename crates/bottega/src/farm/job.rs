@@ -113,7 +113,7 @@ pub(crate) struct Order {
     #[serde(default)]
     pub(crate) choice: Option<RulesText>,
     /// The frame, where it is one of an animation.
-    pub(crate) frame: Option<u32>,
+    pub(crate) frame: Option<i32>,
     /// The engine of other people that paints it, as all machines must have it; none: our own.
     #[serde(default)]
     pub(crate) engine: Option<String>,
@@ -133,7 +133,7 @@ impl Order {
             ));
         };
         if let Some(frame) = self.frame {
-            *args = args.at_frame(frame);
+            *args = args.at_frame(frame)?;
         }
         args.scene.file.scene = scene.to_owned();
         // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This

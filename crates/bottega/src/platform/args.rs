@@ -8,12 +8,24 @@ use super::peer::{Peer, parse_peer};
 use crate::{
     cli::parse_duration,
     farm::{FarmAddress, LoginArgs},
+    output::Purpose,
 };
 
 #[derive(Debug, Args)]
 pub(crate) struct PlatformArgs {
     #[command(subcommand)]
     pub(crate) command: PlatformCommand,
+}
+
+impl PlatformArgs {
+    /// What standard output is for.
+    pub(crate) fn purpose(&self) -> Purpose {
+        match self.command {
+            PlatformCommand::Serve(_) => Purpose::Log,
+            PlatformCommand::Agents(_) | PlatformCommand::Services(_) => Purpose::Result,
+            PlatformCommand::Trace(_) => Purpose::Stream,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]

@@ -34,7 +34,7 @@ pub(super) struct Worker {
     child: Guarded,
     scratch: Scratch,
     next_id: u64,
-    frame: Option<u32>,
+    frame: Option<i32>,
     wrong_lines: u32,
 }
 

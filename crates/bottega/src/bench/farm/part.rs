@@ -1,7 +1,7 @@
 //! Some of the agents, in a process of their own.
 
 use std::{
-    io::{self, BufRead, BufReader, Read, Write},
+    io::{self, BufRead, BufReader, Read},
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
     sync::Arc,
     thread,
@@ -38,7 +38,7 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
     let ways = Ways::of(args)?;
     let settings = idle_engine::settings(args.zones);
     let links = (0..share.count).map(|i| ways.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
-    say(READY)?;
+    println!("{READY}");
     let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
     end_with_parent(stops.clone())?;
     let mut agents = Vec::new();
@@ -57,7 +57,8 @@ pub(super) fn run(args: &FarmBenchArgs, share: Share) -> Result<(), CliError> {
         told.messages += messages;
         told.bytes += bytes;
     }
-    say(&serde_json::to_string(&told).unwrap_or_default())
+    println!("{}", serde_json::to_string(&told).unwrap_or_default());
+    Ok(())
 }
 
 /// One agent, as a machine that has joined has it.
@@ -71,13 +72,6 @@ fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Li
         answers,
         messages: traffic.messages_in + traffic.messages_out,
         bytes: traffic.bytes_in + traffic.bytes_out,
-    })
-}
-
-fn say(line: &str) -> Result<(), CliError> {
-    let mut out = io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(|error| {
-        CliError::failed(format!("nobody listens: {error}"), "this process is a part of `bottega bench farm`")
     })
 }
 

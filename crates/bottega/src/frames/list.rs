@@ -1,0 +1,163 @@
+//! Which frames of an animation are asked for.
+
+use std::{collections::BTreeSet, str::FromStr};
+
+/// The largest number of a frame, and of the smallest one its size.
+const NUMBER_MAX: i32 = 1_000_000;
+/// Frames that can be asked for at once.
+const COUNT_MAX: usize = 1_000_000;
+
+/// Frames of an animation, in the order in which they are painted; none twice.
+///
+/// Written as a list of numbers and ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or
+/// `1,4,7..9`. Both ends of a range are part of it. A frame that is named twice is painted where it is named first, so
+/// `1..100:10,1..100` paints every tenth frame before the others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Frames(Vec<i32>);
+
+/// Why a text names no frames.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum FramesError {
+    #[error(
+        "`{found}` is neither a frame nor a range of frames: write 7, 1..24, 1..24:2, -5..5 or a list such as 1,4,7..9"
+    )]
+    Part { found: String },
+    #[error("`{found}` is no number of a frame: they are whole numbers from -{most} to {most}", most = NUMBER_MAX)]
+    Number { found: String },
+    #[error("`{found}` has a step of 0, and would never come to its end; leave it out for every frame")]
+    NoStep { found: String },
+    #[error("`{found}` goes from {first} {there} to {last} in steps that lead away from it; write {right}")]
+    WrongWay { found: String, first: i32, last: i32, there: &'static str, right: String },
+    #[error("more than {most} frames: ask for fewer at a time", most = COUNT_MAX)]
+    TooMany,
+}
+
+impl Frames {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = i32> + use<'_> {
+        self.0.iter().copied()
+    }
+}
+
+impl FromStr for Frames {
+    type Err = FramesError;
+
+    fn from_str(text: &str) -> Result<Self, FramesError> {
+        let (mut frames, mut seen) = (Vec::new(), BTreeSet::new());
+        for part in text.split(',') {
+            let Part { mut next, count, step } = part.trim().parse()?;
+            for _ in 0..count {
+                if seen.insert(next) {
+                    frames.push(next);
+                }
+                // One past the end may be one past all numbers of frames, and is still far from the end of all integers.
+                next = next.saturating_add(step);
+            }
+            if frames.len() > COUNT_MAX {
+                return Err(FramesError::TooMany);
+            }
+        }
+        Ok(Self(frames))
+    }
+}
+
+/// One frame or a range of them.
+struct Part {
+    next: i32,
+    count: u32,
+    step: i32,
+}
+
+impl FromStr for Part {
+    type Err = FramesError;
+
+    fn from_str(text: &str) -> Result<Self, FramesError> {
+        let wrong = || FramesError::Part { found: text.to_owned() };
+        let Some((first, rest)) = text.split_once("..") else {
+            return if text.is_empty() || text.contains(':') {
+                Err(wrong())
+            } else {
+                Ok(Self { next: number(text)?, count: 1, step: 1 })
+            };
+        };
+        let (last, step) = rest.split_once(':').map_or((rest, None), |(last, step)| (last, Some(step)));
+        if [first, last].iter().any(|end| end.trim().is_empty()) || step.is_some_and(|step| step.trim().is_empty()) {
+            return Err(wrong());
+        }
+        let (first, last) = (number(first)?, number(last)?);
+        let step = step.map_or(Ok(1), number)?;
+        if step == 0 {
+            return Err(FramesError::NoStep { found: text.to_owned() });
+        }
+        let way = last - first;
+        if way != 0 && (way > 0) != (step > 0) {
+            let there = if way > 0 { "up" } else { "down" };
+            let right = if step == -1 { format!("{first}..{last}") } else { format!("{first}..{last}:{}", -step) };
+            return Err(FramesError::WrongWay { found: text.to_owned(), first, last, there, right });
+        }
+        Ok(Self { next: first, count: way.unsigned_abs() / step.unsigned_abs() + 1, step })
+    }
+}
+
+fn number(text: &str) -> Result<i32, FramesError> {
+    let number = text.trim().parse().ok().filter(|number| (-NUMBER_MAX..=NUMBER_MAX).contains(number));
+    number.ok_or_else(|| FramesError::Number { found: text.trim().to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Vec<i32> {
+        text.parse::<Frames>().unwrap_or_else(|error| panic!("{text}: {error}")).iter().collect()
+    }
+
+    #[test]
+    fn frames_are_numbers_ranges_steps_and_lists_of_these() {
+        for (text, frames) in [
+            ("3..5", &[3, 4, 5][..]),
+            ("7", &[7]),
+            ("7..7", &[7]),
+            (" 1 .. 3 ", &[1, 2, 3]),
+            ("1..9:2", &[1, 3, 5, 7, 9]),
+            ("1..10:4", &[1, 5, 9]),
+            ("1..3:100", &[1]),
+            ("9..1:-3", &[9, 6, 3]),
+            ("-2..2", &[-2, -1, 0, 1, 2]),
+            ("-9..-1:4", &[-9, -5, -1]),
+            ("-3", &[-3]),
+            ("1,4,7..9", &[1, 4, 7, 8, 9]),
+            ("7..9, -1, 1..5:2", &[7, 8, 9, -1, 1, 3, 5]),
+            ("0..8:4,0..4", &[0, 4, 8, 1, 2, 3]),
+            ("1000000,-1000000", &[1_000_000, -1_000_000]),
+        ] {
+            assert_eq!(read(text), frames, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_names_no_frames_is_told_with_its_place_and_the_remedy() {
+        for (text, words) in [
+            ("", "neither"),
+            ("1,", "neither"),
+            ("1..", "`1..` is neither"),
+            ("..4", "neither"),
+            ("3:2", "`3:2` is neither"),
+            ("1..4:", "neither"),
+            ("a..b", "`a` is no number"),
+            ("1.5", "`1.5` is no number"),
+            ("1..2..3", "`2..3` is no number"),
+            ("1..9999999", "to 1000000"),
+            ("1..99999999999999999999", "to 1000000"),
+            ("1..9:0", "a step of 0"),
+            ("5..3", "write 5..3:-1"),
+            ("3..5:-2", "write 3..5:2"),
+            ("3..5:-1", "write 3..5"),
+            ("1,5..2", "`5..2` goes from 5 down"),
+            ("-1000000..1000000", "more than 1000000"),
+            ("1-5", "`1-5` is no number"),
+        ] {
+            let error = text.parse::<Frames>().expect_err(text).to_string();
+            assert!(error.contains(words), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! The one way to standard output and standard error.
+//!
+//! `println!`, `print!`, `eprintln!` and `eprint!` of this crate are the macros below. Unlike those of the standard library
+//! they never panic: a full disk or a reader that has gone costs what is printed, and no picture. The first failure of a
+//! stream is said once on the other one; what is printed to the failed stream after that is dropped. Clippy forbids the
+//! standard library's macros (`main.rs`) and its handles of the streams (`clippy.toml`) everywhere else.
+
+use std::{
+    fmt,
+    io::{self, ErrorKind, Write},
+    process::{self, ExitCode},
+    sync::{Mutex, OnceLock, PoisonError},
+    thread,
+    time::Duration,
+};
+
+macro_rules! print {
+    ($($text:tt)*) => { $crate::output::print(format_args!($($text)*)) };
+}
+
+macro_rules! println {
+    () => { $crate::output::print(format_args!("\n")) };
+    ($($text:tt)*) => { $crate::output::print_line(format_args!($($text)*)) };
+}
+
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::output::print_error_line(format_args!($($text)*)) };
+}
+
+/// Exit code of a command whose result nobody wants to read any more, as shells have it: 128 and SIGPIPE.
+const NO_READER: u8 = 141;
+/// Exit code of a command whose result could not be written.
+const LOST: u8 = 1;
+
+/// A stream that somebody made non-blocking is tried again so often.
+const TRY_AGAIN_AFTER: Duration = Duration::from_millis(5);
+
+/// What standard output is for in this run of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// The result of the command. Where it cannot be written the command goes to its end, and its exit code says so.
+    Result,
+    /// The result, for as long as somebody reads it: the command ends when nobody does.
+    Stream,
+    /// Words for people; the result is a file or a service. Losing them changes no exit code.
+    Log,
+    /// Events for programs, one a line; the result is a file. Losing them changes no exit code.
+    Events,
+}
+
+#[derive(Clone, Copy)]
+enum Stream {
+    Output,
+    Error,
+}
+
+static PURPOSE: OnceLock<Purpose> = OnceLock::new();
+/// Why standard output is written to no more.
+static OUTPUT_LOSS: OnceLock<ErrorKind> = OnceLock::new();
+/// The same of standard error.
+static ERROR_LOSS: OnceLock<ErrorKind> = OnceLock::new();
+/// Held while a line is written, so that lines of several threads do not mix.
+static LINES: Mutex<()> = Mutex::new(());
+
+impl Stream {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Output => "standard output",
+            Self::Error => "standard error",
+        }
+    }
+
+    fn loss(self) -> &'static OnceLock<ErrorKind> {
+        match self {
+            Self::Output => &OUTPUT_LOSS,
+            Self::Error => &ERROR_LOSS,
+        }
+    }
+
+    #[allow(clippy::disallowed_methods, reason = "the one place")]
+    fn write(self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Output => write_whole(&mut io::stdout().lock(), bytes),
+            Self::Error => write_whole(&mut io::stderr().lock(), bytes),
+        }
+    }
+}
+
+/// Says what standard output is for. Until then, and where nobody says, it is for the result.
+pub(crate) fn begin(purpose: Purpose) {
+    // There is one command in a run.
+    let _ = PURPOSE.set(purpose);
+}
+
+fn purpose() -> Purpose {
+    PURPOSE.get().copied().unwrap_or(Purpose::Result)
+}
+
+/// Prints to standard output.
+pub(crate) fn print(text: fmt::Arguments<'_>) {
+    deliver(Stream::Output, text.to_string().as_bytes());
+}
+
+/// Prints a line to standard output.
+pub(crate) fn print_line(text: fmt::Arguments<'_>) {
+    deliver(Stream::Output, format!("{text}\n").as_bytes());
+}
+
+/// Prints a line to standard error.
+pub(crate) fn print_error_line(text: fmt::Arguments<'_>) {
+    deliver(Stream::Error, format!("{text}\n").as_bytes());
+}
+
+/// Prints what clap says: help and version to standard output, mistakes to standard error. Returns the exit code.
+pub(crate) fn print_usage(usage: &clap::Error) -> ExitCode {
+    let to = if usage.use_stderr() { Stream::Error } else { Stream::Output };
+    // It colours what it prints where a terminal reads it.
+    if let Err(error) = usage.print() {
+        lose(to, &error);
+    }
+    finish(ExitCode::from(usage.exit_code() as u8))
+}
+
+/// What the log is written to.
+pub(crate) struct LogWriter;
+
+impl Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        deliver(Stream::Error, bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Ends with the exit code of the command, or with that of a result that was not written.
+#[allow(clippy::disallowed_methods, reason = "the one place")]
+pub(crate) fn finish(code: ExitCode) -> ExitCode {
+    if OUTPUT_LOSS.get().is_none()
+        && let Err(error) = io::stdout().flush()
+    {
+        lose(Stream::Output, &error);
+    }
+    match OUTPUT_LOSS.get() {
+        Some(&kind) if code == ExitCode::SUCCESS && matches!(purpose(), Purpose::Result | Purpose::Stream) => {
+            ExitCode::from(exit_code(kind))
+        }
+        _ => code,
+    }
+}
+
+fn exit_code(loss: ErrorKind) -> u8 {
+    if loss == ErrorKind::BrokenPipe { NO_READER } else { LOST }
+}
+
+fn deliver(to: Stream, bytes: &[u8]) {
+    if to.loss().get().is_some() {
+        return;
+    }
+    let written = {
+        let _lines = LINES.lock().unwrap_or_else(PoisonError::into_inner);
+        to.write(bytes)
+    };
+    if let Err(error) = written {
+        lose(to, &error);
+    }
+}
+
+/// Writes to this stream no more, and says why on the other one. A reader that has gone knows why.
+fn lose(stream: Stream, error: &io::Error) {
+    if stream.loss().set(error.kind()).is_err() {
+        return;
+    }
+    if error.kind() != ErrorKind::BrokenPipe {
+        let text = format!("warning: {} cannot be written ({error}): what it should say is lost\n", stream.name());
+        match stream {
+            Stream::Output => deliver(Stream::Error, text.as_bytes()),
+            // Whoever reads a result or events reads nothing else.
+            Stream::Error if purpose() == Purpose::Log => deliver(Stream::Output, text.as_bytes()),
+            Stream::Error => {}
+        }
+    }
+    if matches!((stream, purpose()), (Stream::Output, Purpose::Stream)) {
+        process::exit(exit_code(error.kind()).into());
+    }
+}
+
+/// Writes all bytes, and waits for a reader that does not read.
+fn write_whole(to: &mut impl Write, mut bytes: &[u8]) -> io::Result<()> {
+    loop {
+        let step = if bytes.is_empty() { to.flush().map(|()| 0) } else { to.write(bytes) };
+        match step {
+            Ok(0) if bytes.is_empty() => return Ok(()),
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(count) => bytes = &bytes[count..],
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => thread::sleep(TRY_AGAIN_AFTER),
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Takes a few bytes at a time, and answers some calls as a slow pipe does.
+    struct Slow {
+        taken: Vec<u8>,
+        answers: Vec<ErrorKind>,
+    }
+
+    impl Write for Slow {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if let Some(kind) = self.answers.pop() {
+                return Err(kind.into());
+            }
+            let count = bytes.len().min(3);
+            self.taken.extend(&bytes[..count]);
+            Ok(count)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            self.answers.pop().map_or(Ok(()), |kind| Err(kind.into()))
+        }
+    }
+
+    #[test]
+    fn a_slow_reader_gets_all_and_a_full_disk_is_an_error() {
+        let mut slow = Slow { taken: Vec::new(), answers: vec![ErrorKind::Interrupted, ErrorKind::WouldBlock] };
+        write_whole(&mut slow, b"a line\n").expect("all of it");
+        assert_eq!(slow.taken, b"a line\n");
+        let mut full = Slow { taken: Vec::new(), answers: vec![ErrorKind::StorageFull, ErrorKind::WouldBlock] };
+        assert_eq!(write_whole(&mut full, b"a line\n").map_err(|error| error.kind()), Err(ErrorKind::StorageFull));
+    }
+
+    #[test]
+    fn the_exit_code_tells_a_reader_that_went_from_a_disk_that_is_full() {
+        assert_eq!((exit_code(ErrorKind::BrokenPipe), exit_code(ErrorKind::StorageFull)), (141, 1));
+    }
+}
