@@ -191,7 +191,12 @@ pub(super) mod tests {
         fn get(&self, name: &str, _: usize) -> Result<Option<Vec<u8>>, BlobError> {
             let gets = self.gets.fetch_add(1, Ordering::Relaxed);
             if self.gets_max.is_some_and(|max| gets >= max) {
-                return Err(BlobError { name: name.to_owned(), reason: "it is away".to_owned(), is_lasting: false, is_full: false });
+                return Err(BlobError {
+                    name: name.to_owned(),
+                    reason: "it is away".to_owned(),
+                    is_lasting: false,
+                    is_full: false,
+                });
             }
             Ok(self.chunks.lock().unwrap().get(name).cloned())
         }

@@ -196,7 +196,8 @@ impl Drop for Asked {
 
 /// A picture that the farm has and that could not be written here.
 pub(super) fn unfetched(number: u32, error: CliError) -> CliError {
-    let remedy = format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
+    let remedy =
+        format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
     CliError::failed(error.told(), remedy)
 }
 

@@ -4,12 +4,7 @@
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](super::machine).
 
-use std::{
-    collections::BTreeMap,
-    sync::Arc,
-    thread,
-    time::Duration,
-};
+use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
 use bottega_farm::{FarmCodec, Link, WorkId};

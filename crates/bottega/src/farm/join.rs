@@ -58,14 +58,13 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     render::stop_on_signal(&stop)?;
     let how = if uplink.is_guest() { "as a guest: " } else { "" };
     println!("joined {servers} (NATS {}) as {name}; {how}waiting for work", uplink.server_version());
-    let member =
-        Member {
-            board: JobBoard { uplink },
-            name,
-            threads: args.threads.map_or_else(processors, usize::from),
-            stop,
-            refusals: Refusals::default(),
-        };
+    let member = Member {
+        board: JobBoard { uplink },
+        name,
+        threads: args.threads.map_or_else(processors, usize::from),
+        stop,
+        refusals: Refusals::default(),
+    };
     let folder = args.cache.clone().unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, args.cache_size.map_or(CACHE_BYTES, |gigabytes| (gigabytes * 1e9) as u64));
     let own = Own { threads: args.threads, devices: args.devices.clone() };

@@ -25,6 +25,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 const ASK_EVERY: Duration = Duration::from_secs(2);
 /// A server that lived for so long has not died of its configuration.
 const LIVES_LONG: Duration = Duration::from_secs(5);
+/// How often is looked whether it counts rightly.
+const COUNT_EVERY: Duration = Duration::from_secs(60);
 /// So much of its log is read at a time.
 const LOG_BYTES_MAX: u64 = 64 << 10;
 /// How often in turn it may die sooner.
@@ -49,6 +51,8 @@ pub(super) struct Keeper {
     room: RoomWatch,
     /// How much of its log was read.
     log_read: u64,
+    /// When it was looked what it keeps.
+    counted: Instant,
 }
 
 impl Keeper {
@@ -72,6 +76,7 @@ impl Keeper {
             linked: Instant::now(),
             pulse: Pulse::begin(),
             room: RoomWatch::default(),
+            counted: Instant::now(),
             log_read: fs::metadata(setup.log()).map_or(0, |log| log.len()),
         }
     }
@@ -132,8 +137,21 @@ impl Keeper {
             if self.pulse.take(&state) {
                 return Ok(Some("does not answer".to_owned()));
             }
+            if self.counts_wrongly(&state) {
+                return Ok(Some("counts as kept what it has let go of, as those before 2.10 do".to_owned()));
+            }
         }
         Ok(None)
+    }
+
+    /// Looks now and then whether what the server says that it keeps is there, and always when it says that it is full.
+    fn counts_wrongly(&mut self, state: &ServerState) -> bool {
+        let (ServerState::Stores { bytes }, Some(limit)) = (state, self.limit) else { return false };
+        let is_due = self.room.is_full() || *bytes > limit / 2 && self.counted.elapsed() > COUNT_EVERY;
+        if is_due {
+            self.counted = Instant::now();
+        }
+        is_due && self.board.counts_wrongly(*bytes, limit)
     }
 
     fn see_to_room(&mut self, state: &ServerState) -> Cure {

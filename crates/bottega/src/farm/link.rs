@@ -176,7 +176,8 @@ fn as_known(
     known: &Membership,
 ) -> Option<Result<(NatsUplink<FarmCodec>, String), CliError>> {
     let attempt = || as_member(address, word, known);
-    let is_reloading = |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
+    let is_reloading =
+        |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
     match persist(PATIENCE_OF_REFUSED, is_reloading, attempt) {
         Err(error) if error.is_refusal() => None,
         Err(error) => Some(Err(told(error))),

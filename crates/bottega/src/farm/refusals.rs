@@ -53,7 +53,11 @@ pub(crate) struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
     /// What machines have refused since the last call: of the works that are asked for.
-    pub(crate) fn news<'a>(&mut self, seats: &'a [Seat], is_asked_for: impl Fn(u64) -> bool) -> Vec<(&'a Seat, Refusal)> {
+    pub(crate) fn news<'a>(
+        &mut self,
+        seats: &'a [Seat],
+        is_asked_for: impl Fn(u64) -> bool,
+    ) -> Vec<(&'a Seat, Refusal)> {
         let mut news = Vec::new();
         for seat in seats {
             for refusal in seat.refusals.iter().take(REFUSALS_MAX).filter(|refusal| is_asked_for(refusal.work)) {

@@ -18,6 +18,10 @@ const RESERVE_SHARE_MAX: u64 = 4;
 /// A disk with less than this, or this share of a small one, is at its end: the next write may fail.
 const END_OF_DISK: u64 = 8 << 20;
 const END_SHARE: u64 = 16;
+/// The first server that counts rightly what it keeps.
+const COUNTS_RIGHTLY: (u64, u64) = (2, 10);
+/// So large a share of what it may keep must be counted wrongly.
+const WRONG_SHARE: u64 = 4;
 /// A store counts as full from here on, and as having room again from there on.
 const FULL_FROM: f64 = 0.97;
 const ROOM_FROM: f64 = 0.9;
@@ -47,6 +51,17 @@ impl Room {
 }
 
 impl JobBoard {
+    /// What the farm's server really keeps, but for rows and notices.
+    fn kept_bytes(&self) -> u64 {
+        let blobs: u64 = self.uplink.blobs().list().iter().map(|blob| blob.bytes).sum();
+        blobs + self.uplink.tiles().bytes_by_folder().values().sum::<u64>()
+    }
+
+    /// Whether the server counts much as kept that it has let go of: those before 2.10 do, until they are started again.
+    pub(super) fn counts_wrongly(&self, counted: u64, limit: u64) -> bool {
+        is_older(&self.uplink.server_version(), COUNTS_RIGHTLY) && miscounts(counted, self.kept_bytes(), limit)
+    }
+
     /// What the farm's server keeps and may keep, as far as both are known: not of servers that others run.
     pub(crate) fn room(&self) -> Option<Room> {
         let Limit { bytes: limit } = self.read_notice(NOTICE)?;
@@ -62,6 +77,17 @@ impl JobBoard {
     pub(super) fn tell_limit(&self, bytes: u64) -> Result<(), CliError> {
         self.put_notice(NOTICE, &Limit { bytes })
     }
+}
+
+/// Whether a version is older than another one; one that cannot be read is not.
+fn is_older(version: &str, than: (u64, u64)) -> bool {
+    let mut numbers = version.split('.').map_while(|part| part.parse().ok());
+    numbers.next().zip(numbers.next()).is_some_and(|version: (u64, u64)| version < than)
+}
+
+/// Whether so much is counted wrongly that it is worth starting the server again.
+fn miscounts(counted: u64, kept: u64, limit: u64) -> bool {
+    counted.saturating_sub(kept) > limit / WRONG_SHARE
 }
 
 /// Bytes that are free on the disk of a folder, and those of the whole disk; `None`: the system does not say.
@@ -177,6 +203,11 @@ impl RoomWatch {
         }
     }
 
+    /// Whether the store is full.
+    pub(super) fn is_full(&self) -> bool {
+        self.is_full
+    }
+
     fn room_news(&mut self, room: Room) -> Option<RoomNews> {
         let share = room.used as f64 / room.limit.max(1) as f64;
         if share >= FULL_FROM && !std::mem::replace(&mut self.is_full, true) {
@@ -189,7 +220,8 @@ impl RoomWatch {
         if free >= enough {
             self.is_disk_low = false;
         }
-        (free < enough / 2 && !std::mem::replace(&mut self.is_disk_low, true)).then_some(RoomNews::DiskNearlyFull { free })
+        (free < enough / 2 && !std::mem::replace(&mut self.is_disk_low, true))
+            .then_some(RoomNews::DiskNearlyFull { free })
     }
 }
 
@@ -252,7 +284,9 @@ mod tests {
 
     #[test]
     fn some_of_a_disk_stays_free() {
-        for (disk_bytes, expected) in [(100 * GB, 5 * GB), (1000 * GB, 10 * GB), (2 * GB, 256 << 20), (GB / 16, GB / 64)] {
+        for (disk_bytes, expected) in
+            [(100 * GB, 5 * GB), (1000 * GB, 10 * GB), (2 * GB, 256 << 20), (GB / 16, GB / 64)]
+        {
             assert_eq!(reserve(disk_bytes), expected, "{disk_bytes}");
         }
         assert_eq!(fitting_limit(3 * GB, (20 * GB, 100 * GB)), 18 * GB);
@@ -307,8 +341,18 @@ mod tests {
     }
 
     #[test]
+    fn a_server_is_started_again_for_much_that_it_counts_wrongly() {
+        assert!(miscounts(98, 10, 100) && miscounts(50, 20, 100));
+        assert!(!miscounts(98, 90, 100) && !miscounts(10, 20, 100));
+        assert!(
+            is_older("2.9.10", COUNTS_RIGHTLY) && !is_older("2.15.1", COUNTS_RIGHTLY) && !is_older("x", COUNTS_RIGHTLY)
+        );
+    }
+
+    #[test]
     fn bytes_are_said_as_people_do() {
-        for (bytes, said) in [(1, "1 kB"), (1_234_567, "1.2 MB"), (300_000_000, "300 MB"), (37_400_000_000, "37.4 GB")] {
+        for (bytes, said) in [(1, "1 kB"), (1_234_567, "1.2 MB"), (300_000_000, "300 MB"), (37_400_000_000, "37.4 GB")]
+        {
             assert_eq!(bytes_said(bytes), said);
         }
     }

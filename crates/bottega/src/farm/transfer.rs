@@ -18,7 +18,7 @@ use bottega_farm::StopSwitch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    chunks::{CHUNK_BYTES, ChunkStore, PREFIX, Contents, blob_name, hash_of, several},
+    chunks::{CHUNK_BYTES, ChunkStore, Contents, PREFIX, blob_name, hash_of, several},
     job_board::JobBoard,
     patience::{meanwhile, patiently},
     room::{MAKE_ROOM, bytes_said},
@@ -212,12 +212,16 @@ pub(super) fn send<'a>(
             }
         };
         let keep = |name: &str, piece: &[u8]| {
-            patiently(stop, |line| reporter.say(line), || {
-                if stop.is_requested() {
-                    return Err(CliError::failed("stopped while the scene was sent", "ask again"));
-                }
-                store.put(name, piece).map_err(|error| put_failed(error, board, bytes))
-            })
+            patiently(
+                stop,
+                |line| reporter.say(line),
+                || {
+                    if stop.is_requested() {
+                        return Err(CliError::failed("stopped while the scene was sent", "ask again"));
+                    }
+                    store.put(name, piece).map_err(|error| put_failed(error, board, bytes))
+                },
+            )
         };
         meanwhile(ANNOUNCE_EVERY, tell, || Transfer::put(&missing, &keep, &sent.counted))?;
         reporter.end_step();
@@ -271,7 +275,10 @@ mod tests {
         assert_eq!(transfer.add(&path).unwrap(), contents, "the same file twice is one");
         assert_eq!(contents.hash, hash_of(&content));
         let missing = transfer.missing(&shelf).unwrap();
-        assert_eq!(missing.iter().map(|(_, piece)| piece.at).collect::<Vec<_>>(), [0, 1, 2].map(|i| i * CHUNK_BYTES as u64));
+        assert_eq!(
+            missing.iter().map(|(_, piece)| piece.at).collect::<Vec<_>>(),
+            [0, 1, 2].map(|i| i * CHUNK_BYTES as u64)
+        );
         Transfer::put(&missing, &keep_in(&shelf), &counted).unwrap();
         assert_eq!(counted.bytes.into_inner(), content.len() as u64);
         assert!(transfer.missing(&shelf).unwrap().is_empty());

@@ -17,15 +17,15 @@ use clap::{Args, ValueHint};
 use rustls::pki_types::{CertificateDer, pem::PemObject};
 
 use super::{
-    admission::Admission,
     address::{FarmAddress, Group, JoinWord, address_file, state_folder},
+    admission::Admission,
     discovery::Beacon,
     job_board::JobBoard,
     join::parse_gigabytes,
     keeper::Keeper,
     link::{pinned, private_folder, write_secret},
     members::Members,
-    room::{bytes_said, bytes_below, disk, fitting_limit},
+    room::{bytes_below, bytes_said, disk, fitting_limit},
     server::{Server, Setup, program, signal},
 };
 use crate::{error::CliError, render};

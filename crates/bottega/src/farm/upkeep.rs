@@ -82,7 +82,9 @@ impl JobBoard {
             return;
         }
         let Some(needed) = self.needed() else { return };
-        self.uplink.blobs().forget_all(|name, _| name.starts_with(chunks::PREFIX) && which(name) && !needed.contains(name));
+        self.uplink
+            .blobs()
+            .forget_all(|name, _| name.starts_with(chunks::PREFIX) && which(name) && !needed.contains(name));
     }
 
     /// Forgets a job and all that was kept for it: its scene, too, as far as no other job needs it.
@@ -156,10 +158,12 @@ impl JobBoard {
         let tiles = self.uplink.tiles().bytes_by_folder();
         let held = |job: &Job| {
             // What it asks for cannot be read: of its scene nothing is known.
-            let pieces: BTreeSet<String> = self.order(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
+            let pieces: BTreeSet<String> =
+                self.order(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
             let scene = pieces.iter().filter_map(|name| sizes.get(&**name)).sum();
             let prefix = format!("job-{}/", job.work);
-            let own: u64 = sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum();
+            let own: u64 =
+                sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum();
             let painted = tiles.get(&format!("work-{}", job.work)).copied().unwrap_or_default();
             Held { scene, own: own + painted }
         };

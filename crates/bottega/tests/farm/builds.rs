@@ -77,8 +77,14 @@ fn a_machine_of_another_build_is_left_out_and_both_sides_are_told() {
         }
         assert!(!machine.contains("M samples here"), "{machine}");
         for side in [&asker, &log] {
-            assert!(side.contains(&format!("{process} is left out: the job is for version {ours}")), "{process}: {side}");
-            assert!(side.contains(&format!("or {ours}")) || side.contains(&format!("install bottega {ours}")), "{side}");
+            assert!(
+                side.contains(&format!("{process} is left out: the job is for version {ours}")),
+                "{process}: {side}"
+            );
+            assert!(
+                side.contains(&format!("or {ours}")) || side.contains(&format!("install bottega {ours}")),
+                "{side}"
+            );
         }
     }
 }

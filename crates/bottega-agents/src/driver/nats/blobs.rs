@@ -113,7 +113,11 @@ pub(super) async fn open(
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok((store, stream)),
-        Some((other, _)) => Err(NatsError::Keep { what, reason: format!("its stream OBJ_{bucket} has another {other} than was asked for"), is_lasting: true }),
+        Some((other, _)) => Err(NatsError::Keep {
+            what,
+            reason: format!("its stream OBJ_{bucket} has another {other} than was asked for"),
+            is_lasting: true,
+        }),
     }
 }
 
@@ -129,7 +133,12 @@ pub struct NatsBlobs {
 }
 
 impl NatsBlobs {
-    pub(super) fn new(context: Context, (store, stream): (ObjectStore, Stream), bucket: String, handle: Handle) -> Self {
+    pub(super) fn new(
+        context: Context,
+        (store, stream): (ObjectStore, Stream),
+        bucket: String,
+        handle: Handle,
+    ) -> Self {
         Self { context, store, stream, bucket, handle }
     }
 

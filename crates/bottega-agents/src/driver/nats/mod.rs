@@ -321,7 +321,9 @@ impl ServerState {
         let told: serde_json::Value = serde_json::from_slice(answer).unwrap_or_default();
         match told["storage"].as_u64() {
             Some(bytes) => Self::Stores { bytes },
-            None => Self::StoresNothing { reason: told["error"]["description"].as_str().unwrap_or_default().to_owned() },
+            None => {
+                Self::StoresNothing { reason: told["error"]["description"].as_str().unwrap_or_default().to_owned() }
+            }
         }
     }
 }

@@ -68,7 +68,11 @@ pub(super) async fn open(
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(store),
-        Some((other, _)) => Err(NatsError::Keep { what, reason: format!("its stream KV_{bucket} has another {other} than was asked for"), is_lasting: true }),
+        Some((other, _)) => Err(NatsError::Keep {
+            what,
+            reason: format!("its stream KV_{bucket} has another {other} than was asked for"),
+            is_lasting: true,
+        }),
     }
 }
 

@@ -72,7 +72,11 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
     ];
     match same.iter().find(|(_, same)| !same) {
         None => Ok(stream),
-        Some((other, _)) => Err(NatsError::Keep { what: "pixels", reason: format!("its stream {name} has another {other} than was asked for"), is_lasting: true }),
+        Some((other, _)) => Err(NatsError::Keep {
+            what: "pixels",
+            reason: format!("its stream {name} has another {other} than was asked for"),
+            is_lasting: true,
+        }),
     }
 }
 
