@@ -159,7 +159,7 @@ impl PhotonMaps {
             maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
         }
         if settings.progressive {
-            maps.reach = reach * FIRST_RADIUS * shrunk(pass);
+            maps.reach = settings.first_radius.unwrap_or(reach * FIRST_RADIUS) * shrunk(pass);
         }
         (maps, all)
     }

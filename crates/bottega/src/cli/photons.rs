@@ -45,6 +45,7 @@ impl PhotonArgs {
             count: self.photons.unwrap_or(if self.progressive { COUNT_IN_PASS } else { COUNT }),
             gather: self.photon_gather,
             radius: self.photon_radius,
+            first_radius: None,
             final_rays: self.final_rays,
             bounces,
             filter: PhotonFilter::default(),
