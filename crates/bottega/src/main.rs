@@ -14,6 +14,7 @@ mod farm;
 mod frames;
 mod info;
 mod keeping;
+mod method;
 mod platform;
 mod preview;
 mod render;

@@ -110,7 +110,7 @@ fn submit(
     let mut wanted = BTreeMap::new();
     for frame in missing {
         let of_frame = args.clone().at_frame(frame);
-        let mut job = new_job(&of_frame, me);
+        let mut job = new_job(&of_frame, &material, me);
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
         wanted.insert(number, Wanted { frame, output: of_frame.output });

@@ -54,7 +54,7 @@ impl Asked {
         board.refuse_guests()?;
         let order = order(&board.uplink, args, material)?;
         let member = Member { board, name, threads: threads(&args.scene), stop: stop.clone() };
-        let job = new_job(args, &member.name);
+        let job = new_job(args, material, &member.name);
         member.board.sweep();
         let number = member.board.submit(&job, &order)?;
         Ok(Self { member, number })
@@ -156,7 +156,7 @@ pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 }
 
 /// A job that is asked for now.
-pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
+pub(super) fn new_job(args: &RenderArgs, material: &Material, from: &str) -> Job {
     let mut job = Job {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         work: fresh_number(),
@@ -169,6 +169,7 @@ pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
         log: Vec::new(),
     };
     job.say(format!("asked for by {from}"));
+    material.method.iter().for_each(|method| job.say(method.clone()));
     job
 }
 
