@@ -1,7 +1,7 @@
 //! Rays from the camera into the scene.
 
 use bottega_kernels::math;
-use bottega_scene::{Camera, Panorama, Projection};
+use bottega_scene::{Camera, Clip, Panorama, Projection};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -39,6 +39,10 @@ pub struct CameraRay {
     pub direction: Vec3,
     /// The part of the pixel that it stands for.
     pub cone: RayCone,
+    /// How far it starts from where the camera stands: in its near plane.
+    pub start: f32,
+    /// How far it sees surfaces from there: to the far plane.
+    pub reach: f32,
 }
 
 /// Makes the rays of one camera for pictures of one size.
@@ -55,6 +59,7 @@ pub struct CameraRays {
     lens_radius: f32,
     focus_distance: f32,
     cone: RayCone,
+    clip: Clip,
 }
 
 /// How directions and places belong together.
@@ -97,6 +102,7 @@ impl CameraRays {
             lens_radius: if matches!(kind, Kind::Panorama(_)) { 0.0 } else { camera.lens_radius },
             focus_distance: camera.focus_distance,
             cone,
+            clip: if matches!(kind, Kind::Panorama(_)) { Clip::NONE } else { camera.clip },
         }
     }
 
@@ -114,6 +120,7 @@ impl CameraRays {
             Kind::Panorama(Panorama::EqualArea) => 3,
         });
         words.numbers(&[self.lens_radius, self.focus_distance, self.cone.width, self.cone.spread]);
+        words.numbers(&[self.clip.near, self.clip.far.min(f32::MAX)]);
     }
 
     /// The ray through a place of the picture.
@@ -136,10 +143,19 @@ impl CameraRays {
             origin += shift.extend(0.0);
             direction = focus - origin;
         }
+        let (mut start, mut reach) = (0.0, f32::INFINITY);
+        if self.clip != Clip::NONE {
+            // The line of sight is −z; a ray that slants comes to a plane later.
+            let slant = direction.length() / -direction.z;
+            (start, reach) = (self.clip.near * slant, (self.clip.far - self.clip.near) * slant);
+            origin += direction * (self.clip.near / -direction.z);
+        }
         CameraRay {
             origin: self.world_from_camera.transform_point3(origin),
             direction: self.world_from_camera.transform_vector3(direction).normalize(),
             cone: self.cone,
+            start,
+            reach,
         }
     }
 }
@@ -283,6 +299,31 @@ mod tests {
             moments += glam::Mat3::from_cols(d * d.x, d * d.y, d * d.z) * (1.0 / 4096.0);
         }
         assert!(moments.abs_diff_eq(glam::Mat3::IDENTITY * (1.0 / 3.0), 1e-3), "{moments}");
+    }
+
+    #[test]
+    fn rays_go_from_the_near_plane_to_the_far_one() {
+        let clip = Clip { near: 2.0, far: 7.0 };
+        for (projection, lens_radius) in [
+            (Projection::Perspective { vertical_fov: 1.2 }, 0.0),
+            (Projection::Perspective { vertical_fov: 1.2 }, 0.5),
+            (Projection::Orthographic { height: 3.0 }, 0.0),
+            (Projection::Orthographic { height: 3.0 }, 0.5),
+        ] {
+            let plain = camera(projection, lens_radius);
+            let rays = [plain.clone(), Camera { clip, ..plain }].map(|camera| CameraRays::new(&camera, 8, 6));
+            for (place, lens) in [(Vec2::new(4.0, 3.0), [0.5; 2]), (Vec2::new(0.5, 5.0), [0.9, 0.2])] {
+                let [whole, cut] = [&rays[0], &rays[1]].map(|rays| rays.ray(place, lens));
+                assert_eq!(whole.direction, cut.direction);
+                assert_eq!((whole.start, whole.reach), (0.0, f32::INFINITY));
+                assert!((cut.origin - whole.origin - whole.direction * cut.start).length() < 1e-5);
+                let depth = |distance: f32| 3.0 - (cut.origin + cut.direction * distance).z;
+                assert!((depth(0.0) - 2.0).abs() < 1e-5 && (depth(cut.reach) - 7.0).abs() < 1e-5, "{projection:?}");
+            }
+        }
+        let around = Camera { clip, ..camera(Projection::Panorama(Panorama::EqualArea), 0.0) };
+        let ray = CameraRays::new(&around, 8, 8).ray(Vec2::new(1.0, 6.0), [0.5; 2]);
+        assert_eq!((ray.origin, ray.start, ray.reach), (Vec3::new(1.0, 2.0, 3.0), 0.0, f32::INFINITY));
     }
 
     #[test]

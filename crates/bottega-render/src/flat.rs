@@ -77,6 +77,12 @@ pub enum NotFlat {
     /// A medium that scatters, emits, or does not begin and end where light is refracted.
     #[error("media that scatter or have no refracting boundary")]
     Media,
+    /// Panes that are no bounce for what goes straight through.
+    #[error("panes that let the light of lamps without extent through")]
+    Panes,
+    /// A camera that does not see what shines.
+    #[error("a camera from which what shines is hidden")]
+    HiddenEmitters,
     /// Windows that let an environment in.
     #[error("an environment behind portals")]
     Portals,
@@ -94,6 +100,12 @@ impl FlatScene {
         let mut missing = Vec::new();
         if prepared.needs_volume() {
             missing.push(NotFlat::Media);
+        }
+        if prepared.has_panes() {
+            missing.push(NotFlat::Panes);
+        }
+        if prepared.scene().cameras.iter().any(|camera| camera.hides_emitters) {
+            missing.push(NotFlat::HiddenEmitters);
         }
         if prepared.scene().environment.as_ref().is_some_and(|environment| !environment.portals.is_empty()) {
             missing.push(NotFlat::Portals);

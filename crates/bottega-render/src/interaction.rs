@@ -402,6 +402,20 @@ impl Asks {
     }
 }
 
+/// The material of what is hit.
+pub(crate) fn material_of(prepared: &PreparedScene, hit: &Hit) -> u32 {
+    let scene = prepared.scene();
+    match hit.sphere() {
+        Some(sphere) => scene.spheres[sphere as usize].material,
+        None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
+    }
+}
+
+/// Whether what is hit emits light, on whichever side.
+pub(crate) fn shines(prepared: &PreparedScene, hit: &Hit) -> bool {
+    prepared.material(material_of(prepared, hit)).1.shines
+}
+
 /// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent, and told
 /// the number of the surface: equal ones must get equal answers.
 pub(crate) fn is_there(

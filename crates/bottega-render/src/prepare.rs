@@ -50,6 +50,7 @@ pub struct PreparedScene {
     lights: Lights,
     has_opacity: bool,
     has_boundaries: bool,
+    has_panes: bool,
     needs_volume: bool,
     threads: usize,
     guides: Mutex<Vec<(Learnt, GuidePlace)>>,
@@ -93,6 +94,10 @@ pub(crate) struct PreparedMaterial {
     pub(crate) has_opacity: bool,
     /// Whether it is no more than the boundary of media.
     pub(crate) is_null: bool,
+    /// Whether light that goes straight through it goes on as if nothing was there.
+    pub(crate) is_pane: bool,
+    /// Whether light that goes through it comes into another medium.
+    pub(crate) parts_media: bool,
     /// Whether it emits light, other than by being unlit.
     pub(crate) shines: bool,
     /// Whether light may go through to the other side.
@@ -125,6 +130,7 @@ impl PreparedScene {
             materials[material].is_null && materials[material].media[0] != materials[material].media[1]
         };
         let has_boundaries = used_materials(&scene).any(parts_media);
+        let has_panes = used_materials(&scene).any(|material| materials[material].is_pane);
         let has_volume =
             |medium: &Option<MediumId>| medium.is_some_and(|medium| !scene.media[medium.0 as usize].is_clear());
         let needs_volume = has_boundaries
@@ -143,6 +149,7 @@ impl PreparedScene {
             lights,
             has_opacity,
             has_boundaries,
+            has_panes,
             needs_volume,
             threads: options.threads,
             guides: Mutex::default(),
@@ -183,9 +190,21 @@ impl PreparedScene {
         self.needs_volume
     }
 
-    /// Whether there are surfaces that do nothing but part media.
+    /// Whether light goes through media that photons know nothing of: those that scatter, emit, or do not begin and end where
+    /// it is refracted.
+    pub fn has_media(&self) -> bool {
+        self.needs_volume
+    }
+
+    /// Whether there are surfaces behind which lights are sought: those that do nothing but part media, and panes.
     pub(crate) fn has_boundaries(&self) -> bool {
-        self.has_boundaries
+        self.has_boundaries || self.has_panes
+    }
+
+    /// Whether there are panes: what goes straight through them is no bounce.
+    #[inline(always)]
+    pub(crate) fn has_panes(&self) -> bool {
+        self.has_panes
     }
 
     /// Bytes that preparation added to the scene.
@@ -264,7 +283,7 @@ impl PreparedScene {
     pub fn can_learn(&self, view: View) -> bool {
         /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
         const PIXELS_MIN: u64 = 128 * 128;
-        u64::from(view.width) * u64::from(view.height) >= PIXELS_MIN && !self.needs_volume
+        u64::from(view.width) * u64::from(view.height) >= PIXELS_MIN && !self.needs_volume && !self.has_panes
     }
 
     /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
@@ -369,6 +388,7 @@ fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
 
 fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let transmits = material.transmits();
+    let parts_media = material.parts_media();
     let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
     let is_textured = texture_count > 0;
     let is_null = material.surface == Surface::Null;
@@ -379,11 +399,9 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     PreparedMaterial {
         bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
         transmits,
-        media: if transmits && !material.surface.is_thin() {
-            [material.exterior, material.interior]
-        } else {
-            [None; 2]
-        },
+        media: if parts_media { [material.exterior, material.interior] } else { [None; 2] },
+        parts_media,
+        is_pane: material.is_seen_through(),
         is_textured,
         texture_count,
         is_null,

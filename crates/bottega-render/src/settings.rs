@@ -81,6 +81,8 @@ pub struct PhotonSettings {
     /// How far photons may lie, as a share of the radius of what is seen (of the scene, unless that is much wider); those of a
     /// progressive picture a fifth of it in the first pass, and less in each later one.
     pub radius: f32,
+    /// The radius of the first pass of a progressive picture in scene units, where it is not to be by the share.
+    pub first_radius: Option<f32>,
     /// Rays of the final gathering in each sample, whose ends are lit by the map. 0: what the camera sees is lit by it.
     pub final_rays: u32,
     /// Surfaces that a photon may come to.
@@ -177,6 +179,7 @@ impl Default for PhotonSettings {
             count: 500_000,
             gather: 60,
             radius: 0.1,
+            first_radius: None,
             final_rays: 4,
             bounces: 16,
             filter: PhotonFilter::Epanechnikov,

@@ -232,8 +232,16 @@ struct Chain {
     origin: Vec3,
     direction: Vec3,
     cone: RayCone,
+    /// How far its next ray sees surfaces.
+    reach: f32,
     /// Surfaces passed, mirrors or half-transparent ones that were not there.
     step: u32,
+}
+
+impl Chain {
+    fn ray(&self) -> Ray {
+        Ray { t_max: self.reach, ..Ray::new(self.origin, self.direction) }
+    }
 }
 
 /// Mean number of mirrored or refracted bounces in a row, for each pixel.
@@ -253,7 +261,15 @@ fn recursion_levels(
             let sampler = PixelSampler::new(settings.seed, x, y, sample);
             let (ray, _) = integrator.camera_ray(&sampler, x, y);
             let pixel = whole.index(x, y);
-            Chain { pixel, sampler, origin: ray.origin, direction: ray.direction, cone: ray.cone, step: 0 }
+            Chain {
+                pixel,
+                sampler,
+                origin: ray.origin,
+                direction: ray.direction,
+                cone: ray.cone,
+                reach: ray.reach,
+                step: 0,
+            }
         })
         .collect();
     while !chains.is_empty() {
@@ -276,7 +292,7 @@ fn intersect_all(
     client: &HraClient<RenderWork>,
 ) -> Result<Vec<Hit>, RenderError> {
     let works = chains.chunks(RAYS_PER_UNIT).map(|chunk| {
-        let rays = chunk.iter().map(|chain| Ray::new(chain.origin, chain.direction)).collect();
+        let rays = chunk.iter().map(Chain::ray).collect();
         RenderWork::Rays { scene: Arc::clone(scene), rays: Arc::new(rays) }
     });
     let mut hits = Vec::with_capacity(chains.len());
@@ -295,7 +311,8 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
     }
     let cone = chain.cone.at(hit.t);
     let point = Interaction::new(scene, hit, chain.origin, chain.direction, cone);
-    let ray = Ray::new(chain.origin, chain.direction);
+    let ray = chain.ray();
+    let chain = Chain { reach: f32::INFINITY, ..chain };
     if !is_there(scene, &ray, hit, Asks::Path, |surface| chain.sampler.hashed(surface)) {
         let origin = point.ray_origin(chain.direction);
         return Some((Chain { origin, cone, step, ..chain }, 0.0));

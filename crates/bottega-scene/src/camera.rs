@@ -87,6 +87,37 @@ pub struct Camera {
     pub lens_shift: Vec2,
     /// What it stands in; `None`: vacuum.
     pub medium: Option<MediumId>,
+    /// Which part of its rays shows the scene.
+    pub clip: Clip,
+    /// Whether it does not see what shines: surfaces that emit are as if they were not there, and the environment is black,
+    /// though their light comes to all else (Mitsuba's `hide_emitters`).
+    pub hides_emitters: bool,
+}
+
+/// Planes across a camera's line of sight, between which surfaces are seen; distances along that line, in scene units. A ray
+/// begins in the near plane, and what it does not meet before the far one is what lies behind everything: the environment.
+/// Light takes no notice of them. Cameras that see all around have none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clip {
+    /// Of the near plane, 0 or more.
+    pub near: f32,
+    /// Of the far plane, above [`Self::near`]; may be infinite.
+    pub far: f32,
+}
+
+impl Clip {
+    /// All that lies before the camera is seen.
+    pub const NONE: Self = Self { near: 0.0, far: f32::INFINITY };
+
+    /// Planes in these distances, or what is wrong with them.
+    pub(crate) fn new(near: f64, far: f64) -> Result<Self, String> {
+        let clip = Self { near: near as f32, far: far as f32 };
+        if clip.near >= 0.0 && clip.near.is_finite() && clip.far > clip.near {
+            Ok(clip)
+        } else {
+            Err(format!("there is nothing between clip planes in the distances {near} and {far}"))
+        }
+    }
 }
 
 impl Default for Camera {
@@ -103,6 +134,8 @@ impl Default for Camera {
             focus_distance: 1.0,
             lens_shift: Vec2::ZERO,
             medium: None,
+            clip: Clip::NONE,
+            hides_emitters: false,
         }
     }
 }

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
 use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
+use crate::integrator::IntegratorHint;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::{
@@ -112,6 +113,8 @@ pub struct RenderHints {
     pub samples: Option<u32>,
     /// Bounces: 0 shows only emission seen directly, 1 direct light; `u32::MAX`: no limit.
     pub max_depth: Option<u32>,
+    /// The integrator that the file names.
+    pub integrator: Option<IntegratorHint>,
     /// The pixel filter.
     pub filter: Option<FilmFilter>,
     /// Whether the film keeps alpha: what shows no surface is transparent in formats that can tell.

@@ -210,6 +210,9 @@ pub struct Material {
     pub interior: Option<MediumId>,
     /// What fills the space before the front; `None`: vacuum.
     pub exterior: Option<MediumId>,
+    /// Whether light that goes straight through a smooth sheet goes on as if nothing was there: it is no bounce, and lamps
+    /// without extent are seen through the sheet (Mitsuba's `volpath`). Else the sheet hides them as any surface does.
+    pub see_through: bool,
 }
 
 impl From<Surface> for Material {
@@ -282,6 +285,18 @@ impl Material {
     /// Whether light may go through to the other side, other than by opacity.
     pub fn transmits(&self) -> bool {
         self.surface.transmits()
+    }
+
+    /// Whether light that goes through it comes into another medium. Of surfaces for which no medium is named, only the solids
+    /// of glTF do that; elsewhere light stays in what it is in, as in Mitsuba and pbrt.
+    pub fn parts_media(&self) -> bool {
+        let is_solid = matches!(&self.surface, Surface::Layered(layered) if !layered.thin);
+        self.transmits() && (is_solid || self.interior.is_some() || self.exterior.is_some())
+    }
+
+    /// Whether some of its light goes straight through, see [`see_through`](Self::see_through).
+    pub fn is_seen_through(&self) -> bool {
+        self.see_through && self.surface.has_clear_sheet()
     }
 
     /// Whether it depends on the directions of the texture coordinates on the surface.

@@ -236,6 +236,19 @@ impl Scene {
         self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material });
     }
 
+    /// Takes all media away. Returns whether there were any.
+    pub(crate) fn leave_out_media(&mut self) -> bool {
+        for material in &mut self.materials {
+            (material.interior, material.exterior) = (None, None);
+        }
+        for camera in &mut self.cameras {
+            camera.medium = None;
+        }
+        let had_media = !self.media.is_empty();
+        self.media.clear();
+        had_media
+    }
+
     /// Least and greatest coordinates of all surfaces, world space; both 0 where there are none. The box of an instance
     /// is that of its mesh's turned box, so it may be larger than needed.
     pub fn bounds(&self) -> (Vec3, Vec3) {

@@ -123,6 +123,13 @@ pub struct Dielectric {
     pub thin: bool,
 }
 
+impl Dielectric {
+    /// Whether it is a smooth sheet.
+    fn is_clear_sheet(&self) -> bool {
+        self.thin && self.facets.is_smooth()
+    }
+}
+
 /// What becomes of light that a [`Plastic`]'s boundary throws back to the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InnerReflection {
@@ -374,6 +381,29 @@ impl Surface {
             Self::Layered(layered) => layered.thin,
             Self::DiffuseTransmission { .. } => true,
             Self::Blend { surfaces, .. } => surfaces.iter().all(Self::is_thin),
+            _ => false,
+        }
+    }
+
+    /// Whether it mirrors or refracts light sharply, at least in part: smooth metal, glass and coats.
+    pub fn has_mirror(&self) -> bool {
+        match self {
+            Self::Conductor(conductor) => conductor.facets.is_smooth(),
+            Self::Dielectric(dielectric) => dielectric.facets.is_smooth(),
+            Self::Plastic(plastic) => plastic.facets.is_smooth(),
+            Self::Coated(coated) => coated.facets.is_smooth(),
+            Self::Principled(principled) => principled.roughness.factor == 0.0,
+            Self::Layered(layered) => layered.roughness.factor == 0.0,
+            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_mirror),
+            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+        }
+    }
+
+    /// Whether it is a smooth sheet of glass, or partly one.
+    pub fn has_clear_sheet(&self) -> bool {
+        match self {
+            Self::Dielectric(dielectric) => dielectric.is_clear_sheet(),
+            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_clear_sheet),
             _ => false,
         }
     }

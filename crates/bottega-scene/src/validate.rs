@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::model::is_placeable;
 use crate::{
-    AlphaMode, Back, COORDINATE_MAX, ColorParam, FACTOR_MAX, LightKind, Material, Medium, MediumId, Mesh, Portal,
+    AlphaMode, Back, COORDINATE_MAX, Clip, ColorParam, FACTOR_MAX, LightKind, Material, Medium, MediumId, Mesh, Portal,
     Projection, ReliefSource, SURFACE_UV_SETS, Scene, SceneError, Spectrum, Surface, VALUE_MAX,
 };
 
@@ -59,6 +59,8 @@ impl Scene {
             check(camera.focus_distance > 0.0, "its focus is not before it")?;
             check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
             check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixels have no shape")?;
+            let Clip { near, far } = camera.clip;
+            check(near >= 0.0 && near.is_finite() && far > near, "there is nothing between its clip planes")?;
             self.check_medium_id(camera.medium)?;
             let is_sound = match camera.projection {
                 Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,

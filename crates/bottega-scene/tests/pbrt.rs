@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use bottega_scene::{
-    AlphaMode, FilmFilter, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, Projection, Scene, SceneError,
-    Sides, Spectrum, Surface, Wrap, load,
+    AlphaMode, FilmFilter, Follows, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints, Projection,
+    Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 use mutation::{Random, damage, survive};
@@ -368,6 +368,34 @@ fn a_surface_that_parts_nothing_has_no_media() {
     assert_eq!((material.interior, material.exterior, &material.surface), (None, None, &Surface::Null));
     let scene = world(&format!(r#"{fog} MediumInterface "" "fog" Material "dielectric" Shape "sphere""#));
     assert!(scene.materials[0].interior.is_none() && scene.materials[0].exterior.is_some());
+}
+
+#[test]
+fn integrators_say_from_where_they_follow_light() {
+    let hint = |text: &str| {
+        let loaded = load_text(&format!("{text}\nWorldBegin\n{TRIANGLE}\nLightSource \"infinite\"")).unwrap();
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        loaded.hints.integrator
+    };
+    assert_eq!(hint(""), None);
+    for (name, follows) in [
+        ("volpath", Follows::Paths { is_ours: true }),
+        ("simplepath", Follows::Paths { is_ours: false }),
+        ("bdpt", Follows::BothEnds),
+        ("mlt", Follows::BothEnds),
+        ("lightpath", Follows::BothEnds),
+    ] {
+        let hint = hint(&format!("Integrator \"{name}\"")).expect(name);
+        assert_eq!((hint.name.as_str(), hint.follows), (name, follows));
+        assert_eq!(hint.place, "scene.pbrt:1:1");
+    }
+    let photons = |text: &str| hint(text).map(|hint| hint.follows);
+    let film = "Film \"rgb\" \"integer xresolution\" 20 \"integer yresolution\" 10";
+    let by_pixels = PhotonHints { count: Some(200), radius: Some(1.0), ..PhotonHints::default() };
+    assert_eq!(photons(&format!("{film} Integrator \"sppm\"")), Some(Follows::Photons(by_pixels)));
+    let given = PhotonHints { count: Some(5000), radius: Some(0.075), ..PhotonHints::default() };
+    let text = "Integrator \"sppm\" \"integer photonsperiteration\" 5000 \"float radius\" 0.075";
+    assert_eq!(photons(text), Some(Follows::Photons(given)));
 }
 
 #[test]

@@ -22,6 +22,10 @@ pub enum Event {
         crop: [u32; 4],
         /// Samples a pixel.
         samples_per_pixel: u32,
+        /// How light is followed: path, photon or ala.
+        integrator: String,
+        /// Whether by progressive photons.
+        progressive: bool,
         /// Render Agents.
         agents: usize,
         /// Processors.

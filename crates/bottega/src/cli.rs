@@ -10,7 +10,7 @@ use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use bottega_farm::{Channel, ChannelSet, ImportanceFunction};
 use bottega_image::Rect;
-use bottega_render::{AgentSettings, PhotonSettings, ala::Criterion};
+use bottega_render::{AgentSettings, ala::Criterion};
 use bottega_scene::LoadOptions;
 use clap::{Args, Parser, Subcommand, ValueHint};
 
@@ -225,9 +225,9 @@ pub(crate) struct RenderArgs {
     /// engine. Give it several times and agents carry them in turn.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     pub(crate) rules: Vec<PathBuf>,
-    /// How light is followed.
-    #[arg(long, value_enum, default_value_t = IntegratorArg::Path, help_heading = "Quality")]
-    pub(crate) integrator: IntegratorArg,
+    /// How light is followed; default: what finds the light that the scene file's own integrator finds, or path.
+    #[arg(long, value_enum, help_heading = "Quality")]
+    pub(crate) integrator: Option<IntegratorArg>,
     #[command(flatten)]
     pub(crate) photon_mapping: PhotonArgs,
     #[command(flatten)]
@@ -334,20 +334,6 @@ pub(crate) struct RenderArgs {
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
     pub(crate) quiet: bool,
-}
-
-impl RenderArgs {
-    /// How photons are used, if the picture is one of photons or of lighting agents.
-    ///
-    /// - `bounces`: surfaces that light may come to.
-    pub(crate) fn photons(&self, bounces: u32) -> Option<PhotonSettings> {
-        let photons = self.photon_mapping.settings(bounces);
-        match self.integrator {
-            IntegratorArg::Path => None,
-            IntegratorArg::Photon => Some(photons),
-            IntegratorArg::Ala => Some(self.lighting.settings(photons)),
-        }
-    }
 }
 
 #[derive(Debug, Args)]

@@ -10,16 +10,17 @@ use crate::{cli::InfoArgs, error::CliError};
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, CliError> {
     let loaded = bottega_scene::load(&args.file.scene, &args.file.options())?;
     let summary = loaded.summary();
+    let integrator = loaded.hints.integrator.as_ref().map(|hint| hint.name.as_str());
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     if args.json {
-        println!("{}", as_json(&summary, &warnings));
+        println!("{}", as_json(&summary, integrator, &warnings));
     } else {
-        print(&summary, &warnings);
+        print(&summary, integrator, &warnings);
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn as_json(summary: &SceneSummary, warnings: &[String]) -> Value {
+fn as_json(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) -> Value {
     let named = |list: &[(String, &'static str)]| -> Vec<Value> {
         list.iter().map(|(name, kind)| json!({"name": name, "kind": kind})).collect()
     };
@@ -45,11 +46,12 @@ fn as_json(summary: &SceneSummary, warnings: &[String]) -> Value {
         "lights": named(&summary.lights),
         "images": images,
         "environment": summary.environment,
+        "integrator": integrator,
         "warnings": warnings,
     })
 }
 
-fn print(summary: &SceneSummary, warnings: &[String]) {
+fn print(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) {
     let shown = |name: &str| if name.is_empty() { "(unnamed)".to_owned() } else { name.to_owned() };
     let list = |names: Vec<String>| format!("{:<4} {}", names.len(), names.join(", "));
     let named = |list: &[(String, &'static str)]| -> Vec<String> {
@@ -74,6 +76,9 @@ fn print(summary: &SceneSummary, warnings: &[String]) {
     println!("images      {}", list(images.collect()));
     if let Some(environment) = &summary.environment {
         println!("environment {}", shown(environment));
+    }
+    if let Some(integrator) = integrator {
+        println!("integrator  {}", shown(integrator));
     }
     for warning in warnings {
         println!("warning     {warning}");

@@ -8,7 +8,7 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{cli::RenderArgs, error::CliError, identity::identity, render::filter, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, identity::identity, method::Method, render::filter, scene::Subject};
 
 /// Where a work is kept, and what is kept of it already.
 pub(crate) struct Keeping {
@@ -75,6 +75,7 @@ impl Keeping {
 /// What makes the picture what it is: two works with the same name give the same bits. How many agents and threads take
 /// part is not in it, so that another machine may go on.
 pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettings) -> String {
+    let method = Method::of(args, subject, settings.tunables.max_depth);
     [
         format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
@@ -86,8 +87,8 @@ pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettin
         format!("max-depth={}", settings.tunables.max_depth),
         format!("light-samples={}", args.light_samples),
         format!("seed={}", args.seed),
-        format!("integrator={:?}", args.integrator),
-        format!("photons={:?}", args.photons(settings.tunables.max_depth)),
+        format!("integrator={:?}", method.integrator),
+        format!("photons={:?}", method.photons),
         format!("guiding={}", args.guiding.directions()),
         format!("agents={:?}", args.guiding.agents()),
         format!("filter={:?}", filter(args, subject)),

@@ -19,6 +19,7 @@ mod frames;
 mod identity;
 mod info;
 mod keeping;
+mod method;
 mod parting;
 mod platform;
 mod preview;

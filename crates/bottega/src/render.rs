@@ -26,6 +26,7 @@ use crate::{
     farm::{Asked, Painted, Tools, write_picture},
     frames,
     keeping::{Keeping, name_of},
+    method::Method,
     parting,
     preview::{Look, Show, check_preview},
     reporter::{Reporter, Voice, duration},
@@ -76,10 +77,13 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     for warning in notes.into_iter().chain(subject.warnings.iter().map(ToString::to_string)) {
         reporter.warn(warning);
     }
+    let method = Method::of(args, &subject, max_depth(args, &subject));
+    method.note.iter().for_each(|note| reporter.warn(note.clone()));
     let mut settings = job_settings(args, &subject, experts)?;
     settings.goal = goal(args, begun)?;
     if let (Some(farm), true) = (&args.farm, args.detach) {
-        let asked = Asked::submit(farm.as_ref(), args, &Material::of(&subject), None, stop, &reporter)?;
+        let material = Material::of(args, &subject);
+        let asked = Asked::submit(farm.as_ref(), args, &material, None, stop, &reporter)?;
         let number = asked.number;
         reporter.say(&format!("job {number}: the farm paints it; see `bottega jobs show {number}`"));
         reporter.tell(Event::Asked { job: number });
@@ -92,7 +96,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
-    let has_paths = args.photons(0).is_none() && subject.prepared.can_learn(subject.view);
+    let has_paths = method.photons.is_none() && subject.prepared.can_learn(subject.view);
     if args.guiding.asks_for_agents() && !has_paths {
         let why =
             "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more";
@@ -113,7 +117,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
         Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
         None => (painter, observer),
     };
-    let material = Material::of(&subject);
+    let material = Material::of(args, &subject);
     let submit = |farm: &Option<_>| Asked::submit(farm.as_ref(), args, &material, Some(&name), stop, &reporter);
     let asked = args.farm.as_ref().map(submit).transpose()?;
     let tools =
@@ -296,7 +300,7 @@ pub(crate) fn engine(
     subject: &Subject,
     job: &JobSettings,
 ) -> Result<(BuiltinEngine, Crew), CliError> {
-    let photons = args.photons(max_depth(args, subject));
+    let photons = Method::of(args, subject, max_depth(args, subject)).photons;
     let settings = PathSettings {
         seed: args.seed,
         max_depth: max_depth(args, subject),
@@ -344,7 +348,7 @@ pub(crate) fn filter(args: &RenderArgs, subject: &Subject) -> Filter {
     }
 }
 
-fn max_depth(args: &RenderArgs, subject: &Subject) -> u32 {
+pub(crate) fn max_depth(args: &RenderArgs, subject: &Subject) -> u32 {
     args.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
 }
 
@@ -386,13 +390,15 @@ fn failed(error: JobError) -> CliError {
 
 fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: &JobSettings, crew: &Crew) {
     let crop = settings.crop;
+    let method = Method::of(args, subject, settings.tunables.max_depth);
     reporter.say(&format!(
-        "{}: {} triangles; {}x{} pixels, {} samples each, {} agent{} on {}",
+        "{}: {} triangles; {}x{} pixels, {} samples each by {}, {} agent{} on {}",
         shown(&args.scene.file.scene),
         subject.scene().triangle_count(),
         crop.width(),
         crop.height(),
         settings.samples,
+        method.name(),
         settings.agents,
         if settings.agents == 1 { "" } else { "s" },
         crew.names(),
@@ -405,6 +411,8 @@ fn started(reporter: &Reporter, args: &RenderArgs, subject: &Subject, settings: 
         height: settings.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         samples_per_pixel: settings.samples,
+        integrator: format!("{:?}", method.integrator).to_lowercase(),
+        progressive: method.photons.is_some_and(|photons| photons.progressive),
         agents: settings.agents,
         threads: crew.threads,
         gpus: crew.gpus.clone(),
@@ -445,7 +453,15 @@ pub(crate) fn metadata(
     metadata.set("max_depth", settings.tunables.max_depth.to_string());
     metadata.set("light_samples", args.light_samples.to_string());
     metadata.set("seed", args.seed.to_string());
-    metadata.set("integrator", format!("{:?}", args.integrator).to_lowercase());
+    let method = Method::of(args, subject, settings.tunables.max_depth);
+    metadata.set("integrator", format!("{:?}", method.integrator).to_lowercase());
+    if let Some(photons) = &method.photons {
+        metadata.set("photons", photons.count.to_string());
+        metadata.set("progressive", photons.progressive.to_string());
+    }
+    if let Some(hint) = &subject.hints.integrator {
+        metadata.set("integrator_of_scene", &*hint.name);
+    }
     metadata.set("filter", format!("{:?}", filter(args, subject)));
     metadata.set("optimize", settings.optimization.to_string());
     metadata.set("level", args.scene.level.to_string());

@@ -132,3 +132,70 @@ fn a_picture_is_written_where_a_link_leads() {
     assert!(fs::symlink_metadata(&link).expect("a link").is_symlink());
     assert_eq!(png_kind(&folder.path().join("disk/real.png")), 2);
 }
+
+/// A glass ball over a table, lit by a lamp without extent, for pbrt.
+fn ball_on_table(integrator: &str, more: &str) -> String {
+    format!(
+        "LookAt 0 3 5  0 0.4 0  0 1 0
+        Camera \"perspective\" \"float fov\" 40
+        Film \"rgb\" \"integer xresolution\" 32 \"integer yresolution\" 24
+        PixelFilter \"box\"
+        Sampler \"independent\" \"integer pixelsamples\" 16
+        Integrator \"{integrator}\" {more}
+        WorldBegin
+        LightSource \"point\" \"point3 from\" [ 0 4 0 ] \"rgb I\" [ 20 20 20 ]
+        AttributeBegin
+        Material \"diffuse\" \"rgb reflectance\" [ 0.6 0.6 0.6 ]
+        Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" [ -5 0 -5  -5 0 5  5 0 5  5 0 -5 ]
+        AttributeEnd
+        AttributeBegin
+        Translate 0 0.8 0
+        Material \"dielectric\" \"float eta\" 1.5
+        Shape \"sphere\" \"float radius\" 0.6
+        AttributeEnd
+        "
+    )
+}
+
+#[test]
+fn the_integrator_of_the_file_chooses_ours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (scene, output) = (folder.path().join("scene.pbrt"), folder.path().join("picture.exr"));
+    // What is chosen, whether the user is told of it, and the mean of the picture.
+    let painted = |integrator: &str, more: &str, options: &[&str]| {
+        fs::write(&scene, ball_on_table(integrator, more)).expect("a scene");
+        let arguments = [&["render", text(&scene), "-o", text(&output), "--json", "--exact"], options].concat();
+        let (mut chosen, mut told) = (String::new(), String::new());
+        for line in succeed(&arguments).lines() {
+            let event: serde_json::Value = serde_json::from_str(line).expect("JSON");
+            match event["event"].as_str() {
+                Some("started") => chosen = format!("{}/{}", event["integrator"], event["progressive"]),
+                Some("warning") => told += event["message"].as_str().expect("a message"),
+                _ => {}
+            }
+        }
+        let picture = picture(&output);
+        let mean = picture.data.iter().map(|pixel| pixel[1]).sum::<f32>() / picture.data.len() as f32;
+        (chosen, told, mean)
+    };
+    let photons = "\"photon\"/true";
+    let (chosen, told, with_caustic) =
+        painted("sppm", "\"float radius\" 0.1 \"integer photonsperiteration\" 40000", &[]);
+    assert_eq!(chosen, photons);
+    assert!(told.contains("scene.pbrt:6:9: the integrator `sppm` is replaced by progressive photons"), "{told}");
+    let (chosen, told, by_paths) = painted("volpath", "", &[]);
+    assert_eq!((chosen.as_str(), told.as_str()), ("\"path\"/false", ""));
+    assert!(with_caustic > 1.05 * by_paths, "{with_caustic} and {by_paths}");
+    // One that finds the same from both ends.
+    let (chosen, told, from_both_ends) = painted("bdpt", "", &["--photons", "40000", "--photon-radius", "0.05"]);
+    assert_eq!(chosen, photons);
+    assert!(told.contains("`bdpt` is replaced"), "{told}");
+    assert!((from_both_ends / with_caustic - 1.0).abs() < 0.05, "{from_both_ends} and {with_caustic}");
+    // What the user asks for goes first.
+    let (chosen, told, asked) = painted("sppm", "", &["--integrator", "path"]);
+    assert_eq!(chosen, "\"path\"/false");
+    assert!(told.contains("as it was asked for"), "{told}");
+    assert!((asked / by_paths - 1.0).abs() < 0.02, "{asked} and {by_paths}");
+    let (chosen, ..) = painted("sppm", "", &["--final-rays", "2", "--photons", "20000"]);
+    assert_eq!(chosen, "\"photon\"/false");
+}

@@ -167,7 +167,7 @@ fn flags(material: &Material) -> u32 {
         matches!(material.surface, Surface::Unlit(_)),
         material.emission.factor.max_element() > 0.0,
         material.transmits(),
-        material.surface.is_thin(),
+        material.transmits() && !material.parts_media(),
         material.needs_tangents(),
         !material.textures().is_empty(),
         sides != Sides::Back,

@@ -8,10 +8,20 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     let depth = atomicLoad(&control[DEPTH]);
     let path = queued(ACTIVE_QUEUE + (depth & 1u), id.x);
     ask_as(path, depth, false);
-    let hit = traverse(Ray(field(ORIGIN, path).xyz, 0.0, field(DIRECTION, path).xyz, FAR), false);
+    var reach = FAR;
+    var start = 0.0;
+    if depth == 0u {
+        let first = field(HIT, path);
+        reach = first.x;
+        start = first.y;
+    }
+    let hit = traverse(Ray(field(ORIGIN, path).xyz, 0.0, field(DIRECTION, path).xyz, reach), false);
     if hit.shape == NOTHING {
         push(MISSED_QUEUE, MISSED, path);
     } else {
+        if depth == 0u {
+            set_field(NORMAL, path, vec4(0.0, 0.0, 0.0, start));
+        }
         set_bits(HIT, path, vec4(bitcast<u32>(hit.t), bitcast<u32>(hit.u), bitcast<u32>(hit.v), hit.shape));
         push(MET_QUEUE, MET, path);
     }

@@ -8,10 +8,12 @@ const CAMERA_KIND: u32 = 18u;
 const CAMERA_LENS: u32 = 19u;
 const CAMERA_FOCUS: u32 = 20u;
 const CAMERA_CONE: u32 = 21u;
-const FILTER_RADIUS: u32 = 23u;
-const FILTER_TABLE: u32 = 24u;
-const FILTER_FACTOR: u32 = 25u;
-const FILTER_SIGN_CHANGE: u32 = 26u;
+const CAMERA_NEAR: u32 = 23u;
+const CAMERA_FAR: u32 = 24u;
+const FILTER_RADIUS: u32 = 25u;
+const FILTER_TABLE: u32 = 26u;
+const FILTER_FACTOR: u32 = 27u;
+const FILTER_SIGN_CHANGE: u32 = 28u;
 const FILTER_INTERVALS: u32 = 512u;
 
 // A job: first column and row, columns, pixels, first sample, first path, first pixel of the sums, paths.
@@ -130,6 +132,19 @@ fn start_path(path: u32) {
         origin += vec3(lens * uniform_disk(u.zw), 0.0);
         direction = focus - origin;
     }
+    var start = 0.0;
+    var reach = FAR;
+    let near = batch_number(camera + CAMERA_NEAR);
+    let far = batch_number(camera + CAMERA_FAR);
+    if kind <= 1u && (near > 0.0 || far < FAR) {
+        // The line of sight is -z; a ray that slants comes to a plane later.
+        let slant = length(direction) / -direction.z;
+        start = near * slant;
+        if far < FAR {
+            reach = (far - near) * slant;
+        }
+        origin += direction * (near / -direction.z);
+    }
     let turn = mat3x3<f32>(batch_vec3(camera), batch_vec3(camera + 3u), batch_vec3(camera + 6u));
     let world_origin = turn * origin + batch_vec3(camera + 9u);
     set_field(ORIGIN, path, vec4(world_origin, batch_number(camera + CAMERA_CONE)));
@@ -142,6 +157,7 @@ fn start_path(path: u32) {
     set_bits(KEY, path, vec4(from_pixel.pixel_key, sample_index, 0u));
     set_field(ALBEDO, path, vec4<f32>(0.0));
     set_field(NORMAL, path, vec4<f32>(0.0));
+    set_field(HIT, path, vec4(reach, start, 0.0, 0.0));
 }
 
 @compute @workgroup_size(64)

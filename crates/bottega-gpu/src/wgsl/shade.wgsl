@@ -119,7 +119,7 @@ fn meet(path: u32, depth: u32) {
     var point = interaction_at(hit.w, t, uv, origin.xyz, direction.xyz, width);
     if depth == 0u {
         set_field(ALBEDO, path, vec4(0.0, 0.0, 0.0, 1.0));
-        set_field(NORMAL, path, vec4(point.n, t));
+        set_field(NORMAL, path, vec4(point.n, field(NORMAL, path).w + t));
     }
     var found = field(RADIANCE, path);
     let asked = field(RECEIVER, path);
@@ -192,7 +192,7 @@ fn meet(path: u32, depth: u32) {
     var scale = carried.w;
     if !reflects {
         // Into the solid when the path came from its outside, else out of it.
-        if (point.flags & MATERIAL_THIN) == 0u {
+        if (point.flags & MATERIAL_KEEPS_MEDIUM) == 0u {
             set_field(ABSORPTION, path, vec4(material_absorption(point.material, point.is_in_front), 0.0));
         }
         scale *= drawn.eta * drawn.eta;

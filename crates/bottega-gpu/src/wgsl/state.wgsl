@@ -57,11 +57,11 @@ const RECEIVER_NORMAL: u32 = 5u;
 const ABSORPTION: u32 = 6u;
 // Key of the pixel (two words), index of the sample.
 const KEY: u32 = 7u;
-// The hit: t, u, v, number of the shape.
+// The hit: t, u, v, number of the shape. Before the first one: how far the ray reaches, and how far from the camera it starts.
 const HIT: u32 = 8u;
 // Albedo, alpha.
 const ALBEDO: u32 = 9u;
-// Normal, depth.
+// Normal, depth; before the first surface is shaded, how far from the camera the ray starts.
 const NORMAL: u32 = 10u;
 // From here on, for each light sample: origin of the shadow ray and its end; its direction; what it brings.
 const SHADOW: u32 = 11u;

@@ -268,7 +268,7 @@ impl Samples {
 /// What a camera ray of a pixel meets first.
 fn first_place(integrator: &PhotonIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
     let ray = integrator.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
-    let hit = integrator.prepared().accel().intersect(&Ray::new(ray.origin, ray.direction));
+    let hit = integrator.prepared().accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
     hit.is_some().then(|| ray.origin + ray.direction * hit.t)
 }
 

@@ -55,6 +55,11 @@ impl Dielectric {
         (reflected, transmitted, if r + t > 0.0 { r / (r + t) } else { 1.0 })
     }
 
+    /// What a smooth sheet lets straight through; 0 of anything else.
+    pub(super) fn straight(&self, wo: Vec3) -> Spectrum {
+        if self.thin && self.facets.is_smooth() { self.split(wo.z).1 } else { Spectrum::ZERO }
+    }
+
     fn eta_across(&self) -> f32 {
         if self.thin { 1.0 } else { self.eta }
     }

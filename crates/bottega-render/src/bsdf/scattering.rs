@@ -186,6 +186,14 @@ impl Bsdf {
         self.at(wo).sample(u_lobe, u)
     }
 
+    /// Share of the light arriving along `wo` that a smooth sheet lets straight through; 0 of anything else.
+    pub(crate) fn straight(&self, wo: Vec3) -> Spectrum {
+        match &self.kind {
+            Kind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo),
+            _ => Spectrum::ZERO,
+        }
+    }
+
     /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within two percent for
     /// what is reflected by a base without coat and sheen, up to a tenth or so too much below these, and an estimate of
     /// what goes through.

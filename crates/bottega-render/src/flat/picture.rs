@@ -11,7 +11,7 @@ use crate::{
 /// Camera and filter of a picture as words: the camera (world from camera, four columns of three; half of the picture's extent
 /// along x and y; shift of the lens; two over the size in pixels; its kind (0 perspective, 1 parallel, 2 equirectangular, 3 of equal
 /// areas); radius of the lens; distance in focus;
-/// width and spread of a pixel's cone), then the filter (radius, place of its quantiles or [`NONE`](super::NONE), the factor of
+/// width and spread of a pixel's cone; distances of the near and the far plane), then the filter (radius, place of its quantiles or [`NONE`](super::NONE), the factor of
 /// its samples, where it turns negative), then the quantiles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatPicture {

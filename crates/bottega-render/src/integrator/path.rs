@@ -26,7 +26,7 @@ use crate::{
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
     guide::{Guide, Trail, Training, train},
-    interaction::{Asks, Interaction, is_there},
+    interaction::{Asks, Interaction, is_there, shines},
     lights::{Choice, Receiver},
     luminance,
     prepare::PreparedMaterial,
@@ -133,6 +133,8 @@ pub struct PathIntegrator<'a> {
     /// Of the picture, in pixels.
     size: Vec2,
     camera_medium: Option<MediumId>,
+    /// Whether the camera does not see what shines.
+    hides_emitters: bool,
     filter: FilterSampler,
     wanted: Wanted,
     guide: Option<Arc<Guide>>,
@@ -173,6 +175,7 @@ impl<'a> PathIntegrator<'a> {
             camera: CameraRays::new(camera, view.width, view.height),
             size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
+            hides_emitters: camera.hides_emitters,
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
@@ -244,6 +247,12 @@ impl<'a> PathIntegrator<'a> {
         self.camera_medium
     }
 
+    /// Whether the camera does not see what shines.
+    #[inline(always)]
+    pub(super) fn hides_emitters(&self) -> bool {
+        self.hides_emitters
+    }
+
     /// Where a sample's path begins, and the factor with which the sample counts.
     #[inline(always)]
     pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
@@ -265,10 +274,10 @@ impl<'a> PathIntegrator<'a> {
         [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
     }
 
-    /// Whether paths cannot be followed in turn: those through media are followed to their end in one go.
+    /// Whether paths cannot be followed in turn: those through media and panes are followed to their end in one go.
     #[inline(always)]
     pub(super) fn goes_alone(&self) -> bool {
-        self.prepared.needs_volume()
+        self.prepared.needs_volume() || self.prepared.has_panes()
     }
 
     /// Whether agents are asked for more than directions.
@@ -320,6 +329,8 @@ impl<'a> PathIntegrator<'a> {
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
+            start: ray.start,
+            reach: ray.reach,
             previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
             worth: 0.0,
             due: None,
@@ -379,6 +390,9 @@ pub(super) struct Path<'a> {
     origin: Vec3,
     direction: Vec3,
     cone: RayCone,
+    /// Where the camera's ray starts and how far it reaches, see [`CameraRay`].
+    start: f32,
+    reach: f32,
     previous: Previous,
     /// What a unit of light is worth to the pixel; 0: nobody knows.
     worth: f32,
@@ -406,7 +420,7 @@ impl Path<'_> {
         self.cone = self.cone.at(hit.t);
         let point = Interaction::new(prepared, hit, self.origin, self.direction, self.cone);
         if self.depth == 0 {
-            self.record_first(&point, hit.t);
+            self.record_first(&point, self.start + hit.t);
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
@@ -501,16 +515,20 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
-        let ray = Ray::new(self.origin, self.direction);
+        let t_max = if self.depth == 0 { self.reach } else { f32::INFINITY };
+        let ray = Ray { t_max, ..Ray::new(self.origin, self.direction) };
         if self.integrator.wanted.cost {
             let mut steps = 0;
             let hit = prepared.accel().intersect_counted(&ray, &mut steps);
             self.record.values.cost += steps as f32 + VERTEX_STEPS;
-            if !prepared.has_opacity() {
+            if !prepared.has_opacity() && !self.integrator.hides_emitters {
                 return hit;
             }
         }
-        if prepared.has_opacity() {
+        if self.depth == 0 && self.integrator.hides_emitters {
+            let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, Asks::Path);
+            prepared.accel().intersect_filtered(&ray, is_seen)
+        } else if prepared.has_opacity() {
             prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path))
         } else {
             prepared.accel().intersect(&ray)

@@ -18,7 +18,7 @@ use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
     camera::{CameraRay, RayCone},
-    interaction::{Asks, Interaction, emitted, is_there, sphere_uv},
+    interaction::{Asks, Interaction, emitted, is_there, material_of, sphere_uv},
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
     media::{
         Filling, Homogeneous, Phase, channel_probabilities,
@@ -34,6 +34,8 @@ const BOUNDARIES_MAX: u32 = 256;
 const STEPS: f32 = 8.0;
 /// Cost of a number that tracking takes, with the look at the grid that it is for, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
+/// Sets the numbers that panes take apart from those that other decisions take.
+const PANE: u64 = 0x7061_6e65_7061_6e65;
 /// Sets the numbers of tracking apart from those that other decisions take.
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
@@ -51,11 +53,13 @@ pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray:
         depth: 0,
         segment: 0,
         boundaries: 0,
-        travelled: 0.0,
+        travelled: ray.start,
+        reach: ray.reach,
         numbers_drawn: 0,
         origin: ray.origin,
         direction: ray.direction,
         cone: ray.cone,
+        hides_emitters: integrator.hides_emitters(),
         previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
         wants_albedo: integrator.wanted().albedo,
         wants_cost: integrator.wanted().cost,
@@ -102,12 +106,15 @@ struct Path<'a> {
     boundaries: u32,
     /// How far the path came since it was scattered last.
     travelled: f32,
+    /// How far the next ray sees surfaces.
+    reach: f32,
     /// Numbers that tracking took so far.
     numbers_drawn: u64,
     origin: Vec3,
     direction: Vec3,
     cone: RayCone,
     previous: Previous,
+    hides_emitters: bool,
     wants_albedo: bool,
     wants_cost: bool,
     record: PathRecord,
@@ -117,7 +124,8 @@ impl Path<'_> {
     /// Goes to where the path is scattered next, or to the next boundary. False when it is at its end.
     fn advance(&mut self) -> bool {
         let prepared = self.prepared;
-        let ray = Ray::new(self.origin, self.direction);
+        let reach = std::mem::replace(&mut self.reach, f32::INFINITY);
+        let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
         let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path));
         self.record.values.cost += STEPS;
         self.segment += 1;
@@ -127,7 +135,7 @@ impl Path<'_> {
             Some(point) => self.emission(point),
             None => self.environment(),
         };
-        let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t };
+        let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t.min(reach) };
         match self.medium.map(|medium| prepared.medium(medium)) {
             None => self.radiance += self.throughput * arriving,
             Some(Filling::Homogeneous(medium)) => {
@@ -151,15 +159,11 @@ impl Path<'_> {
         }
         let (material, known) = prepared.material(point.material);
         if known.is_null {
-            self.medium = known.media[usize::from(point.front)];
-            self.origin = point.ray_origin(self.direction);
-            self.travelled += hit.t;
-            self.boundaries += 1;
-            return self.boundaries < BOUNDARIES_MAX;
+            return self.pass_boundary(&point);
         }
         self.record.vertex_count += 1;
-        self.record_first(hit.t, point.frame[2]);
         if let Surface::Unlit(color) = &material.surface {
+            self.record_first(hit.t, point.frame[2]);
             self.record_albedo(point.unlit(prepared.scene(), color));
             return false;
         }
@@ -210,12 +214,10 @@ impl Path<'_> {
 
     /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
-        let scene = self.prepared.scene();
-        let material = match hit.sphere() {
-            Some(sphere) => scene.spheres[sphere as usize].material,
-            None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
-        };
-        let known = self.prepared.material(material).1;
+        let known = self.prepared.material(material_of(self.prepared, hit)).1;
+        if known.shines && asks == Asks::Path && self.depth == 0 && self.hides_emitters {
+            return false;
+        }
         known.is_null && known.media[0] != known.media[1]
             || is_there(self.prepared, ray, hit, asks, |surface| {
                 self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
@@ -224,6 +226,9 @@ impl Path<'_> {
 
     /// What comes from where there is no surface, with its weight.
     fn environment(&self) -> Spectrum {
+        if self.depth == 0 && self.hides_emitters {
+            return Spectrum::ZERO;
+        }
         let lights = self.prepared.lights();
         let from = self.previous.receiver.p;
         let radiance = lights.environment_radiance(self.prepared.scene(), from, self.direction);
@@ -374,8 +379,12 @@ impl Path<'_> {
     fn meet(&mut self, point: &Interaction) -> bool {
         let prepared = self.prepared;
         let is_last = self.depth >= self.settings.max_depth;
-        if is_last && !self.wants_albedo {
-            return false;
+        let known = prepared.material(point.material).1;
+        if !known.is_pane {
+            self.record_first(point.hit.t, point.frame[2]);
+            if is_last && !self.wants_albedo {
+                return false;
+            }
         }
         let mut place = None;
         let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
@@ -384,6 +393,10 @@ impl Path<'_> {
             self.record.counts.meet(bsdf, prepared.material(point.material).1);
         }
         let wo = point.to_local(point.wo);
+        if known.is_pane && bsdf.straight(wo) != Spectrum::ZERO {
+            return self.meet_pane(point, &bsdf.at_carrying(wo, self.throughput), is_last);
+        }
+        self.record_first(point.hit.t, point.frame[2]);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
             self.record_albedo(bsdf.albedo(wo));
@@ -392,7 +405,6 @@ impl Path<'_> {
             return false;
         }
         let bsdf = bsdf.at_carrying(wo, self.throughput);
-        let known = prepared.material(point.material).1;
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         if !is_delta_only && self.samples_lights() {
@@ -415,14 +427,47 @@ impl Path<'_> {
         self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
     }
 
+    /// Meets a pane, which mirrors, or lets the path go on as if nothing was there. False when the path is at its end.
+    fn meet_pane(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, is_last: bool) -> bool {
+        let [u_lobe, u_roulette] =
+            [0, 1].map(|number| self.sampler.hashed(PANE ^ u64::from(self.segment) << 1 ^ number));
+        let Some(sample) = bsdf.sample(u_lobe, [0.5; 2]) else { return false };
+        let wi = point.to_world(sample.wi);
+        let is_reflection = point.is_reflection(wi);
+        if (sample.wi.z > 0.0) != is_reflection {
+            return false;
+        }
+        self.throughput *= sample.weight();
+        if !is_reflection {
+            return self.pass_boundary(point);
+        }
+        self.record_first(point.hit.t, point.frame[2]);
+        if is_last {
+            return false;
+        }
+        let receiver = Receiver { p: point.p_outside, n: Vec3::ZERO };
+        self.previous = Previous { receiver, pdf: None, along: None };
+        self.go_on(point.ray_origin(wi), wi, f32::INFINITY, u_roulette)
+    }
+
+    /// Goes straight on behind a surface. False when there are too many of them.
+    fn pass_boundary(&mut self, point: &Interaction) -> bool {
+        self.medium = self.medium_towards(point, self.direction);
+        self.origin = point.ray_origin(self.direction);
+        self.travelled += point.hit.t;
+        self.boundaries += 1;
+        self.boundaries < BOUNDARIES_MAX
+    }
+
     /// What fills the space on the side of `wi`.
     fn medium_towards(&self, point: &Interaction, wi: Vec3) -> Option<MediumId> {
-        let (material, known) = self.prepared.material(point.material);
-        if point.is_reflection(wi) || material.surface.is_thin() {
-            self.medium
-        } else {
-            known.media[usize::from(point.front)]
-        }
+        self.medium_behind(point, wi, self.medium)
+    }
+
+    /// The same for light that came through `medium`.
+    fn medium_behind(&self, point: &Interaction, wi: Vec3, medium: Option<MediumId>) -> Option<MediumId> {
+        let known = self.prepared.material(point.material).1;
+        if point.is_reflection(wi) || !known.parts_media { medium } else { known.media[usize::from(point.front)] }
     }
 
     /// Next-event estimation at a surface.
@@ -496,13 +541,26 @@ impl Path<'_> {
                 return;
             }
             let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
-            let known = prepared.material(point.material).1;
-            if !known.is_null || transmittance == Spectrum::ZERO {
+            transmittance *= self.let_through(&point);
+            if transmittance == Spectrum::ZERO {
                 return;
             }
-            medium = known.media[usize::from(point.front)];
+            medium = self.medium_behind(&point, direction, medium);
             origin = point.ray_origin(direction);
         }
+    }
+
+    /// The share of the light of a lamp that a surface lets straight through.
+    fn let_through(&mut self, point: &Interaction) -> Spectrum {
+        let known = self.prepared.material(point.material).1;
+        if known.is_null || !known.is_pane {
+            return if known.is_null { Spectrum::ONE } else { Spectrum::ZERO };
+        }
+        self.numbers_drawn += 1;
+        let mut place = None;
+        let chance = || self.sampler.hashed(TRACKING ^ self.numbers_drawn);
+        let bsdf = bsdf_at(self.prepared, point, chance, &mut place);
+        bsdf.straight(point.to_local(point.wo))
     }
 
     /// Goes on along `wi`. False when the path ends here, by Russian roulette.

@@ -46,8 +46,29 @@ pub(crate) struct PhotonMaps {
     /// Where light arrives straight, and where not.
     pub(crate) visibility: PhotonMap,
     pub(crate) estimator: Estimator,
-    /// How far photons of `seen` may be, as a share of how far those of the irradiance may.
-    reach: f32,
+    reach: Reach,
+}
+
+/// How far photons of [`PhotonMaps::seen`] may be from a place.
+#[derive(Clone, Copy, Debug)]
+enum Reach {
+    /// As a share of how far those of the irradiance may.
+    Share(f32),
+    /// In scene units.
+    Length(f32),
+}
+
+impl Reach {
+    /// - `value`: the length where `settings` ask for one in scene units, else the share.
+    fn new(settings: &PhotonSettings, value: f32) -> Self {
+        let is_length = settings.progressive && settings.first_radius.is_some();
+        if is_length { Self::Length(value) } else { Self::Share(value) }
+    }
+
+    fn value(self) -> f32 {
+        let (Self::Share(value) | Self::Length(value)) = self;
+        value
+    }
 }
 
 /// What a photon brings to a point near it.
@@ -193,27 +214,29 @@ impl PhotonMaps {
             irradiance: IrradianceMap::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
-            reach: 1.0,
+            reach: Reach::Share(1.0),
         };
         let mut all = None;
+        let mut reach = 1.0;
         if settings.agents.is_some() {
             maps.seen = PhotonMap::new(caustics);
-            maps.reach = CAUSTIC_REACH;
+            reach = CAUSTIC_REACH;
         } else if settings.final_rays > 0 && !settings.progressive {
             all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic].concat()));
             maps.seen = PhotonMap::new(caustics);
-            maps.reach = CAUSTIC_REACH;
+            reach = CAUSTIC_REACH;
         } else {
             maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
         }
         if settings.progressive {
-            maps.reach = FIRST_RADIUS * shrunk(pass);
+            reach = settings.first_radius.unwrap_or(FIRST_RADIUS) * shrunk(pass);
         }
+        maps.reach = Reach::new(settings, reach);
         (maps, all)
     }
 
     pub(crate) fn write(&self, to: &mut Writer) {
-        to.value(self.reach);
+        to.value(self.reach.value());
         to.map(&self.seen);
         self.irradiance.write(to);
         to.map(&self.visibility);
@@ -221,7 +244,7 @@ impl PhotonMaps {
 
     /// - `settings`, `extent`: of the picture.
     pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
-        let reach = from.value()?;
+        let reach = Reach::new(settings, from.value()?);
         let (seen, irradiance, visibility) = (from.map()?, IrradianceMap::read(from)?, from.map()?);
         let estimator = Estimator::new(settings, extent);
         Some(Self { seen, irradiance, visibility, estimator, reach })
@@ -235,7 +258,10 @@ impl PhotonMaps {
     /// How far photons of `seen` may be from a place.
     #[inline(always)]
     pub(crate) fn reach_at(&self, p: Vec3) -> f32 {
-        self.reach * self.estimator.reach_at(p)
+        match self.reach {
+            Reach::Share(share) => share * self.estimator.reach_at(p),
+            Reach::Length(length) => length,
+        }
     }
 
     /// How far places of the irradiance may be.

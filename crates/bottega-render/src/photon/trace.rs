@@ -194,7 +194,7 @@ impl Tracer<'_> {
                 return;
             }
             power = next / survival;
-            if !is_reflection && !material.surface.is_thin() {
+            if !is_reflection && known.parts_media {
                 absorption = known.absorption[usize::from(point.front)];
             }
             is_specular &= sample.is_delta();

@@ -7,6 +7,7 @@ mod guiding;
 mod known_answers;
 mod lighting_agents;
 mod media;
+mod mitsuba;
 mod no_negative_light;
 mod photons;
 mod scenes;

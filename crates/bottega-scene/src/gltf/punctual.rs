@@ -9,7 +9,7 @@ use super::accessor::find;
 use super::node::Hierarchy;
 use super::{Source, document, shortened};
 use crate::error::Warnings;
-use crate::{Camera, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
+use crate::{Camera, Clip, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
 
 /// Adds the cameras that stand in the scene, in the order of its nodes.
 pub(super) fn add_cameras(
@@ -30,6 +30,10 @@ pub(super) fn add_cameras(
             warnings.add(format!("nodes[{index}]"), "its transformation is singular; its camera is left out");
             continue;
         };
+        let clip = clip(description).unwrap_or_else(|problem| {
+            warnings.add(place(), format!("{problem}; they are left out"));
+            Clip::NONE
+        });
         // A camera's own name, unless it is not the only one of that name.
         let is_own = !description.name.is_empty() && taken.insert(&description.name);
         let name = if is_own { &description.name } else { &node.name };
@@ -38,6 +42,7 @@ pub(super) fn add_cameras(
             world_from_camera: world_from_camera.as_affine3a(),
             projection,
             aspect,
+            clip,
             ..Camera::default()
         });
     }
@@ -63,6 +68,16 @@ fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), St
         }
         (kind, ..) => Err(format!("there is no description of its type `{}`", shortened(kind))),
     }
+}
+
+/// Without a far plane a camera sees without end.
+fn clip(camera: &document::Camera) -> Result<Clip, String> {
+    let planes = match camera.kind.as_str() {
+        "orthographic" => camera.orthographic.as_ref().map(|it| (it.znear, it.zfar)),
+        _ => camera.perspective.as_ref().map(|it| (it.znear, it.zfar)),
+    };
+    let (near, far) = planes.unwrap_or_default();
+    Clip::new(near.unwrap_or(0.0).into(), far.unwrap_or(f32::INFINITY).into())
 }
 
 /// The rotation and translation of a transformation that keep its −z and, as far as possible, its +y.

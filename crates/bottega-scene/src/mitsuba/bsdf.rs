@@ -85,6 +85,7 @@ impl Importer<'_> {
             relief: lowered.relief,
             interior: interior.filter(|_| is_boundary),
             exterior: exterior.filter(|_| is_boundary),
+            see_through: false,
         };
         let tangents = material.needs_tangents();
         let uvs = tangents || !material.textures().is_empty();

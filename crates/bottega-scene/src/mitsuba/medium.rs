@@ -55,10 +55,12 @@ impl Importer<'_> {
         }
         let is_given = |name: &str| object.property(name).is_some() || object.child(name).is_some();
         // The old line may give scattering and absorption apart.
+        // What varies in space ends at the box of its extinction, even where that is the same everywhere within.
+        let is_boxed = object.plugin == "heterogeneous" && !self.document.is_old;
         let stuff = if is_given("sigma_s") || is_given("sigma_a") {
             self.coefficients(object)?
         } else {
-            self.extinction_and_albedo(object, if is_given("density") { "density" } else { "sigma_t" })?
+            self.extinction_and_albedo(object, if is_given("density") { "density" } else { "sigma_t" }, is_boxed)?
         };
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
         let scaled = |coefficient: Spectrum| (coefficient * scale).min(Spectrum::splat(1e30));
@@ -98,7 +100,9 @@ impl Importer<'_> {
     }
 
     /// What the extinction, of this name, and `albedo` say.
-    fn extinction_and_albedo(&mut self, object: &Object, density: &str) -> Result<Stuff, SceneError> {
+    ///
+    /// - `is_boxed`: whether there is nothing beyond the box of the extinction.
+    fn extinction_and_albedo(&mut self, object: &Object, density: &str, is_boxed: bool) -> Result<Stuff, SceneError> {
         if let Some(name) = self.bad(object.string("material"))? {
             let message =
                 format!("the substance `{}` is not known; a gray fog stands for it", crate::text::shortened(name));
@@ -107,12 +111,17 @@ impl Importer<'_> {
         let extinction = self.field(object, density, Role::Unbounded, Spectrum::ONE)?;
         let albedo = self.field(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?;
         let mean_albedo = albedo.mean().min(Spectrum::ONE);
+        let mut coefficient = Spectrum::ONE;
         let of = |extinction: Spectrum, variation| {
             let scattering = extinction * mean_albedo;
             Stuff { absorption: (extinction - scattering).max(Spectrum::ZERO), scattering, variation }
         };
         let (grid, grid_from_world) = match extinction {
             Field::Grid(grid, place) => (grid, place),
+            Field::Constant(extinction) if is_boxed => {
+                coefficient = extinction;
+                (Grid::one(), self.box_of(object, density)?)
+            }
             Field::Constant(extinction) => {
                 if matches!(albedo, Field::Grid(..)) {
                     self.report
@@ -130,7 +139,7 @@ impl Importer<'_> {
                 Density::WithAlbedo { extinction: grid, albedo }
             }
         };
-        Ok(of(Spectrum::ONE, Some(Variation { density, emission: None, grid_from_world })))
+        Ok(of(coefficient, Some(Variation { density, emission: None, grid_from_world })))
     }
 
     /// A property of a medium.
@@ -147,6 +156,19 @@ impl Importer<'_> {
                 self.report.warn(volume.at, message);
                 Ok(Field::Constant(default))
             }
+        }
+    }
+
+    /// The box of a constant volume: the unit cube under its transformation.
+    fn box_of(&self, object: &Object, name: &str) -> Result<Affine3A, SceneError> {
+        let Some(child) = object.child(name) else { return Ok(Affine3A::IDENTITY) };
+        let volume = self.document.get(child.object);
+        let world_from_box = DAffine3::from_mat4(self.bad(volume.transform("to_world"))?);
+        let box_from_world = world_from_box.inverse().as_affine3a();
+        if box_from_world.is_finite() {
+            Ok(box_from_world)
+        } else {
+            Err(self.report.invalid(volume.at, "the box of the volume is flat, or out of reach"))
         }
     }
 

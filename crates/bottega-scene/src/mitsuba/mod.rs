@@ -6,9 +6,8 @@
 //! Sides: Mitsuba decides them by the shading frame, we by the winding of triangles; triangles that disagree with their
 //! vertex normals are turned over. Curved shapes that we have no analytic one for (cylinders, disks, unevenly scaled
 //! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius. Curves become tubes of
-//! triangles: round ones of 32 sides, down to 5 where there are very many.
-//!
-//! Near and far clipping planes are left out: a path has no use for them after its first vertex.
+//! triangles: round ones of 32 sides, down to 5 where there are very many. Surfaces of grids of distances become some million
+//! triangles.
 
 mod attribute;
 mod bsdf;
@@ -16,10 +15,12 @@ mod color;
 mod curve;
 mod document;
 mod emitter;
+mod integrator;
 mod medium;
 mod mesh;
 mod read;
 mod report;
+mod sdf;
 mod sensor;
 mod shape;
 mod sky;
@@ -74,6 +75,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         scene: Scene::default(),
         hints: RenderHints::default(),
         slides: Vec::new(),
+        manner: integrator::Manner::default(),
         conversions: 0,
         materials: BTreeMap::new(),
         media: BTreeMap::new(),
@@ -89,6 +91,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     for &root in &document.roots {
         importer.root(root)?;
     }
+    importer.apply_manner();
     importer.report_unused();
     let Importer { report, pictures, mut scene, hints, slides, .. } = importer;
     report.finish(warnings);
@@ -114,6 +117,7 @@ struct Importer<'a> {
     hints: RenderHints,
     /// Pictures of spots, each with the index of its light.
     slides: Vec<(usize, emitter::Slide)>,
+    manner: integrator::Manner,
     conversions: usize,
     /// What was made of a bsdf with an emitter and media.
     materials: BTreeMap<bsdf::MaterialKey, (u32, bsdf::Needs)>,

@@ -12,8 +12,18 @@ use crate::error::Warnings;
 pub(super) struct Report {
     /// Name and path; 0 is the scene.
     files: Vec<(String, PathBuf)>,
-    entries: Vec<(Place, String, usize)>,
+    entries: Vec<Entry>,
     index_of: BTreeMap<String, usize>,
+}
+
+/// A message, and at how many places it was told.
+#[derive(Debug)]
+struct Entry {
+    at: Place,
+    message: String,
+    count: usize,
+    /// Whether something was left out or replaced that the file's own renderer would show.
+    is_lack: bool,
 }
 
 /// Different messages that are kept.
@@ -55,24 +65,33 @@ impl Report {
 
     /// Something that was left out or replaced.
     pub(super) fn warn(&mut self, at: Place, message: impl Into<String>) {
-        let message = message.into();
+        self.tell(at, message.into(), true);
+    }
+
+    /// Something that the user may wonder about, though the picture is as the file wants it.
+    pub(super) fn note(&mut self, at: Place, message: impl Into<String>) {
+        self.tell(at, message.into(), false);
+    }
+
+    fn tell(&mut self, at: Place, message: String, is_lack: bool) {
         if let Some(&index) = self.index_of.get(&message) {
-            self.entries[index].2 += 1;
+            self.entries[index].count += 1;
         } else if self.entries.len() < ENTRIES_MAX {
             self.index_of.insert(message.clone(), self.entries.len());
-            self.entries.push((at, message, 1));
+            self.entries.push(Entry { at, message, count: 1, is_lack });
         }
     }
 
     /// Hands the warnings on.
     pub(super) fn finish(self, warnings: &mut Warnings) {
-        for (at, message, count) in &self.entries {
+        for Entry { at, message, count, is_lack } in &self.entries {
             let more = match count - 1 {
                 0 => String::new(),
                 1 => " (and at another place)".into(),
                 more => format!(" (and at {more} other places)"),
             };
-            warnings.unsupported(self.show(*at), format!("{message}{more}"));
+            let (place, message) = (self.show(*at), format!("{message}{more}"));
+            if *is_lack { warnings.unsupported(place, message) } else { warnings.add(place, message) }
         }
     }
 }

@@ -7,7 +7,7 @@ use super::document::{Class, Object, ObjectId};
 use super::value::{Value, number};
 use crate::load::FilmFilter;
 use crate::text::shortened;
-use crate::{Camera, FovAxis, Projection, SceneError};
+use crate::{Camera, Clip, FovAxis, Projection, SceneError};
 
 /// Columns and rows of a film, where the file is silent.
 const FILM: [u32; 2] = [768, 576];
@@ -16,7 +16,7 @@ impl Importer<'_> {
     /// A camera of the scene. The first one says how the scene wants to be painted.
     pub(super) fn add_sensor(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
-        object.ignore(&["shutter_open", "shutter_close", "near_clip", "far_clip", "srf"]);
+        object.ignore(&["shutter_open", "shutter_close", "srf"]);
         let mut film = None;
         let mut medium = None;
         for child in &object.children {
@@ -49,15 +49,20 @@ impl Importer<'_> {
             ..Camera::default()
         };
         match object.plugin.as_str() {
-            "perspective" | "perspective_rdist" | "thinlens" => self.perspective(object, &mut camera, aspect)?,
+            "perspective" | "perspective_rdist" | "thinlens" => {
+                self.perspective(object, &mut camera, aspect)?;
+                self.clip(object, &mut camera, 1.0)?;
+            }
             "orthographic" => {
                 // It shows [−1, 1] across; the scales of its transformation say how wide that is, and stretch what pixels show.
                 let (x, y) = (to_world.x_axis.truncate().length(), to_world.y_axis.truncate().length());
                 camera.projection = Projection::Orthographic { height: (2.0 * y / aspect) as f32 };
                 camera.pixel_aspect = (x / y) as f32;
                 camera.fov_axis = FovAxis::X;
+                self.clip(object, &mut camera, to_world.z_axis.truncate().length())?;
             }
             _ => {
+                self.clip(object, &mut camera, 1.0)?;
                 let message = format!("the {} is not supported; `perspective` stands for it", object.describe());
                 self.report.warn(object.at, message);
                 self.accept_all(object);
@@ -72,6 +77,21 @@ impl Importer<'_> {
             return Err(self.report.invalid(object.at, "the sensor sees nothing"));
         }
         self.scene.cameras.push(camera);
+        Ok(())
+    }
+
+    /// The planes between which a projective sensor sees.
+    ///
+    /// - `scale`: length of its line of sight, by which the near plane is moved away; the far one is as far behind it as
+    ///   without scale.
+    fn clip(&mut self, object: &Object, camera: &mut Camera, scale: f64) -> Result<(), SceneError> {
+        let near = self.bad(object.float("near_clip"))?.unwrap_or(1e-2);
+        let far = self.bad(object.float("far_clip"))?.unwrap_or(1e4);
+        if near <= 0.0 {
+            return Err(self.report.invalid(object.at, format!("a near clip plane in the distance {near} cannot be")));
+        }
+        camera.clip =
+            self.bad(Clip::new(near * scale, near * scale + (far - near)).map_err(|problem| (object.at, problem)))?;
         Ok(())
     }
 
@@ -214,45 +234,6 @@ impl Importer<'_> {
             self.report.warn(object.at, format!("`{name}` of a filter is from 0 to 1: {number} stands for {given}"));
         }
         Ok(number as f32)
-    }
-
-    /// How light is found; we only take how long its paths may be.
-    pub(super) fn read_integrator(&mut self, id: ObjectId) -> Result<(), SceneError> {
-        let object = self.visit(id)?;
-        object.ignore(&["rr_depth", "strict_normals", "samples_per_pass", "block_size", "timeout"]);
-        let depth = self.bad(object.integer("max_depth"))?.unwrap_or(-1);
-        // Mitsuba counts the edges of a path: 1 shows what shines, 2 direct light.
-        let mut bounces = u32::try_from(depth).map_or(u32::MAX, |depth| depth.saturating_sub(1));
-        if self.bad(object.boolean("hide_emitters", false))? {
-            self.report.warn(object.at, "emitters stay visible: `hide_emitters` is left out");
-        }
-        match object.plugin.as_str() {
-            "path" | "volpath" | "volpathmis" | "volpath_simple" => {}
-            "direct" => {
-                object.ignore(&["emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples"]);
-                bounces = 1;
-            }
-            "aov" | "moment" | "adaptive" | "irrcache" | "multichannel" => {
-                self.accept_all(object);
-                let inner =
-                    object.children.iter().find(|child| self.document.get(child.object).class == Class::Integrator);
-                if object.plugin != "moment" && object.plugin != "adaptive" {
-                    let message =
-                        format!("the {} is not supported; only what it colours is painted", object.describe());
-                    self.report.warn(object.at, message);
-                }
-                return inner.map_or(Ok(()), |child| self.read_integrator(child.object));
-            }
-            _ => {
-                let message = format!("the {} is not supported; paths are traced instead", object.describe());
-                self.report.warn(object.at, message);
-                self.accept_all(object);
-            }
-        }
-        if self.hints.max_depth.is_none() {
-            self.hints.max_depth = Some(bounces);
-        }
-        Ok(())
     }
 }
 

@@ -8,10 +8,13 @@ use super::Importer;
 use super::bsdf::{Needs, turned};
 use super::document::{Class, Document, Object, ObjectId};
 use super::mesh::{Normals, place};
+use super::sdf::{self, SdfGrid, SdfNormals};
 use super::solids;
+use super::volume::{self, Numbers};
 use super::xml::Place;
 use crate::model::MeshBounds;
 use crate::origin::{centered, rounding};
+use crate::text::shortened;
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 
 /// Meshes with fewer triangles are not worth an instance.
@@ -127,6 +130,7 @@ impl Importer<'_> {
             "cube" => solids::cube(),
             "disk" => solids::disk(),
             "bsplinecurve" | "linearcurve" => return self.curves(object, matrix),
+            "sdfgrid" => self.distance_grid(object)?,
             "cylinder" => return self.cylinder(object, matrix),
             "sphere" => return self.sphere(object, matrix),
             "instance" => return self.instance(object, matrix),
@@ -149,6 +153,30 @@ impl Importer<'_> {
         let normals = self.normals(object)?;
         let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk");
         self.finish(object, mesh, matrix, normals, is_flat)
+    }
+
+    /// The surface of a grid of signed distances.
+    fn distance_grid(&mut self, object: &Object) -> Result<Mesh, SceneError> {
+        object.ignore(&["watertight"]);
+        let normals = match self.bad(object.string("normals"))? {
+            Some("analytic") => SdfNormals::Analytic,
+            Some("smooth") | None => SdfNormals::Smooth,
+            Some(other) => {
+                let message = format!("`normals` of a grid of distances cannot be `{}`", shortened(other));
+                return Err(self.report.invalid(object.at, message));
+            }
+        };
+        let location = self.filename(object)?;
+        let bytes = self.resources.read(&location)?;
+        let damaged = |problem| SceneError::Damaged { path: location.path().into(), problem };
+        let Numbers { size, channels, values, .. } = volume::numbers(&bytes).map_err(damaged)?;
+        if channels != 1 {
+            return Err(damaged(format!("a grid of distances has one channel, not {channels}")));
+        }
+        let grid = SdfGrid::new(size, values).map_err(damaged)?;
+        sdf::triangles(&grid, normals, |bytes| {
+            self.placed(object.at, self.resources.budget().check(self.report.path(object.at.file), bytes))
+        })
     }
 
     /// The mesh that several shapes show, made for the first of them. `None`: each is to have its own.

@@ -3,7 +3,7 @@
 use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 
 use super::Importer;
-use super::color::Role;
+use super::color::{Role, luminance};
 use super::document::{Object, ObjectId};
 use crate::image::Encoding;
 use crate::text::shortened;
@@ -49,7 +49,7 @@ impl Importer<'_> {
         }
         match object.plugin.as_str() {
             "bitmap" => self.bitmap(object, wanted),
-            "checkerboard" => self.checkerboard(object, role),
+            "checkerboard" => self.checkerboard(object, wanted, role),
             "scale" => {
                 let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
                 let Some(inner) = object.children.first() else {
@@ -105,10 +105,17 @@ impl Importer<'_> {
         Ok(Texture { factor: Spectrum::ONE, map: Some((map, channel)) })
     }
 
-    /// Two colours, in four squares of a picture.
-    fn checkerboard(&mut self, object: &Object, role: Role) -> Result<Texture, SceneError> {
-        let first = self.plain_color(object, "color0", role, Vec3::splat(0.4))?;
-        let second = self.plain_color(object, "color1", role, Vec3::splat(0.2))?;
+    /// Two colours, in four squares of a picture. Read as a number Mitsuba 3 has them the other way round (its `eval_1`), and
+    /// scenes are made to look right there.
+    fn checkerboard(&mut self, object: &Object, wanted: Use, role: Role) -> Result<Texture, SceneError> {
+        let mut first = self.plain_color(object, "color0", role, Vec3::splat(0.4))?;
+        let mut second = self.plain_color(object, "color1", role, Vec3::splat(0.2))?;
+        if wanted == Use::Number {
+            (first, second) = (Spectrum::splat(luminance(first)), Spectrum::splat(luminance(second)));
+            if !self.document.is_old {
+                std::mem::swap(&mut first, &mut second);
+            }
+        }
         let (a, b) = (first.to_array(), second.to_array());
         let image = self.pictures.add(Image::from_linear_rgb("checkerboard", 2, 2, vec![a, b, b, a]));
         let map = TextureMap { smooth: false, ..self.map(object, image)? };

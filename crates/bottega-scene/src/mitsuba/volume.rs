@@ -1,4 +1,4 @@
-//! Grids of Mitsuba's `gridvolume`.
+//! Grids of Mitsuba's `gridvolume` and `sdfgrid`.
 
 use glam::{DAffine3, DVec3};
 
@@ -12,8 +12,28 @@ pub(super) struct Volume {
     pub(super) file_from_cube: DAffine3,
 }
 
-/// Reads a `.vol` file of version 3 with floats, in one channel or three (of six, the first three count).
+/// The numbers of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Numbers {
+    /// Samples along x, y and z.
+    pub(super) size: [u32; 3],
+    /// 1 or 3.
+    pub(super) channels: usize,
+    /// Those of a sample together; x runs fastest.
+    pub(super) values: Vec<f32>,
+    /// The unit cube to the box that the file names.
+    file_from_cube: DAffine3,
+}
+
+/// Reads a grid of densities or the like, of which none is below 0; see [`numbers`].
 pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
+    let Numbers { size, values, file_from_cube, .. } = numbers(bytes)?;
+    let grid = Grid::new(size, values, blend).map_err(|problem| problem.to_string())?;
+    Ok(Volume { grid, file_from_cube })
+}
+
+/// Reads a `.vol` file of version 3 with floats, in one channel or three (of six, the first three count).
+pub(super) fn numbers(bytes: &[u8]) -> Result<Numbers, String> {
     const HEADER_BYTES: usize = 48;
     if !bytes.starts_with(b"VOL\x03") {
         return Err("it does not begin, at byte 0, like a grid of version 3".into());
@@ -46,12 +66,13 @@ pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
         return Err(format!("the value at byte {} is no finite number up to {VALUE_MAX:e}", HEADER_BYTES + 4 * index));
     }
     let cells = values[..4 * count].chunks_exact(4 * channels);
-    let numbers = cells.flat_map(|cell| cell.chunks_exact(4).take(channels.min(3)).map(float)).collect();
-    let grid = Grid::new(size, numbers, blend).map_err(|problem| problem.to_string())?;
+    let channels = channels.min(3);
+    let values = cells.flat_map(|cell| cell.chunks_exact(4).take(channels).map(float)).collect();
     let corner =
         |index: usize| DVec3::from_array([0, 1, 2].map(|axis| f64::from(f32::from_le_bytes(word(index + axis)))));
     let (low, high) = (corner(5), corner(8));
-    Ok(Volume { grid, file_from_cube: DAffine3::from_translation(low) * DAffine3::from_scale(high - low) })
+    let file_from_cube = DAffine3::from_translation(low) * DAffine3::from_scale(high - low);
+    Ok(Numbers { size, channels, values, file_from_cube })
 }
 
 #[cfg(test)]

@@ -132,6 +132,13 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
             }
         }
         let lights = Lights::new(self.context, &mut self.textures, self.world, self.exposure)?;
+        if self.world.ignores_media()
+            && self.scene.leave_out_media()
+            && let Some(integrator) = &self.world.integrator
+        {
+            let message = format!("the integrator \"{}\" knows no media: they are left out", integrator.kind);
+            self.context.warn(integrator.at, message);
+        }
         self.finish(lights).map(|scene| (scene, hints))
     }
 
@@ -352,6 +359,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
             relief: look.relief,
             interior: media[0],
             exterior: media[1],
+            see_through: false,
         };
         if inside_out {
             turn_inside_out(&mut material);

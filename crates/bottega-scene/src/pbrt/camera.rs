@@ -123,6 +123,8 @@ impl World {
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
             lens_shift: if sees_all_around { Vec2::ZERO } else { lens_shift },
             medium,
+            clip: crate::Clip::NONE,
+            hides_emitters: false,
         })
     }
 }

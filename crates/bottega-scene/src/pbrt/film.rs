@@ -7,7 +7,7 @@ use super::context::{Context, Outcome};
 use super::token::Place;
 use super::world::{Entity, World};
 use crate::text::shortened;
-use crate::{FilmFilter, RenderHints, Spectrum};
+use crate::{FilmFilter, Follows, IntegratorHint, PhotonHints, RenderHints, Spectrum};
 
 /// pbrt's film when none is given.
 const RESOLUTION: [i64; 2] = [1280, 720];
@@ -37,6 +37,7 @@ impl World {
             crop,
             samples: Some(self.samples(context)?),
             max_depth: Some(self.max_depth(context)?),
+            integrator: self.integrator_hint(context, resolution, crop)?,
             filter: Some(self.pixel_filter(context)?),
             ..RenderHints::default()
         })
@@ -167,8 +168,7 @@ impl World {
         let params = &integrator.params;
         let depth = params.integer("maxdepth")?.unwrap_or(5);
         match integrator.kind.as_str() {
-            "path" | "volpath" | "bdpt" | "mlt" | "sppm" | "simplepath" | "simplevolpath" | "lightpath"
-            | "randomwalk" => {}
+            kind if follows(kind).is_some() => {}
             "ao" | "function" => {
                 let message = format!(
                     "the integrator \"{}\" is not painted with; light is followed along paths",
@@ -194,6 +194,31 @@ impl World {
         params.ignore(&["photonsperiteration", "radius", "seed", "cossample", "maxdistance", "rrthreshold"]);
         context.report_unused(params);
         u32::try_from(depth).map_err(|_| params.place_of("maxdepth").fault("`maxdepth` is negative").into())
+    }
+
+    /// The integrator as the file names it.
+    fn integrator_hint(
+        &self,
+        context: &Context<'_>,
+        resolution: [u32; 2],
+        crop: Option<[u32; 4]>,
+    ) -> Outcome<Option<IntegratorHint>> {
+        let Some(integrator) = &self.integrator else { return Ok(None) };
+        let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
+        if let Follows::Photons(hints) = &mut follows {
+            let params = &integrator.params;
+            // Its photons are as many as its pixels, where it is silent.
+            let [width, height] = crop.map_or(resolution, |[_, _, width, height]| [width, height]);
+            let pixels = u64::from(width) * u64::from(height);
+            let count = match params.integer("photonsperiteration")?.unwrap_or(-1) {
+                given if given > 0 => given.unsigned_abs(),
+                _ => pixels,
+            };
+            hints.count = Some(u32::try_from(count).unwrap_or(u32::MAX));
+            hints.radius = Some(positive(params.float("radius")?.unwrap_or(1.0), params.place_of("radius"))?);
+        }
+        let place = context.place(integrator.at);
+        Ok(Some(IntegratorHint { name: integrator.kind.clone(), place, follows }))
     }
 
     fn pixel_filter(&self, context: &mut Context<'_>) -> Outcome<FilmFilter> {
@@ -244,6 +269,25 @@ impl World {
         context.report_unused(params);
         Ok(result)
     }
+}
+
+impl World {
+    /// Whether there are no media for the integrator of the file.
+    pub(super) fn ignores_media(&self) -> bool {
+        let kind = self.integrator.as_ref().map_or("volpath", |integrator| integrator.kind.as_str());
+        matches!(kind, "path" | "simplepath" | "randomwalk" | "lightpath" | "sppm")
+    }
+}
+
+/// From where an integrator follows light; `None`: it does something else, or is not known.
+fn follows(kind: &str) -> Option<Follows> {
+    Some(match kind {
+        "path" | "volpath" => Follows::Paths { is_ours: true },
+        "simplepath" | "simplevolpath" | "randomwalk" => Follows::Paths { is_ours: false },
+        "bdpt" | "mlt" | "lightpath" => Follows::BothEnds,
+        "sppm" => Follows::Photons(PhotonHints::default()),
+        _ => return None,
+    })
 }
 
 /// A number above 0 in single precision.

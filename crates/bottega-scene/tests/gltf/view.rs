@@ -2,7 +2,7 @@
 
 use std::f32::consts::FRAC_PI_4;
 
-use bottega_scene::{LightKind, LoadOptions, Projection, SceneError, load};
+use bottega_scene::{Clip, LightKind, LoadOptions, Projection, SceneError, load};
 use glam::Vec3;
 use serde_json::json;
 
@@ -34,6 +34,30 @@ fn cameras_keep_their_direction_and_lose_their_scale() {
     assert!((world.transform_vector3(Vec3::NEG_Z) - Vec3::NEG_X).length() < 1e-6);
     assert!((world.transform_vector3(Vec3::Y) - Vec3::Y).length() < 1e-6);
     assert_eq!(world.transform_point3(Vec3::ZERO), Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn cameras_have_the_clip_planes_of_the_file() {
+    let clip = |camera: serde_json::Value| {
+        let mut file = File::triangle();
+        file.json["cameras"] = json!([camera]);
+        file.json["nodes"][0]["camera"] = json!(0);
+        let loaded = file.load();
+        let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+        (loaded.scene.cameras[0].clip, warnings.iter().any(|warning| warning.contains("clip planes")))
+    };
+    let perspective = |znear: f32, zfar: Option<f32>| {
+        let mut camera = json!({"type": "perspective", "perspective": {"yfov": 0.8, "znear": znear}});
+        if let Some(zfar) = zfar {
+            camera["perspective"]["zfar"] = json!(zfar);
+        }
+        camera
+    };
+    assert_eq!(clip(perspective(0.5, None)), (Clip { near: 0.5, far: f32::INFINITY }, false));
+    assert_eq!(clip(perspective(0.5, Some(8.0))), (Clip { near: 0.5, far: 8.0 }, false));
+    assert_eq!(clip(perspective(0.5, Some(0.25))), (Clip::NONE, true));
+    let parallel = json!({"type": "orthographic", "orthographic": {"xmag": 3, "ymag": 2, "znear": 0, "zfar": 9}});
+    assert_eq!(clip(parallel), (Clip { near: 0.0, far: 9.0 }, false));
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Cameras, films and how deep paths go.
 
-use bottega_scene::{Camera, FilmFilter, FovAxis, Projection};
+use bottega_scene::{Camera, Clip, FilmFilter, Follows, FovAxis, PhotonHints, Projection};
 use glam::{Vec2, Vec3};
 
-use crate::support::{read, silent, told};
+use crate::support::{read, read_old, refuse, silent, told};
 
 /// The direction in which a camera looks at a point of the picture, (0, 0) in its upper left corner; world space.
 fn direction(camera: &Camera, at: Vec2) -> Vec3 {
@@ -96,5 +96,66 @@ fn film_and_integrator_become_hints() {
     let loaded = read(
         "<integrator type='bdpt'/><sensor type='perspective'><film type='hdrfilm'><rfilter type='lanczos'/></film></sensor>",
     );
-    assert_eq!(told(&loaded).len(), 2, "{:?}", told(&loaded));
+    assert_eq!(told(&loaded).len(), 1, "{:?}", told(&loaded));
+}
+
+#[test]
+fn integrators_say_from_where_they_follow_light() {
+    let paths = Follows::Paths { is_ours: true };
+    let cases = [
+        ("path", paths),
+        ("volpath", paths),
+        ("direct", paths),
+        ("prb", Follows::Paths { is_ours: false }),
+        ("bdpt", Follows::BothEnds),
+        ("mlt", Follows::BothEnds),
+        ("ptracer", Follows::BothEnds),
+        ("ppm", Follows::Photons(PhotonHints::default())),
+    ];
+    for (name, follows) in cases {
+        let hint = silent(&format!("<integrator type='{name}'/>")).hints.integrator.expect(name);
+        assert_eq!((hint.name.as_str(), hint.place.as_str(), hint.follows), (name, "scene.xml:2:1", follows));
+    }
+    assert_eq!(silent("").hints.integrator, None);
+    assert_eq!(told(&read("<integrator type='depth'/>")).len(), 1);
+    let old = read_old(
+        "<integrator type='sppm'><integer name='maxDepth' value='5'/><integer name='photonCount' value='7000'/>
+         <float name='initialRadius' value='0.25'/><integer name='maxPasses' value='12'/></integrator>",
+    );
+    let hints = PhotonHints { count: Some(7000), radius: Some(0.25), ..PhotonHints::default() };
+    assert_eq!(told(&old), Vec::<String>::new());
+    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(Follows::Photons(hints)));
+    assert_eq!((old.hints.samples, old.hints.max_depth), (Some(12), Some(4)));
+    let old = read_old(
+        "<integrator type='photonmapper'><integer name='globalPhotons' value='9000'/><integer name='lookupSize' value='80'/>
+         <float name='globalLookupRadius' value='0.03'/></integrator>",
+    );
+    let hints = PhotonHints { radius_share: Some(0.03), gather: Some(80), ..PhotonHints::default() };
+    assert_eq!(told(&old), Vec::<String>::new());
+    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(Follows::Photons(hints)));
+}
+
+#[test]
+fn projective_sensors_have_clip_planes() {
+    for sensor in ["perspective", "thinlens", "orthographic"] {
+        let clip =
+            |properties: &str| silent(&format!("<sensor type='{sensor}'>{properties}</sensor>")).scene.cameras[0].clip;
+        assert_eq!(clip(""), Clip { near: 0.01, far: 10_000.0 });
+        let planes = "<float name='near_clip' value='2.5'/><float name='far_clip' value='100'/>";
+        assert_eq!(clip(planes), Clip { near: 2.5, far: 100.0 });
+        let loaded = read_old(&format!("<sensor type='{sensor}'><float name='nearClip' value='2.5'/></sensor>"));
+        assert_eq!(loaded.scene.cameras[0].clip.near, 2.5);
+        for planes in ["<float name='near_clip' value='0'/>", "<float name='far_clip' value='0.005'/>"] {
+            assert!(refuse(&format!("<sensor type='{sensor}'>{planes}</sensor>")).contains("clip"), "{planes}");
+        }
+    }
+}
+
+#[test]
+fn emitters_can_be_hidden_from_all_sensors() {
+    let text =
+        "<sensor type='perspective'/><integrator type='path'><boolean name='hide_emitters' value='true'/></integrator>
+        <sensor type='orthographic'/>";
+    assert!(silent(text).scene.cameras.iter().all(|camera| camera.hides_emitters));
+    assert!(!silent("<sensor type='perspective'/><integrator type='path'/>").scene.cameras[0].hides_emitters);
 }

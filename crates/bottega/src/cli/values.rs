@@ -35,7 +35,7 @@ pub(crate) enum ImportanceArg {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum IntegratorArg {
-    /// Path tracing: no error but noise. The default.
+    /// Path tracing: no error but noise.
     Path,
     /// Photon mapping: photons from the lights first, then the picture by what they know. Less noise, and light through glass
     /// that paths hardly find; a little blurred. No fog.

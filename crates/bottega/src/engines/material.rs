@@ -9,7 +9,7 @@ use bottega_engines::external::Files;
 use bottega_scene::SceneFile;
 
 use super::{attempt::absolute, located};
-use crate::{cli::RenderArgs, error::CliError, scene::Subject};
+use crate::{cli::RenderArgs, error::CliError, method::Method, render::max_depth, scene::Subject};
 
 /// The files of a scene, and which engine paints it.
 #[derive(Clone, Debug, Default)]
@@ -19,19 +19,23 @@ pub(crate) struct Material {
     /// The engine of other people that all machines must have; `None`: our own.
     pub(crate) engine: Option<String>,
     pub(crate) warnings: Vec<String>,
+    /// How our own engine paints it.
+    pub(crate) method: Option<String>,
 }
 
 impl Material {
     /// Of a scene that our own engine has read.
-    pub(crate) fn of(subject: &Subject) -> Self {
-        let warnings = subject.warnings.iter().map(ToString::to_string).collect();
-        Self { files: subject.files.clone(), engine: None, warnings }
+    pub(crate) fn of(args: &RenderArgs, subject: &Subject) -> Self {
+        let method = Method::of(args, subject, max_depth(args, subject));
+        let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
+        let method = method.note.clone().unwrap_or_else(|| format!("painted by {}", method.name()));
+        Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
     }
 
     /// Reads the scene, or has its engine tell what it refers to.
     pub(crate) fn gather(args: &RenderArgs) -> Result<Self, CliError> {
         if args.engines.is_builtin() {
-            return Ok(Self::of(&Subject::load(&args.scene)?));
+            return Ok(Self::of(args, &Subject::load(&args.scene)?));
         }
         let (name, _) = args.engines.other()?;
         let engine = located(&args.engines.folders, name)?;
@@ -50,7 +54,7 @@ impl Material {
                 own.as_deref().unwrap_or(Path::new("the scene")).display()
             )
         });
-        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings: warnings.collect() })
+        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings: warnings.collect(), method: None })
     }
 }
 

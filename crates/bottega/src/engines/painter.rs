@@ -235,7 +235,7 @@ fn check(args: &RenderArgs) -> Result<(), CliError> {
         ("--env", args.scene.env.is_some()),
         ("--env-strength", args.scene.env_strength != 1.0),
         ("--filter", args.filter.is_some()),
-        ("--integrator", args.integrator != IntegratorArg::Path),
+        ("--integrator", args.integrator.is_some_and(|asked| asked != IntegratorArg::Path)),
         ("--variant", args.scene.file.variant.is_some()),
         ("--animation", args.scene.file.animation.is_some()),
         ("--exact", args.exact),

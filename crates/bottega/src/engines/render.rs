@@ -122,6 +122,8 @@ fn started(reporter: &Reporter, args: &RenderArgs, painter: &Painter) {
         height: settings.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         samples_per_pixel: settings.samples,
+        integrator: painter.title(),
+        progressive: false,
         agents: settings.agents,
         threads: settings.processors,
         gpus: Vec::new(),

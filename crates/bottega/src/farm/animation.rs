@@ -115,7 +115,7 @@ fn submit(
     let mut wanted = BTreeMap::new();
     for frame in missing {
         let of_frame = args.at_frame(frame)?;
-        let mut job = new_job(&of_frame, me);
+        let mut job = new_job(&of_frame, &material, me);
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &Order { frame: Some(frame), ..order.clone() })?;
         wanted.insert(number, Wanted { frame, work: job.work, output: of_frame.output });

@@ -62,7 +62,7 @@ impl Asked {
         board.sweep();
         let (order, sent) = order(&board, &name, args, material, stop, reporter)?;
         let order = Order { journal: journal.map(str::to_owned), ..order };
-        let job = new_job(args, &name);
+        let job = new_job(args, material, &name);
         let number = board.submit(&job, &order)?;
         sent.keep();
         parting::say_if_ended_at_once(format!(
@@ -209,7 +209,7 @@ pub(crate) fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 }
 
 /// A job that is asked for now.
-pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
+pub(super) fn new_job(args: &RenderArgs, material: &Material, from: &str) -> Job {
     let mut job = Job {
         version: identity().to_owned(),
         commit: commit(),
@@ -223,6 +223,7 @@ pub(super) fn new_job(args: &RenderArgs, from: &str) -> Job {
         log: Vec::new(),
     };
     job.say(format!("asked for by {from}"));
+    material.method.iter().for_each(|method| job.say(method.clone()));
     job
 }
 

@@ -23,6 +23,9 @@ const LOOKS_MIN: f32 = 0.25;
 impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
+        if self.depth == 0 && self.integrator.hides_emitters {
+            return;
+        }
         let prepared = self.integrator.prepared;
         let from = self.previous.receiver.p;
         let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);

@@ -41,9 +41,9 @@ impl Path<'_> {
         }
         self.throughput *= sample.weight();
         if !is_reflection {
-            let (material, known) = self.integrator.prepared.material(point.material);
+            let known = self.integrator.prepared.material(point.material).1;
             // Into the solid when the path came from its outside, else out of it.
-            if !material.surface.is_thin() {
+            if known.parts_media {
                 self.absorption = known.absorption[usize::from(point.front)];
             }
             self.roulette_scale *= sample.eta * sample.eta;

@@ -18,7 +18,7 @@ use crate::{
     ala::{Agents, Tally},
     bsdf::Bsdf,
     camera::{CameraRay, RayCone},
-    interaction::{Asks, Interaction, is_there},
+    interaction::{Asks, Interaction, is_there, shines},
     lights::Receiver,
     photon::{
         Arrived, BOUNCES_KEPT, ByBounces, Nearest, PhotonMaps,
@@ -212,7 +212,13 @@ impl<'a> Eye<'a> {
 
     /// Goes to the next surface. False when the path is at its end.
     fn step(&mut self, walk: &mut Walk) -> bool {
-        let hit = self.intersect(&Ray::new(walk.origin, walk.direction), walk.vertex);
+        let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
+        let ray = Ray { t_max, ..Ray::new(walk.origin, walk.direction) };
+        let hides_emitters = walk.vertex == 0 && self.integrator.base.hides_emitters();
+        let hit = if hides_emitters { self.intersect_unlit(&ray) } else { self.intersect(&ray, walk.vertex) };
+        if hit.is_none() && hides_emitters {
+            return false;
+        }
         if hit.is_none() {
             self.add_environment(walk);
             return false;
@@ -231,7 +237,7 @@ impl<'a> Eye<'a> {
         let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
         if walk.vertex == 0 {
             let values = &mut self.record.values;
-            (values.alpha, values.depth, values.normal) = (1.0, hit.t, point.frame[2].to_array());
+            (values.alpha, values.depth, values.normal) = (1.0, walk.start + hit.t, point.frame[2].to_array());
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
@@ -422,7 +428,8 @@ impl<'a> Eye<'a> {
         let prepared = self.prepared;
         let mut walk = Walk::of_camera(ray);
         for _ in 0..=MIRRORS_MAX {
-            let hit = self.intersect(&Ray::new(walk.origin, walk.direction), walk.vertex);
+            let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
+            let hit = self.intersect(&Ray { t_max, ..Ray::new(walk.origin, walk.direction) }, walk.vertex);
             if hit.is_none() {
                 return None;
             }
@@ -459,7 +466,7 @@ impl<'a> Eye<'a> {
             return nothing;
         }
         let cone = RayCone { width: spot.width, spread: SCATTERED_SPREAD };
-        let ray = CameraRay { origin, direction, cone };
+        let ray = CameraRay { origin, direction, cone, start: 0.0, reach: f32::INFINITY };
         let mut walk = Walk {
             depth: 1,
             vertex: VERTICES * (2 + index),
@@ -499,6 +506,12 @@ impl<'a> Eye<'a> {
         } else {
             self.prepared.accel().intersect(ray)
         }
+    }
+
+    /// What a camera sees that does not see what shines.
+    fn intersect_unlit(&self, ray: &Ray) -> Hit {
+        let is_seen = |hit: &Hit| !shines(self.prepared, hit) && self.is_there(ray, hit, 0, Asks::Path);
+        self.prepared.accel().intersect_filtered(ray, is_seen)
     }
 
     fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: Asks) -> bool {

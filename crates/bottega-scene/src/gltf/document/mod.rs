@@ -279,9 +279,16 @@ object!(Camera {
 strict_object!(Perspective {
     yfov: f32,
     aspect_ratio: Option<f32>,
+    znear: Option<f32>,
+    zfar: Option<f32>,
 });
 
-strict_object!(Orthographic { xmag: f32, ymag: f32 });
+strict_object!(Orthographic {
+    xmag: f32,
+    ymag: f32,
+    znear: Option<f32>,
+    zfar: Option<f32>,
+});
 
 object!(Animation {
     name: String,

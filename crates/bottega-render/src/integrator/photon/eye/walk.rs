@@ -29,6 +29,9 @@ pub(super) struct Walk {
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) cone: RayCone,
+    /// How far from the camera it starts, and how far its next ray sees surfaces.
+    pub(super) start: f32,
+    pub(super) reach: f32,
     pub(super) throughput: Spectrum,
     /// Of the solid that it is in.
     pub(super) absorption: Spectrum,
@@ -49,6 +52,8 @@ impl Walk {
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
+            start: ray.start,
+            reach: ray.reach,
             throughput: Spectrum::ONE,
             absorption: Spectrum::ZERO,
             squeezed: 1.0,
@@ -94,8 +99,8 @@ pub(super) fn scatter(
     }
     walk.throughput *= sample.weight() * part;
     if !is_reflection {
-        let (material, known) = prepared.material(point.material);
-        if !material.surface.is_thin() {
+        let known = prepared.material(point.material).1;
+        if known.parts_media {
             walk.absorption = known.absorption[usize::from(point.front)];
         }
         walk.squeezed *= sample.eta * sample.eta;

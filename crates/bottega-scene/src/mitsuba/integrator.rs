@@ -1,0 +1,152 @@
+//! How light is found.
+
+use super::Importer;
+use super::document::{Class, Object, ObjectId};
+use super::xml::Place;
+use crate::{Dielectric, Facets, Follows, IntegratorHint, PhotonHints, SceneError, Spectrum, Surface};
+
+/// What an integrator makes of the scene beside following its light.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Manner {
+    /// Whether what goes straight through thin panes is no bounce, and lamps shine through them.
+    sees_through_panes: bool,
+    /// Whether there are no media for it.
+    ignores_media: bool,
+    /// Whether the camera does not see what shines.
+    hides_emitters: bool,
+    at: Place,
+}
+
+impl Importer<'_> {
+    /// How light is found: by which of our integrators, over how many bounces.
+    pub(super) fn read_integrator(&mut self, id: ObjectId) -> Result<(), SceneError> {
+        let object = self.visit(id)?;
+        if matches!(object.plugin.as_str(), "aov" | "moment" | "adaptive" | "irrcache" | "multichannel" | "stokes") {
+            return self.read_inner_integrator(object);
+        }
+        object.ignore(&["rr_depth", "strict_normals", "samples_per_pass", "block_size", "timeout"]);
+        let depth = self.bad(object.integer("max_depth"))?.unwrap_or(-1);
+        // Mitsuba counts the edges of a path: 1 shows what shines, 2 direct light.
+        let mut bounces = u32::try_from(depth).map_or(u32::MAX, |depth| depth.saturating_sub(1));
+        let hides_emitters = self.bad(object.boolean("hide_emitters", false))?;
+        let mut follows = Follows::Paths { is_ours: true };
+        let mut is_known = true;
+        match object.plugin.as_str() {
+            "path" | "volpath" | "volpathmis" | "volpath_simple" => {}
+            "direct" => {
+                object.ignore(&["emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples"]);
+                bounces = 1;
+            }
+            "prb" | "prb_basic" | "prb_projective" | "prbvolpath" => {
+                follows = Follows::Paths { is_ours: false };
+                self.accept_all(object);
+            }
+            "direct_projective" => {
+                (follows, bounces) = (Follows::Paths { is_ours: false }, 1);
+                self.accept_all(object);
+            }
+            "bdpt" | "mlt" | "pssmlt" | "erpt" | "ptracer" | "vpl" => {
+                follows = Follows::BothEnds;
+                self.accept_all(object);
+            }
+            "photonmapper" | "ppm" | "sppm" => follows = Follows::Photons(self.photon_hints(object)?),
+            _ => {
+                let message = format!("the {} is not supported; paths are traced instead", object.describe());
+                self.report.warn(object.at, message);
+                self.accept_all(object);
+                is_known = false;
+            }
+        }
+        if self.hints.max_depth.is_some() {
+            return Ok(());
+        }
+        self.hints.max_depth = Some(bounces);
+        let place = self.report.show(object.at);
+        self.hints.integrator = is_known.then(|| IntegratorHint { name: object.plugin.clone(), place, follows });
+        let follows_media =
+            matches!(object.plugin.as_str(), "volpath" | "volpathmis" | "volpath_simple" | "prbvolpath");
+        self.manner = Manner {
+            sees_through_panes: follows_media,
+            ignores_media: is_known && !follows_media && !matches!(object.plugin.as_str(), "bdpt" | "photonmapper"),
+            at: object.at,
+            hides_emitters,
+        };
+        Ok(())
+    }
+
+    /// One that only does something with what another one finds.
+    fn read_inner_integrator(&mut self, object: &Object) -> Result<(), SceneError> {
+        self.accept_all(object);
+        let inner = object.children.iter().find(|child| self.document.get(child.object).class == Class::Integrator);
+        if object.plugin != "moment" && object.plugin != "adaptive" {
+            let message = format!("the {} is not supported; only what it colours is painted", object.describe());
+            self.report.warn(object.at, message);
+        }
+        inner.map_or(Ok(()), |child| self.read_integrator(child.object))
+    }
+
+    /// What the photon mappers of the old line say of photons.
+    fn photon_hints(&mut self, object: &Object) -> Result<PhotonHints, SceneError> {
+        object.ignore(&[
+            "direct_samples",
+            "glossy_samples",
+            "volume_photons",
+            "volume_lookup_size",
+            "granularity",
+            "alpha",
+        ]);
+        object.ignore(&[
+            "global_photons",
+            "caustic_photons",
+            "caustic_lookup_radius",
+            "gather_locally",
+            "auto_cancel_gathering",
+        ]);
+        object.ignore(&["bsdf_samples", "emitter_samples", "luminaire_samples"]);
+        let count = |importer: &Self, name: &str| -> Result<Option<u32>, SceneError> {
+            let number = importer.bad(object.integer(name))?;
+            Ok(number.and_then(|number| u32::try_from(number).ok()).filter(|&number| number > 0))
+        };
+        let positive = |importer: &Self, name: &str| -> Result<Option<f32>, SceneError> {
+            let number = importer.bad(object.float(name))?.map(|number| number as f32);
+            Ok(number.filter(|number| *number > 0.0 && number.is_finite()))
+        };
+        // Its passes are our samples.
+        if let Some(passes) = count(&*self, "max_passes")? {
+            self.hints.samples = Some(passes.min(1 << 24));
+        }
+        Ok(PhotonHints {
+            count: count(&*self, "photon_count")?,
+            radius: positive(&*self, "initial_radius")?,
+            radius_share: positive(&*self, "global_lookup_radius")?,
+            gather: count(&*self, "lookup_size")?,
+        })
+    }
+
+    /// Does to the finished scene what its integrator would.
+    pub(super) fn apply_manner(&mut self) {
+        let Manner { sees_through_panes, ignores_media, hides_emitters, at } = self.manner;
+        for camera in &mut self.scene.cameras {
+            camera.hides_emitters = hides_emitters;
+        }
+        for material in &mut self.scene.materials {
+            material.see_through = sees_through_panes && material.surface.has_clear_sheet();
+        }
+        if !ignores_media {
+            return;
+        }
+        if self.scene.leave_out_media() {
+            self.report.note(at, "the integrator of the file knows no media: they are left out");
+        }
+        // Where there are no media, what is there to part them is a bounce, and hides lamps.
+        for material in self.scene.materials.iter_mut().filter(|material| material.surface == Surface::Null) {
+            material.surface = Surface::Dielectric(Dielectric {
+                eta: 1.0,
+                reflectance: Spectrum::ONE.into(),
+                transmittance: Spectrum::ONE.into(),
+                facets: Facets::smooth(),
+                thin: true,
+            });
+        }
+    }
+}
