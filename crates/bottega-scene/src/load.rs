@@ -379,3 +379,22 @@ impl Drop for Held<'_> {
         self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec4;
+
+    use super::*;
+    use crate::Mesh;
+
+    #[test]
+    fn colours_of_vertices_that_cannot_be_computed_with_are_told() {
+        let colors = vec![Vec4::new(0.5, f32::INFINITY, 1e30, 1.0), Vec4::new(f32::NAN, 0.25, 0.0, 1.0)];
+        let mut scene = Scene { meshes: vec![Mesh { colors, ..Mesh::default() }], ..Scene::default() };
+        let mut warnings = Warnings::default();
+        mend_colors(&mut scene, &mut warnings);
+        assert_eq!(scene.meshes[0].colors, [Vec4::ONE.with_x(0.5), Vec4::new(0.0, 0.25, 0.0, 1.0)]);
+        let told = warnings.finish();
+        assert!(told.len() == 1 && told[0].place == "meshes[0]", "{told:?}");
+    }
+}
