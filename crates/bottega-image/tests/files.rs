@@ -377,8 +377,8 @@ fn a_header_that_announces_too_much_is_refused_before_allocating() {
 fn exr_of(chromaticities: Option<[f32; 8]>, data: Rect, display: (u32, u32)) -> Vec<u8> {
     use exr::prelude::*;
     let channels = SpecificChannels::rgb(|_| (1.0_f32, 0.1_f32, 0.1_f32));
-    let mut attributes = LayerAttributes::default();
-    attributes.layer_position = Vec2(data.x0 as i32, data.y0 as i32);
+    let layer_position = Vec2(data.x0 as i32, data.y0 as i32);
+    let attributes = LayerAttributes { layer_position, ..LayerAttributes::default() };
     let size = (data.width() as usize, data.height() as usize);
     let layer = Layer::new(size, attributes, exr::prelude::Encoding::SMALL_LOSSLESS, channels);
     let mut image = Image::from_layer(layer);

@@ -46,9 +46,10 @@ impl Scene {
         each("lights", &self.lights, |light| self.check_light(&light.kind))?;
         if let Some(environment) = &self.environment {
             let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
-            let is_sound =
-                has_image && is_color_factor(environment.factor) && is_orthonormal(&environment.world_from_environment);
-            check(is_sound, "its image, factor or rotation does not exist")
+            let is_turned = is_orthonormal(&environment.world_from_environment);
+            check(has_image, "its image does not exist")
+                .and_then(|()| check(is_color_factor(environment.factor), FACTOR))
+                .and_then(|()| check(is_turned, "its orientation is no rotation"))
                 .and_then(|()| check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle"))
                 .map_err(|problem| place("environment", problem))?;
         }
