@@ -17,12 +17,17 @@ use crate::{
 /// Headers are shorter than this.
 const HEADER_BYTES_MAX: u64 = 1 << 16;
 
-/// Whether these are the first bytes of a Radiance picture: by its mark, or by a line that only such a file begins with.
+/// Bytes within which [`recognizes`] looks.
+pub(crate) const MARK_BYTES: usize = 256;
+
+/// Whether these are the first bytes of a Radiance picture: by its mark, or by a line that only such a file has.
 pub(crate) fn recognizes(start: &[u8]) -> bool {
-    let start = &start[..start.len().min(256)];
-    let line = start.split(|&byte| byte == b'\n').next().unwrap_or_default();
-    let line = String::from_utf8_lossy(line);
-    start.starts_with(b"#?") || line.starts_with("FORMAT=32-bit_rle_") || Size::parse(line.trim_end()).is_some()
+    if start.starts_with(b"#?") {
+        return true;
+    }
+    let start = String::from_utf8_lossy(&start[..start.len().min(MARK_BYTES)]);
+    let has_format = start.lines().any(|line| line.starts_with("FORMAT=32-bit_rle_"));
+    has_format || start.lines().next().is_some_and(|line| Size::parse(line).is_some())
 }
 
 /// What stands before the pixels.
@@ -384,6 +389,7 @@ mod tests {
             "#?RGBE\r\n# made by hand\r\nFORMAT = 32-bit_rle_rgbe\r\n\r\n",
             "#?AUTOPANO\nrpict -vp 0 0 0\n\tVIEW= -vh 30\n\n",
             "FORMAT=32-bit_rle_rgbe\nPIXASPECT=2\n\n",
+            "SOFTWARE=by hand\nFORMAT=32-bit_rle_rgbe\n\n",
             "",
         ] {
             let end = if start.contains('\r') { "\r\n" } else { "\n" };

@@ -119,7 +119,8 @@ fn read_from<R: BufRead + Seek>(
 /// The first bytes of a file, which stays at its beginning.
 fn start_of<R: BufRead + Seek>(source: &Source<'_>, input: &mut R) -> Result<Vec<u8>, ImageError> {
     let mut start = Vec::new();
-    let read = input.by_ref().take(64).read_to_end(&mut start).and_then(|_| input.rewind());
+    let read =
+        input.by_ref().take(radiance_read::MARK_BYTES as u64).read_to_end(&mut start).and_then(|_| input.rewind());
     read.map_err(|error| ImageError::read(source.path, error))?;
     Ok(start)
 }

@@ -472,7 +472,12 @@ fn the_references_of_other_programs_are_read() {
             if path.is_dir() {
                 folders.push(path);
             } else if ["exr", "hdr", "png"].contains(&extension.as_str()) {
-                let picture = read_picture(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                let picture = match read_picture(&path) {
+                    Ok(picture) => picture,
+                    // Several values a pixel are no picture yet.
+                    Err(ImageError::Unsupported { detail, .. }) if detail.contains("deep data") => continue,
+                    Err(error) => panic!("{}: {error}", path.display()),
+                };
                 let mean = picture.data.iter().flatten().map(|&v| f64::from(v)).sum::<f64>();
                 assert!(mean.is_finite() && mean >= 0.0, "{}", path.display());
                 found += 1;

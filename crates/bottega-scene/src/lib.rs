@@ -11,6 +11,7 @@
 
 mod camera;
 mod error;
+mod excess;
 mod file;
 mod framing;
 mod gltf;

@@ -13,7 +13,8 @@ use crate::integrator::IntegratorHint;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::{
-    Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, gltf, mesh_file, mitsuba, pbrt, values,
+    Camera, Environment, Image, ImageId, Scene, SceneError, Spectrum, Warning, excess, gltf, mesh_file, mitsuba, pbrt,
+    values,
 };
 
 /// What is wanted of a scene beyond its file, and how much it may take.
@@ -279,6 +280,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     scene.digest = digest.finalize().to_hex().to_string();
     mend_colors(&mut scene, &mut warnings);
     scene.validate().map_err(|error| error.in_file(path))?;
+    excess::tell(&scene, &mut warnings);
     let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
     tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
     Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints, files })

@@ -126,6 +126,16 @@ fn colours_of_pictures_are_converted_by_their_chromaticities() {
 }
 
 #[test]
+fn a_texture_that_reflects_more_than_comes_in_is_told() {
+    let numbers = [0.5f32, 0.5, 0.5, 1.5, 0.5, 0.5].map(f32::to_le_bytes).concat();
+    let scene = "<shape type='rectangle'><bsdf type='diffuse'><texture type='bitmap' name='reflectance'>
+        <string name='filename' value='a.pfm'/></texture></bsdf></shape><emitter type='constant'/>";
+    let folder = Folder::new().with("a.pfm", [&b"PF\n2 1\n-1\n"[..], &numbers].concat()).scene(scene);
+    let told = told(&folder.load(&bare()).unwrap());
+    assert!(told.len() == 1 && told[0].contains("a.pfm") && told[0].contains("up to 1.5"), "{told:?}");
+}
+
+#[test]
 fn a_sun_too_bright_for_its_file_is_told_and_stays_bright() {
     let numbers = [5.0f32, 2.0, 1.0, f32::INFINITY, f32::NAN, 3.0].map(f32::to_le_bytes).concat();
     let scene = "<emitter type='envmap'><string name='filename' value='a.pfm'/></emitter>";

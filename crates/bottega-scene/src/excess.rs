@@ -1,0 +1,64 @@
+//! Textures that reflect more than comes in: where they are looked up they are cut off at 1.
+
+use std::collections::BTreeSet;
+
+use crate::error::Warnings;
+use crate::{Back, CoatedBase, ColorParam, Image, LevelTexels, Scene, Surface};
+
+/// What is above 1 by no more than this was rounded.
+const ROUNDING: f32 = 1.001;
+
+/// Tells of pictures of high dynamic range that are reflectances somewhere and exceed 1, each once.
+pub(crate) fn tell(scene: &Scene, warnings: &mut Warnings) {
+    let mut known = BTreeSet::new();
+    for (index, material) in scene.materials.iter().enumerate() {
+        let mut shares = Vec::new();
+        add_shares(&material.surface, &mut shares);
+        if let Back::Other(surface) = &material.back {
+            add_shares(surface, &mut shares);
+        }
+        for param in shares {
+            let Some(map) = &param.texture else { continue };
+            let image = &scene.images[map.image.0 as usize];
+            if !image.is_high_dynamic_range() || !known.insert(map.image) {
+                continue;
+            }
+            let most = largest(image) * param.factor.max_element();
+            if most > ROUNDING {
+                let name = &image.name;
+                let message =
+                    format!("the picture `{name}` reflects up to {most} times what comes in, and is cut off at 1");
+                warnings.add(format!("materials[{index}]"), message);
+            }
+        }
+    }
+}
+
+/// The colours of a surface that are shares of what comes in: not those of what its inside is made of.
+fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
+    match surface {
+        Surface::Diffuse(diffuse) => shares.push(&diffuse.reflectance),
+        Surface::DiffuseTransmission { reflectance, transmittance } => shares.extend([reflectance, transmittance]),
+        Surface::Plastic(plastic) => shares.extend([&plastic.diffuse, &plastic.specular]),
+        Surface::Coated(coated) => {
+            if let CoatedBase::Diffuse(diffuse) = &coated.base {
+                shares.push(&diffuse.reflectance);
+            }
+        }
+        Surface::Principled(principled) => shares.push(&principled.base_color),
+        Surface::Layered(layered) => shares.push(&layered.base_color),
+        Surface::Blend { surfaces, .. } => surfaces.iter().for_each(|surface| add_shares(surface, shares)),
+        Surface::Null | Surface::Unlit(_) | Surface::Conductor(_) | Surface::Dielectric(_) => {}
+    }
+}
+
+/// The largest colour of a picture of high dynamic range.
+fn largest(image: &Image) -> f32 {
+    match image.level_texels(0) {
+        LevelTexels::Rgb32(texels) => texels.iter().flatten().fold(0.0, |most, value| most.max(*value)),
+        LevelTexels::Rgba32(texels) => {
+            texels.iter().flat_map(|texel| &texel[..3]).fold(0.0, |most, value| most.max(*value))
+        }
+        _ => 1.0,
+    }
+}
