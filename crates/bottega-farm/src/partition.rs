@@ -493,7 +493,7 @@ mod tests {
                 // It panics where it does not cover the frame.
                 for side in [1, 7, 32] {
                     let along = partition.clone().along_grid(side);
-                    let is_on = |at: u32, low: u32, high: u32| at == low || at == high || at % side == 0;
+                    let is_on = |at: u32, low: u32, high: u32| at == low || at == high || at.is_multiple_of(side);
                     for zone in along.zones() {
                         prop_assert!([zone.x0, zone.x1].iter().all(|&x| is_on(x, frame.x0, frame.x1)));
                         prop_assert!([zone.y0, zone.y1].iter().all(|&y| is_on(y, frame.y0, frame.y1)));

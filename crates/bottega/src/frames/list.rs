@@ -45,6 +45,9 @@ impl FromStr for Frames {
         let (mut frames, mut seen) = (Vec::new(), BTreeSet::new());
         for part in text.split(',') {
             let Part { mut next, count, step } = part.trim().parse()?;
+            if count as usize > COUNT_MAX {
+                return Err(FramesError::TooMany);
+            }
             for _ in 0..count {
                 if seen.insert(next) {
                     frames.push(next);
