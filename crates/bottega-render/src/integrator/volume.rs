@@ -216,6 +216,7 @@ impl Path<'_> {
             None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
         };
         let known = self.prepared.material(material).1;
+        let asks = asks.of_vertex(self.depth);
         known.is_null && known.media[0] != known.media[1]
             || is_there(self.prepared, ray, hit, asks, |surface| {
                 self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
