@@ -74,6 +74,9 @@ pub struct FlatScene {
 /// What is in a scene that its flat form cannot say.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
+    /// A surface that the camera sees through from behind.
+    #[error("surfaces that the camera sees through from behind")]
+    CulledBacks,
     /// A medium that scatters, emits, or does not begin and end where light is refracted.
     #[error("media that scatter or have no refracting boundary")]
     Media,
@@ -98,6 +101,9 @@ impl FlatScene {
     /// Everything that stands in the way.
     pub fn new(prepared: &PreparedScene) -> Result<Self, Vec<NotFlat>> {
         let mut missing = Vec::new();
+        if prepared.culls_backs() {
+            missing.push(NotFlat::CulledBacks);
+        }
         if prepared.needs_volume() {
             missing.push(NotFlat::Media);
         }

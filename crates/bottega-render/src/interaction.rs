@@ -388,6 +388,8 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
 /// What a ray that asks whether surfaces are there looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Asks {
+    /// The first surface that a path from the camera meets.
+    Camera,
     /// The surface that a path meets next.
     Path,
     /// Whether a light is seen. It must not hear what the segment heard that led to the place: both may cross one surface.
@@ -395,6 +397,12 @@ pub(crate) enum Asks {
 }
 
 impl Asks {
+    /// What a path asks for that has had so many vertices.
+    #[inline(always)]
+    pub(crate) fn of_vertex(self, vertices: u32) -> Self {
+        if self == Self::Path && vertices == 0 { Self::Camera } else { self }
+    }
+
     /// A surface's number, another one where a sphere is left than where it is entered.
     fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
         let asked = u64::from(self == Self::Shadow) << 31;
@@ -425,8 +433,28 @@ pub(crate) fn is_there(
     asks: Asks,
     chance: impl FnOnce(u64) -> f32,
 ) -> bool {
+    if asks == Asks::Camera && prepared.culls_backs() && is_culled(prepared.scene(), ray, hit) {
+        return false;
+    }
     let (opacity, is_left) = opacity_of(prepared, ray, hit);
     opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
+}
+
+/// Whether a candidate hit is the back of a surface through which the camera sees from there.
+fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
+    if let Some(sphere) = hit.sphere() {
+        let sphere = &scene.spheres[sphere as usize];
+        let ng = ray.origin + hit.t * ray.direction - sphere.center;
+        return scene.materials[sphere.material as usize].culls_back && ng.dot(ray.direction) > 0.0;
+    }
+    let instance = &scene.instances[hit.instance as usize];
+    let mesh = &scene.meshes[instance.mesh as usize];
+    if !scene.materials[mesh.material as usize].culls_back {
+        return false;
+    }
+    let corner = |vertex: u32| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]);
+    let [a, b, c] = mesh.triangles[hit.primitive as usize].map(corner);
+    (b - a).cross(c - a).dot(ray.direction) > 0.0
 }
 
 /// The probability with which a candidate hit is there, and whether it is where a ray leaves a ball.

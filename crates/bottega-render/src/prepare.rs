@@ -48,6 +48,8 @@ pub struct PreparedScene {
     /// Of the media that vary in space.
     majorants: Vec<Option<Majorants>>,
     lights: Lights,
+    /// Whether the camera sees through some surface from behind.
+    culls_backs: bool,
     has_opacity: bool,
     has_boundaries: bool,
     has_panes: bool,
@@ -125,7 +127,8 @@ impl PreparedScene {
         let mut instances: Vec<_> =
             scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let lights = Lights::new(&scene, &materials, &mut instances, options.compensate_environment);
-        let has_opacity = used_materials(&scene).any(|material| materials[material].has_opacity);
+        let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
+        let has_opacity = culls_backs || used_materials(&scene).any(|material| materials[material].has_opacity);
         let parts_media = |material: usize| {
             materials[material].is_null && materials[material].media[0] != materials[material].media[1]
         };
@@ -147,6 +150,7 @@ impl PreparedScene {
             materials,
             majorants,
             lights,
+            culls_backs,
             has_opacity,
             has_boundaries,
             has_panes,
@@ -175,6 +179,11 @@ impl PreparedScene {
     /// Names it as data that may be resident in a resource; unique within the process.
     pub fn data_id(&self) -> DataId {
         self.id
+    }
+
+    /// Whether the camera sees through some surface from behind.
+    pub(crate) fn culls_backs(&self) -> bool {
+        self.culls_backs
     }
 
     /// Whether some surface may let rays pass, so that hits must be asked.

@@ -40,6 +40,9 @@ pub struct LoadOptions {
     pub allow_outside: bool,
     /// Further folders whose files the scene may refer to, whether by `..`, by an absolute path, or by a symbolic link.
     pub asset_roots: Vec<PathBuf>,
+    /// Whether the camera sees through the backs of glTF's materials that are not `doubleSided`, as its specification has it
+    /// (2.0, section 3.9.6). Else it sees all surfaces from both sides, as light does in either case.
+    pub cull_backfaces: bool,
     /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
     pub strict: bool,
     /// Name and value of parameters of the scene, instead of the values that its file gives them (Mitsuba's `$name`).
@@ -62,6 +65,7 @@ impl Default for LoadOptions {
             add_sky: true,
             allow_outside: false,
             asset_roots: Vec::new(),
+            cull_backfaces: false,
             strict: false,
             defines: Vec::new(),
             max_image_pixels: 1 << 28,
@@ -80,6 +84,9 @@ impl LoadOptions {
             if let Some(choice) = choice {
                 digest.update(what.as_bytes()).update(&(choice.len() as u64).to_le_bytes()).update(choice.as_bytes());
             }
+        }
+        if self.cull_backfaces {
+            digest.update(b"cull backfaces");
         }
         for text in self.defines.iter().flat_map(|(name, value)| [name, value]) {
             digest.update(b"define").update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());

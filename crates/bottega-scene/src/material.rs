@@ -200,6 +200,8 @@ pub struct Material {
     pub opacity: ScalarParam,
     /// How alpha is read.
     pub alpha_mode: AlphaMode,
+    /// Whether the camera sees through it from behind, as viewers of glTF that cull backfaces do. Light does not.
+    pub culls_back: bool,
     /// Radiance that the surface emits.
     pub emission: ColorParam,
     /// From where it is emitted.

@@ -104,6 +104,9 @@ pub(crate) struct FileArgs {
     /// Let the scene read files below this folder too, by whatever path or symbolic link it leads there; may be repeated.
     #[arg(long = "asset-root", value_name = "FOLDER", value_hint = ValueHint::DirPath, help_heading = "Scene file")]
     pub(crate) asset_roots: Vec<PathBuf>,
+    /// Let the camera see through the backs of a glTF scene's materials that are not double-sided, as viewers do.
+    #[arg(long, help_heading = "Scene file")]
+    pub(crate) cull_backfaces: bool,
     /// Set a parameter of a Mitsuba scene (its `<default>`s, used as `$NAME`).
     #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = parse_define, help_heading = "Scene file")]
     pub(crate) defines: Vec<(String, String)>,
@@ -125,6 +128,7 @@ impl FileArgs {
             strict: self.strict,
             allow_outside: self.allow_outside,
             asset_roots: self.asset_roots.clone(),
+            cull_backfaces: self.cull_backfaces,
             defines: self.defines.clone(),
             at: self.at,
             animation: self.animation.clone(),

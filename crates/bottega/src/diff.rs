@@ -5,6 +5,7 @@ use std::{fs, path::Path, process::ExitCode};
 use bottega_image::{
     Canvas, ColorMap, FlipOptions, Picture, Rect, Seams, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse, seams,
 };
+use bottega_scene::objects_only::from_json;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -129,7 +130,7 @@ fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Pict
         )
     };
     let index: Index =
-        serde_json::from_str(&text).map_err(|error| unusable(format!("is no index of zones: {error}")))?;
+        from_json(text.as_bytes()).map_err(|error| unusable(format!("is no index of zones: {error}")))?;
     let [width, height] = index.size;
     if (width, height) != picture.size() {
         let (w, h) = picture.size();

@@ -9,6 +9,7 @@ mod template;
 
 use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
+use bottega_scene::objects_only::ObjectsOnly;
 use serde::Deserialize;
 
 pub use self::{
@@ -359,7 +360,8 @@ impl Manifest {
         if text.len() > BYTES_MAX {
             return Err(ManifestError { text: String::new(), ..wrong(0..0, "it is larger than 1 MiB".to_owned()) });
         }
-        let manifest: Self = toml::from_str(text)
+        let manifest: Self = toml::Deserializer::parse(text)
+            .and_then(|parsed| Self::deserialize(ObjectsOnly(parsed)))
             .map_err(|error| wrong(error.span().unwrap_or(0..0), error.message().trim_end().to_owned()))?;
         manifest.check(path).map_err(|(key, problem)| wrong(place_of(text, key), problem))?;
         Ok(manifest)

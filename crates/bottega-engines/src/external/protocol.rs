@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use bottega_image::{Combine, Layer};
-use bottega_scene::FilmFilter;
+use bottega_scene::{FilmFilter, objects_only::from_json};
 use serde::{Deserialize, Serialize};
 
 /// The version of the protocol.
@@ -170,6 +170,13 @@ pub(super) struct PaintedFile {
     pub(super) once: f64,
 }
 
+impl Answer {
+    /// Understands a line.
+    pub(super) fn parse(line: &str) -> serde_json::Result<Self> {
+        from_json(line.as_bytes())
+    }
+}
+
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct Failed {
     pub(super) reason: String,
@@ -211,6 +218,9 @@ mod tests {
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
         assert_eq!(answer, Answer::Failed(Failed { reason: "no".into(), fatal: true }));
         assert!(serde_json::from_str::<Answer>(r#"{"painted":{"id":-1}}"#).is_err());
+        // Members by their order are no answer.
+        assert!(Answer::parse(r#"{"failed":{"reason":"no","fatal":true}}"#).is_ok());
+        assert!(Answer::parse(r#"{"failed":["no",true]}"#).is_err());
         let answer = serde_json::from_str(
             r#"{"opened":{"width":8,"height":8,"filter":{"kind":"gaussian","radius":2,"sigma":0.5},"layers":[{"name":"id","channels":["Y"],"combine":"pick"}]}}"#,
         );

@@ -539,6 +539,7 @@ impl Path<'_> {
     /// candidates of one ray may be asked in any order and more than once.
     #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
+        let asks = asks.of_vertex(self.depth);
         is_there(self.integrator.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
         })

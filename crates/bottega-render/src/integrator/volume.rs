@@ -218,6 +218,7 @@ impl Path<'_> {
         if known.shines && asks == Asks::Path && self.depth == 0 && self.hides_emitters {
             return false;
         }
+        let asks = asks.of_vertex(self.depth);
         known.is_null && known.media[0] != known.media[1]
             || is_there(self.prepared, ray, hit, asks, |surface| {
                 self.sampler.hashed(surface ^ u64::from(self.depth) << 56)

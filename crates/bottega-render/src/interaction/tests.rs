@@ -121,6 +121,42 @@ fn a_sphere_is_there_where_its_texture_says() {
 }
 
 #[test]
+fn the_camera_sees_through_backs_and_nothing_else_does() {
+    for culls_back in [false, true] {
+        let mut scene = Scene { materials: vec![Material { culls_back, ..Material::default() }], ..Scene::default() };
+        scene.push_surface(bottega_scene::Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y));
+        scene.push_sphere(Vec3::X * 10.0, 1.0, 0);
+        // The same, its front where the back was.
+        let mirrored = glam::Affine3A::from_scale_rotation_translation(
+            Vec3::new(1.0, 1.0, -1.0),
+            glam::Quat::IDENTITY,
+            Vec3::X * 20.0,
+        );
+        scene.push_instance(0, mirrored);
+        let prepared = PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap();
+        assert_eq!(prepared.has_opacity(), culls_back);
+        for (origin, direction, is_back) in [
+            (Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Z, false),
+            (Vec3::new(0.3, 0.2, -1.0), Vec3::Z, true),
+            (Vec3::new(20.3, 0.2, 1.0), Vec3::NEG_Z, true),
+            (Vec3::new(20.3, 0.2, -1.0), Vec3::Z, false),
+            (Vec3::new(10.0, 0.0, 0.5), Vec3::Z, true),
+        ] {
+            let ray = Ray::new(origin, direction);
+            for (asks, passes) in [
+                (Asks::Path.of_vertex(0), culls_back && is_back),
+                (Asks::Path.of_vertex(1), false),
+                (Asks::Shadow, false),
+            ] {
+                let hit =
+                    prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, asks, |_| 0.5));
+                assert_eq!(hit.is_none(), passes, "{origin} {asks:?} {culls_back}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_coat_keeps_the_smooth_normal_where_it_has_no_map_of_its_own() {
     let point = normal_mapped([0.8, 0.5, 0.9]);
     assert!((point.to_world(point.coat_normal) - Vec3::Z).length() < 1e-5);

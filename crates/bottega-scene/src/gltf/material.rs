@@ -26,7 +26,8 @@ pub(super) fn convert(
             .map_err(|problem| source.invalid("meshes[*].primitives[*].material", problem))?,
     };
     let place = index.map_or_else(|| "default material".into(), |index| format!("materials[{index}]"));
-    Converter { place, textures, media, warnings }.convert(description)
+    let culls_back = source.options.cull_backfaces;
+    Converter { place, textures, media, warnings, culls_back }.convert(description)
 }
 
 struct Converter<'a, 's> {
@@ -34,6 +35,7 @@ struct Converter<'a, 's> {
     textures: &'a mut Textures<'s>,
     media: &'a mut Vec<Medium>,
     warnings: &'a mut Warnings,
+    culls_back: bool,
 }
 
 type Info<'a> = Option<&'a document::TextureInfo>;
@@ -72,6 +74,7 @@ impl Converter<'_, '_> {
             name: description.name.clone(),
             opacity: ScalarParam { factor: alpha, texture },
             alpha_mode: self.alpha_mode(description),
+            culls_back: self.culls_back && !description.double_sided,
             emission: ColorParam { factor: (emission.factor * strength).min(Vec3::splat(f32::MAX)), ..emission },
             emission_sides: if description.double_sided { Sides::Both } else { Sides::Front },
             relief: relief.map(|(map, scale)| Relief::normals(map, scale)),

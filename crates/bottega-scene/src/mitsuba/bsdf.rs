@@ -76,6 +76,7 @@ impl Importer<'_> {
         let is_boundary = lowered.surface.transmits() || lowered.opacity.is_some();
         let material = Material {
             name,
+            culls_back: false,
             alpha_mode: if lowered.opacity.is_some() { AlphaMode::Blend } else { AlphaMode::Opaque },
             surface: lowered.surface,
             back: lowered.back,

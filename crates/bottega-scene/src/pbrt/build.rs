@@ -349,6 +349,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
             None => Default::default(),
         };
         let mut material = Material {
+            culls_back: false,
             name: look.name,
             surface: look.surface,
             back: Back::Same,

@@ -56,6 +56,18 @@ fn what_has_no_value_is_left_out() {
 }
 
 #[test]
+fn a_list_is_no_table() {
+    let table = "[tunables.samples]\nleast = 1\nmost = 64\n";
+    let text = SOUND.replace(table, "[tunables]\nsamples = [1, 64]\n");
+    assert_ne!(text, SOUND);
+    let error = parse(&text).unwrap_err();
+    assert!(
+        error.problem.contains("sequence") && text.lines().nth(error.line - 1).unwrap().starts_with("samples"),
+        "{error:?}"
+    );
+}
+
+#[test]
 fn errors_have_their_place() {
     for (from, to, line, says) in [
         ("title = \"Toy\"", "titel = \"Toy\"", 4, "unknown field `titel`"),

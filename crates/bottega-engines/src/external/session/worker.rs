@@ -198,7 +198,7 @@ impl Worker {
             match self.child.listen()? {
                 Word::Line(line) => {
                     heard.0 = Instant::now();
-                    match serde_json::from_str(&line) {
+                    match Answer::parse(&line) {
                         Ok(Answer::Progress(progress)) => told((progress.id, progress.share)),
                         Ok(answer) => return Ok(answer),
                         Err(error) if line.starts_with('{') => self.wrong_line(&line, &error)?,

@@ -515,6 +515,7 @@ impl<'a> Eye<'a> {
     }
 
     fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: Asks) -> bool {
+        let asks = asks.of_vertex(vertex);
         is_there(self.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(vertex) << 56 ^ u64::from(vertex) >> 8)
         })
