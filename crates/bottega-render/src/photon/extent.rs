@@ -161,7 +161,7 @@ mod tests {
         for half in [50.0, 500.0, 5000.0] {
             let extent = Extent::of_view(&room(Some(half)), VIEW);
             assert!(!extent.is_whole() && extent.radius < 2.0 * alone.radius && extent.radius > 0.5 * alone.radius);
-            assert!(extent.center.length() < 3.0, "{extent:?}");
+            assert!(extent.center.length() < 4.0, "{extent:?}");
             assert_eq!(extent.length_at(extent.center), 0.5 * extent.radius);
             assert!(
                 (extent.length_at(Vec3::X * 40.0) - 20.0).abs() < 3.0 && extent.length_at(Vec3::X * 1e6) > 0.5 * half
@@ -217,7 +217,7 @@ mod tests {
         };
         for half in [50.0, 500.0, 5000.0] {
             let (share, irradiance) = arrived(half);
-            assert!(share > 0.3, "{half}: {share}");
+            assert!(share > 0.2, "{half}: {share}");
             assert!((irradiance - 1.0).abs() < 0.05, "{half}: {irradiance}");
         }
     }

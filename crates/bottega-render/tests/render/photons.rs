@@ -475,7 +475,7 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
         let path = PathSettings { seed: 9, guiding: false, ..PathSettings::default() };
         let expected = paint(&scene, SIZE, 512, path);
         let modes = [
-            ("progressive", PhotonSettings { progressive: true, count: 20_000, ..few() }, 32),
+            ("progressive", PhotonSettings { progressive: true, count: 60_000, ..few() }, 32),
             ("gathered", PhotonSettings { count: 30_000, ..few() }, 32),
             ("ala", PhotonSettings { agents: agents(Oracle::Error), ..few() }, 32),
             ("ala by the paper", PhotonSettings { agents: agents(Oracle::Paper), ..few() }, 32),
@@ -489,7 +489,8 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
                 worst = if error > worst.0 { (error, x, y) } else { worst };
             }
             eprintln!("{half} {mode}: {worst:?}");
-            if worst.0 > 0.06 {
+            // A progressive picture has the noise of its photons.
+            if worst.0 > if photons.progressive { 0.1 } else { 0.05 } {
                 wrong.push((half, mode, worst));
             }
         }

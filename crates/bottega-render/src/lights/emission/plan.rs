@@ -1,7 +1,7 @@
 //! Where photons are sent: to what a camera sees, and less and less often to what is farther from it.
 //!
 //! In a wide scene photons that go everywhere would hardly ever come to what is seen. Parallel light and light of the sky leave
-//! discs around it, each four times as wide as the one before; other sources are chosen also by what can come from them, and
+//! discs around it, each twice as wide as the one before; other sources are chosen also by what can come from them, and
 //! send half of what they emit towards it. Whatever is preferred, all else is left possible, and a photon stands for as much
 //! more as it is rarer: the mean is right.
 
@@ -20,9 +20,9 @@ use crate::{
 };
 
 /// How much wider each disc is than the one before.
-const STEP: f32 = 4.0;
+const STEP: f32 = 2.0;
 /// The share of the photons that leaves the first disc.
-const FIRST: f32 = 0.5;
+const FIRST: f32 = 0.3;
 /// The share of the sources that is chosen by what can come from them, and of the directions that lead to what is seen.
 const AIMED: f32 = 0.5;
 /// How much farther off than the radius of what is seen a place must be for directions to be aimed.
