@@ -288,11 +288,15 @@ impl PreparedScene {
         Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
-    /// Whether paths of a view can learn beforehand: it has pixels enough, and no media take part.
-    pub fn can_learn(&self, view: View) -> bool {
+    /// Whether paths of a view learn beforehand: it has pixels and samples enough, and no media take part.
+    pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
         /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
         const PIXELS_MIN: u64 = 128 * 128;
-        u64::from(view.width) * u64::from(view.height) >= PIXELS_MIN && !self.needs_volume && !self.has_panes
+        /// Of fewer samples learning takes more than it saves (`bench/runs/2026-11-25-negative-light.txt`).
+        const SAMPLES_MIN: u64 = 1 << 19;
+        let pixels = u64::from(view.width) * u64::from(view.height);
+        let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
+        is_large && !self.needs_volume && !self.has_panes
     }
 
     /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing

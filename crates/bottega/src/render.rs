@@ -96,10 +96,11 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
-    let has_paths = method.photons.is_none() && subject.prepared.can_learn(subject.view);
+    let has_paths =
+        method.photons.is_none() && subject.prepared.can_learn(subject.view, planned_samples(&settings));
     if args.guiding.asks_for_agents() && !has_paths {
-        let why =
-            "--guide ala does nothing here: it is for paths in clear air, and pictures of 128 × 128 pixels or more";
+        let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, and \
+                   524288 samples or more, all pixels together";
         reporter.warn(why.to_owned());
     }
     started(&reporter, args, &subject, &settings, &crew);
@@ -308,10 +309,7 @@ pub(crate) fn engine(
         filter: filter(args, subject),
         guiding: args.guiding.directions(),
         agents: args.guiding.agents(),
-        planned_samples: match job.goal {
-            Goal::Samples => job.samples,
-            Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
-        },
+        planned_samples: planned_samples(job),
         photons,
         ..PathSettings::default()
     };
@@ -345,6 +343,14 @@ pub(crate) fn filter(args: &RenderArgs, subject: &Subject) -> Filter {
         Some(FilterArg::Tent) => Filter::Tent { radius: 1.0 },
         Some(FilterArg::Mitchell) => Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
         Some(FilterArg::Box) => Filter::PIXEL,
+    }
+}
+
+/// Samples a pixel for which it is worth learning.
+fn planned_samples(job: &JobSettings) -> u32 {
+    match job.goal {
+        Goal::Samples => job.samples,
+        Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
     }
 }
 

@@ -148,7 +148,7 @@ impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
     pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
-        if (settings.guiding || settings.agents.any()) && prepared.can_learn(view) {
+        if (settings.guiding || settings.agents.any()) && prepared.can_learn(view, settings.planned_samples) {
             let guide = prepared.guide(view, settings, || integrator.learn(view));
             integrator.splits = settings.agents.roulette && guide.goes_by_worth();
             integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();

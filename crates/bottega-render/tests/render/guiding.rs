@@ -73,3 +73,13 @@ fn whatever_the_number_of_threads() {
             }
     );
 }
+
+#[test]
+fn of_few_samples_nothing_is_learnt() {
+    let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
+    let by = |guiding, planned_samples| {
+        let settings = PathSettings { guiding, planned_samples, filter: Filter::PIXEL, ..PathSettings::default() };
+        paint(&scene, (SIDE, SIDE), 1, settings)
+    };
+    assert!(by(true, 31) == by(false, 31) && by(true, 32) != by(false, 32));
+}

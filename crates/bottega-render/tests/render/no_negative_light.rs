@@ -28,7 +28,7 @@ const PLANNED_SAMPLES: u32 = 32;
 const SAMPLES: u32 = 2;
 
 /// Files in this repository, from its root.
-const OWN: [&str; 15] = [
+const OWN: [&str; 14] = [
     "scenes/clear-coat-test.glb",
     "scenes/cornell-box.glb",
     "scenes/goblets.glb",
@@ -36,7 +36,6 @@ const OWN: [&str; 15] = [
     "crates/bottega/tests/scenes/diffuse-box.glb",
     "crates/bottega-scene/tests/gltf/data/draco.glb",
     "crates/bottega-scene/tests/pbrt/box.pbrt",
-    "crates/bottega-scene/tests/pbrt/more.pbrt",
     "crates/bottega-scene/tests/pbrt/smoke.pbrt",
     "crates/bottega-render/tests/pictures/scenes/colored-smoke.xml",
     "crates/bottega-render/tests/pictures/scenes/curves.xml",
