@@ -68,6 +68,7 @@ fn what_cannot_be_is_told() {
         line.replacen(&line[line.find('@').expect("an @") - 4..], &format!("0000@127.0.0.1:{}", farm.port), 1);
     let other = format!("nats://x@127.0.0.1:{}", farm.port);
     let as_guest = format!("--farm={guest_line}");
+    let elsewhere = format!("--state={}", text(&farm.path("elsewhere")));
     for (arguments, code, words) in [
         (vec!["join", &wrong_secret], 1, "the line that it printed"),
         (vec!["join", &wrong_server], 1, "the line that it printed"),
@@ -79,7 +80,7 @@ fn what_cannot_be_is_told() {
         (vec!["join", "nats://127.0.0.1:1"], 1, "bottega up"),
         (vec!["join", "http://x"], 2, "an address such as"),
         (vec!["jobs", "list", "--farm", "nats://x@127.0.0.1:1/a b"], 1, "letters, digits"),
-        (vec!["up", "--listen", "127.0.0.1:0", "--server", "/nowhere"], 1, "cannot start"),
+        (vec!["up", "--listen", "127.0.0.1:0", "--server", "/nowhere", &elsewhere], 1, "cannot start"),
         (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--detach"], 2, "--farm"),
         (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--verify", "2"], 2, "--farm"),
     ] {
