@@ -132,6 +132,7 @@ impl Order {
         args.scene.file.scene = scene.to_owned();
         // References out of the scene's folder lie within the cache: where they are was decided when they were fetched.
         args.scene.file.allow_outside = true;
+        args.engines.sent = Some(sent_to(scene).to_owned());
         if let Some(environment) = environment {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }
@@ -142,6 +143,15 @@ impl Order {
         args.devices = DeviceChoice::Auto;
         Ok(*args)
     }
+}
+
+/// The folder that holds all files of a scene that was fetched: as far above it as references lead out of its own.
+fn sent_to(scene: &Path) -> &Path {
+    let mut folder = scene.parent().unwrap_or(scene);
+    while folder.file_name().is_some_and(|name| name == super::scene_files::WITHIN) {
+        folder = folder.parent().unwrap_or(folder);
+    }
+    folder
 }
 
 /// Seconds since 1970.

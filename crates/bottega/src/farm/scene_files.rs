@@ -15,6 +15,8 @@ use super::{
 };
 use crate::error::CliError;
 
+/// The name of a folder that stands for one of those that references lead out of.
+pub(super) const WITHIN: &str = "in";
 /// Files of a scene at most.
 const FILES_MAX: usize = 1 << 16;
 
@@ -75,7 +77,7 @@ impl SceneFiles {
         // As deep as references lead out of the scene's folder, so that none leads out of this one.
         let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
         let root = cache.scene(hasher.finalize().to_hex().as_str());
-        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join("in"));
+        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join(WITHIN));
         // Other processes of this machine may fetch the same.
         let _alone = cache.lock()?;
         for file in all() {
