@@ -6,7 +6,7 @@ use bottega_agents::{
     AclMessage, Action, ActionOf, AgentId, Event, EventOf, Key, Performative, Revision, StateMachine, StoreReply,
     StoreRequest, Ticket, Time,
     acc::Letter,
-    gateway::{ChannelEffect, ChannelReport, Gateway, GatewayConfig, PlainContent},
+    gateway::{ChannelEffect, ChannelReport, FirstForms, Gateway, GatewayConfig, PlainContent},
     platform::{Function, ManagementContent, ONTOLOGY, Outcome, PlatformDescription},
     wire::{Calendar, Envelope, STRING_FORM, WireMessage, print_string},
 };
@@ -32,6 +32,7 @@ fn border() -> Border {
         services: vec![df.clone()],
         administrators: Vec::new(),
         salt: 1,
+        first_forms: FirstForms::default(),
     });
     after(&mut gateway, 0, Event::Start);
     after(&mut gateway, 0, Event::Presence { agent: df, present: true });

@@ -14,14 +14,14 @@ use bottega_agents::{
     driver::node::Node,
     entry_store::{EntryStore, SharedStore},
     file_store::FileStore,
-    gateway::{ChannelEffect, ChannelReport, PlainContent},
+    gateway::{ChannelEffect, ChannelReport, FirstForms, PlainContent},
     platform::{
         AmsAgentDescription, DfAgentDescription, Function, LifeCycleState, ManagementContent as M, Outcome,
         SearchConstraints, ServiceDescription,
     },
-    wire::{DateTime, WireMessage},
+    wire::{DateTime, Form, WireMessage},
 };
-use support::{Jade, Line, WAIT, config, is, node, node_over};
+use support::{Jade, Line, TAKEN, WAIT, config, is, node, node_over};
 
 fn id(name: &str) -> AgentId {
     AgentId::new(name)
@@ -101,6 +101,25 @@ fn directories_search_together_and_not_in_circles() {
     let begun = Instant::now();
     assert_eq!(renderers(&a, "x2@a", 3), ["painter@a"]);
     assert!(begun.elapsed() < Duration::from_secs(4));
+}
+
+#[test]
+fn what_is_said_first_is_in_the_form_that_was_set_or_that_the_other_has_shown() {
+    let jade = Jade::start();
+    let mut config = config("a", Box::new(bottega_agents::store::MemoryStore::default()));
+    let by_platform = std::collections::BTreeMap::from([("old".to_owned(), Form::String)]);
+    config.first_forms = FirstForms { default: Form::Xml, by_platform };
+    let a = Node::start(config).unwrap();
+    let form_to = |from: &str, name: &str| {
+        let to = AgentId { name: name.into(), addresses: vec![jade.address()].into() };
+        a.say(&id(from), &to, M::Action(Function::GetDescription));
+        Form::of_name(&jade.hear().envelope.acl_representation)
+    };
+    assert_eq!([form_to("x@a", "ams@old"), form_to("x@a", "ams@jade")], [Some(Form::String), Some(Form::Xml)]);
+    // JADE asks in the string form, and is written to so from then on.
+    assert_eq!(Line::to(&a).ask(&jade.says_else(1, &a, |text| text.replace("@bottega", "@a"))), TAKEN);
+    jade.hear();
+    assert_eq!(form_to("x@a", "ams@jade"), Some(Form::String));
 }
 
 #[test]

@@ -20,7 +20,7 @@ mod shipped;
 mod tiny;
 
 pub use self::{
-    child::is_shut_in,
+    child::{is_fenced_in, is_shut_in, is_weighed},
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
     locate::{Located, install_hint},

@@ -96,8 +96,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     let keeping = Keeping::begin(&args.output, &name, args.resume)?;
     let engine = Arc::new(engine);
     crew.notes.iter().for_each(|note| reporter.warn(note.clone()));
-    let has_paths =
-        method.photons.is_none() && subject.prepared.can_learn(subject.view, planned_samples(&settings));
+    let has_paths = method.photons.is_none() && subject.prepared.can_learn(subject.view, planned_samples(&settings));
     if args.guiding.asks_for_agents() && !has_paths {
         let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, and \
                    524288 samples or more, all pixels together";

@@ -55,6 +55,11 @@ fn agents(url: &str) -> Vec<String> {
     lines(&told).iter().map(|agent| agent["agent"].as_str().expect("a name").to_owned()).collect()
 }
 
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    assert!(signal("-INT", child.id()));
+}
+
 #[test]
 fn a_platform_is_served_by_two_processes_of_which_one_is_killed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -83,6 +88,19 @@ fn a_platform_is_served_by_two_processes_of_which_one_is_killed() {
     assert_eq!(services(&one.url).len(), 1);
     let said = succeed(&["platform", "services", "--at", &format!("workshop={}", one.url)]);
     assert!(said.contains("df@guest") && said.contains("fipa-df"), "{said}");
+    #[cfg(unix)]
+    {
+        // A guest takes itself out when it ends.
+        let mut late = Serving::start(&["--name", "late", "--federate", &two.url]);
+        let begun = Instant::now();
+        while services(&two.url).len() != 2 {
+            assert!(begun.elapsed() < Duration::from_secs(10), "the second process knows of the other guest");
+        }
+        interrupt(&late.child);
+        assert!(late.child.wait().expect("an end").success());
+        let found = services(&two.url);
+        assert_eq!((found.len(), found[0]["agent"].as_str()), (1, Some("df@guest")), "{found:?}");
+    }
 }
 
 #[test]
@@ -140,7 +158,7 @@ fn ctrl_c_ends_it_politely() {
     while addresses(&two) != 2 {
         assert!(begun.elapsed() < Duration::from_secs(10));
     }
-    assert!(signal("-INT", one.child.id()));
+    interrupt(&one.child);
     assert!(one.child.wait().expect("an end").success());
     let mut rest = String::new();
     one.out.read_to_string(&mut rest).expect("text");

@@ -26,7 +26,7 @@ use crate::{
     AclMessage, AgentId, BoxedMachine, Bus, Performative, StateMachine, StoreRequest, Ticket,
     acc::{Letter, Outbound},
     entry_store::EntryStore,
-    gateway::{ChannelEffect, ChannelReport, Gateway, GatewayConfig, Passage, PlainContent},
+    gateway::{ChannelEffect, ChannelReport, FirstForms, Gateway, GatewayConfig, Passage, PlainContent},
     platform::{
         Ams, AmsConfig, Df, DfConfig, Function, LifeCycleRequest, ManagementContent, ONTOLOGY, Outcome, Service,
         ServiceEntry, StandardAgent, StartService,
@@ -82,6 +82,8 @@ pub struct NodeConfig {
     pub permanent: Vec<AgentId>,
     /// How to tell what passes.
     pub trace_line: TraceLine,
+    /// In which form others are written to who have not written themselves.
+    pub first_forms: FirstForms,
 }
 
 /// Why there is no node.
@@ -165,6 +167,7 @@ impl Node {
             trusted: config.trusted,
             permanent: config.permanent,
             trace_line: config.trace_line,
+            first_forms: config.first_forms,
         };
         let is_federated = !setup.federates.is_empty();
         let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
@@ -331,6 +334,7 @@ struct Setup {
     trusted: Vec<AgentId>,
     permanent: Vec<AgentId>,
     trace_line: TraceLine,
+    first_forms: FirstForms,
 }
 
 impl Setup {
@@ -362,6 +366,7 @@ impl Setup {
             services: services.clone(),
             administrators: self.administrators.clone(),
             salt: self.salt,
+            first_forms: self.first_forms.clone(),
         });
         // Only inside is it sure who speaks, so only the gateway tells them apart.
         let administrators = [&self.administrators[..], &self.trusted].concat();

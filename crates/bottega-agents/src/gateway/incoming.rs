@@ -63,7 +63,7 @@ where
                 let me = self.with_addresses(to);
                 let text = print_content_of(self.config.calendar, &me, &content, asked.as_ref());
                 let answer = message.reply(act, me, text);
-                self.send_wire(now, form, &answer, actions);
+                self.send_wire(now, Some(form), &answer, actions);
             }
         }
     }

@@ -5,6 +5,7 @@
 //! strangers, whose names for conversations are text, and answers what cannot be understood. Agents get what is said
 //! of agent management as types, and everything else as the [`WireMessage`] itself, if their content type takes it.
 
+mod forms;
 mod incoming;
 mod outgoing;
 mod threads;
@@ -16,6 +17,8 @@ use std::{
     time::Duration,
 };
 
+pub use forms::FirstForms;
+use forms::Forms;
 use threads::Threads;
 pub(crate) use threads::has_name;
 
@@ -23,7 +26,7 @@ use crate::{
     Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, StoreReply, StoreRequest, Ticket, Time,
     acc::{Acc, Letter, Outbound, Routed},
     platform::{AmsPages, CarriesManagement, ManagementContent},
-    wire::{Calendar, WireMessage},
+    wire::{Calendar, Form, WireMessage},
 };
 
 /// Content types that can hold what strangers say, as text.
@@ -156,6 +159,8 @@ pub struct GatewayConfig {
     pub administrators: Vec<AgentId>,
     /// Makes the names of its conversations differ from those of every other process.
     pub salt: u64,
+    /// In which form others are written to who have not written themselves.
+    pub first_forms: FirstForms,
 }
 
 /// Makes agents of a platform and strangers understand each other. See the [module](self).
@@ -167,6 +172,7 @@ where
     config: GatewayConfig,
     acc: Acc,
     threads: Threads,
+    forms: Forms,
     /// The addresses of all processes that serve the platform, this one's first.
     nodes: Vec<String>,
     /// Which of the pages have been read to their end.
@@ -213,6 +219,7 @@ where
         Self {
             acc,
             threads: Threads::default(),
+            forms: Forms::new(&config.first_forms),
             nodes: config.addresses.clone(),
             known: BTreeSet::new(),
             watch_again: Time::ZERO,
@@ -259,7 +266,13 @@ where
     fn reported(&mut self, now: Time, report: ChannelReport, actions: &mut Actions<C, V>) {
         match report {
             ChannelReport::Arrived(letter) => match self.acc.receive(now, &letter) {
-                Ok(routed) => self.route(now, &letter.envelope.acl_representation, routed, actions),
+                Ok(routed) => {
+                    let form = &letter.envelope.acl_representation;
+                    if let (Some(sender), Some(form)) = (&letter.message.sender, Form::of_name(form)) {
+                        self.forms.hear(sender, form);
+                    }
+                    self.route(now, form, routed, actions);
+                }
                 Err(_) => {
                     let to = letter.envelope.to.first().unwrap_or(&self.config.id);
                     self.passed(now, Way::Dropped, to, &letter.message, actions);

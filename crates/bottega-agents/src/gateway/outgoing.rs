@@ -7,7 +7,7 @@ use super::{
 use crate::{
     AclMessage, AgentId, Performative, Time,
     platform::{ManagementContent, ONTOLOGY, print_content_of},
-    wire::{STRING_FORM, WireMessage},
+    wire::WireMessage,
 };
 
 impl<C, V> Gateway<C, V>
@@ -22,13 +22,22 @@ where
         if let Some(key) = self.ended_subscription(message) {
             self.put(now, key, String::new(), actions);
         }
-        let form = thread.map_or_else(|| STRING_FORM.to_owned(), |thread| thread.form);
-        self.send_wire(now, &form, &wire, actions);
+        let form = thread.as_ref().map(|thread| thread.form.as_str());
+        self.send_wire(now, form, &wire, actions);
     }
 
     /// Sends a message to each of its receivers, or tells its sender that they cannot be reached.
-    pub(super) fn send_wire(&mut self, now: Time, form: &str, message: &WireMessage, actions: &mut Actions<C, V>) {
+    ///
+    /// - `form`: of what it answers; `None`: nothing.
+    pub(super) fn send_wire(
+        &mut self,
+        now: Time,
+        form: Option<&str>,
+        message: &WireMessage,
+        actions: &mut Actions<C, V>,
+    ) {
         for receiver in &message.receivers {
+            let form = form.unwrap_or_else(|| self.forms.of(receiver).name());
             match self.acc.dispatch(now, form, message.clone(), receiver) {
                 Ok(outbound) => self.send(now, outbound, actions),
                 Err(why) => {

@@ -24,6 +24,31 @@ pub const STRING_FORM: &str = "fipa.acl.rep.string.std";
 /// The name of the XML form in envelopes (FIPA00071).
 pub const XML_FORM: &str = "fipa.acl.rep.xml.std";
 
+/// A form in which messages are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Form {
+    /// Brackets, words and strings: what every platform reads.
+    #[default]
+    String,
+    /// XML.
+    Xml,
+}
+
+impl Form {
+    /// Its name in envelopes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::String => STRING_FORM,
+            Self::Xml => XML_FORM,
+        }
+    }
+
+    /// The form of this name, if it is one of these.
+    pub fn of_name(name: &str) -> Option<Self> {
+        [Self::String, Self::Xml].into_iter().find(|form| form.name().eq_ignore_ascii_case(name))
+    }
+}
+
 /// The most bytes of a message or envelope as text: enough for the largest entry of a directory, quoted.
 pub const TEXT_BYTES_MAX: usize = 3 << 20;
 /// The most agents in one parameter.

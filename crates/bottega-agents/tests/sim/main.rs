@@ -114,6 +114,7 @@ fn node(serves: &Serves, salt: u64) -> Process {
         services: services.clone(),
         administrators: Vec::new(),
         salt,
+        first_forms: Default::default(),
     });
     let white = Ams::new(AmsConfig {
         id: ams.clone(),
@@ -157,6 +158,7 @@ fn strangers(platform: &str, clients: Vec<(AgentId, Inner)>) -> Process {
         services: Vec::new(),
         administrators: Vec::new(),
         salt: 99,
+        first_forms: Default::default(),
     });
     let mut agents: Vec<(AgentId, Inner)> = vec![(acc, Box::new(gateway))];
     agents.extend(clients);

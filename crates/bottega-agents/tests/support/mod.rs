@@ -13,6 +13,7 @@ use bottega_agents::{
     AgentId, Performative,
     driver::node::{Node, NodeConfig},
     entry_store::EntryStore,
+    gateway::FirstForms,
     store::MemoryStore,
     wire::{Envelope, WireMessage, XML_FORM, parse_envelope, parse_string, parse_xml},
 };
@@ -161,6 +162,7 @@ pub(crate) fn config(name: &str, store: Box<dyn EntryStore<String, usize> + Send
         trusted: Vec::new(),
         permanent: Vec::new(),
         trace_line: |passage, _| format!("{} {}", passage.way.word(), passage.message.performative),
+        first_forms: FirstForms::default(),
     }
 }
 

@@ -1,6 +1,7 @@
-//! Child processes that run other people's programs: with limits, without network where the system allows it, and so
-//! that nothing of them is left.
+//! Child processes that run other people's programs: with limits, without network and without sight of the user's files
+//! where the system allows it, and so that nothing of them is left.
 
+mod fence;
 mod guard;
 mod tree;
 
@@ -8,7 +9,7 @@ use std::{
     collections::{BTreeMap, VecDeque},
     ffi::OsStr,
     io::{BufRead, BufReader, Read},
-    path::Path,
+    path::{Path, PathBuf},
     process::{Child, ChildStdin, Command, Stdio},
     sync::{
         Arc, Mutex, PoisonError,
@@ -20,6 +21,17 @@ use std::{
 };
 
 pub use self::guard::is_shut_in;
+
+/// Whether engines open no files here but their own and those of their scene.
+pub fn is_fenced_in() -> bool {
+    fence::is_enforced()
+}
+
+/// Whether the system tells what engines take, so that their limits of memory and processes hold.
+pub fn is_weighed() -> bool {
+    tree::IS_TOLD
+}
+use self::fence::Fence;
 use super::{error::EngineFault, manifest::Limits};
 
 /// Of a child's log so many bytes are kept: the last ones.
@@ -48,6 +60,9 @@ const PASSED_ON: &[&str] = &[
     "XDG_DATA_DIRS",
 ];
 
+/// Where packages of Python are installed for a user, below the home.
+const USER_BASE: &str = ".local";
+
 /// What is to be started.
 #[derive(Clone, Debug)]
 pub(super) struct Program<'a> {
@@ -59,6 +74,10 @@ pub(super) struct Program<'a> {
     pub(super) environment: &'a BTreeMap<String, String>,
     /// Passed on where set.
     pub(super) inherit: &'a [String],
+    /// Variables that name what it may write beside its scratch folder.
+    pub(super) writes: &'a [String],
+    /// Files and folders that it may read beside the system's and where it is installed.
+    pub(super) reads: &'a [PathBuf],
     pub(super) limits: Limits,
 }
 
@@ -98,6 +117,8 @@ impl Log {
 #[derive(Debug)]
 pub(super) struct Guarded {
     child: Child,
+    // Let go after the child has ended.
+    _keeper: fence::Keeper,
     stdin: Option<ChildStdin>,
     lines: Receiver<Option<String>>,
     log: Arc<Log>,
@@ -134,7 +155,7 @@ impl Guarded {
             .stderr(Stdio::piped());
         set_environment(&mut command, program, &mark);
         own_group(&mut command);
-        let mut child = command.spawn().map_err(start)?;
+        let (mut child, keeper) = fence::spawn(command, Fence::of(program)).map_err(start)?;
         let log = Arc::new(Log::default());
         let (stdin, stdout, stderr) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         if let Some(stderr) = stderr {
@@ -150,7 +171,7 @@ impl Guarded {
             let read = move || read_lines(stdout, &sender, &log);
             thread::Builder::new().name("engine answers".to_owned()).spawn(read).map_err(start)?;
         }
-        Ok(Self { child, stdin, lines, log, limits: program.limits, mark, weighed: Instant::now() })
+        Ok(Self { child, _keeper: keeper, stdin, lines, log, limits: program.limits, mark, weighed: Instant::now() })
     }
 
     /// Where requests are written.
@@ -266,7 +287,7 @@ fn set_environment(command: &mut Command, program: &Program<'_>, mark: &str) {
     }
     // What is installed for the user alone is found, while its settings are not: an engine paints the same everywhere.
     if let Some(home) = std::env::var_os("HOME") {
-        command.env("PYTHONUSERBASE", Path::new(&home).join(".local"));
+        command.env("PYTHONUSERBASE", Path::new(&home).join(USER_BASE));
     }
     let scratch: &OsStr = program.scratch.as_os_str();
     for name in ["HOME", "TMPDIR", "TMP", "TEMP", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_RUNTIME_DIR"] {

@@ -1,7 +1,6 @@
 //! Finding an engine on this machine.
 
 use std::{
-    collections::BTreeMap,
     env,
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -15,6 +14,10 @@ use super::{
     shelf::Entry,
 };
 
+/// Names the Python of all workers: a program, or the folder of a virtual environment.
+const PYTHON: &str = "BOTTEGA_ENGINE_PYTHON";
+/// Where a virtual environment has it.
+const OF_ENVIRONMENT: &[&str] = &["bin/python3", "bin/python", "Scripts/python.exe"];
 /// How long an engine may take to tell its version: large Python modules on a cold disk take their time.
 const CHECK_TIME: Duration = Duration::from_secs(90);
 
@@ -83,9 +86,12 @@ impl Located {
     }
 }
 
-/// The programs that a way may mean, first those that the user names.
+/// The programs that a way may mean, first those that the user names: for this way, then for all workers in Python.
 fn candidates(way: &Way) -> Vec<PathBuf> {
-    let named = way.variable.as_ref().and_then(env::var_os).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let is_python = way.programs.iter().any(|name| name == "python3");
+    let python = is_python.then(|| set(PYTHON)).flatten().map(|named| python_of(&named));
+    let named = way.variable.as_deref().and_then(set).into_iter().chain(python);
     let folders: Vec<PathBuf> = env::var_os("PATH").map(|path| env::split_paths(&path).collect()).unwrap_or_default();
     let found = way.programs.iter().filter_map(|name| {
         let path = Path::new(name);
@@ -95,16 +101,33 @@ fn candidates(way: &Way) -> Vec<PathBuf> {
         let in_folder = |folder: &PathBuf| [name.clone(), format!("{name}.exe")].map(|name| folder.join(name));
         folders.iter().flat_map(in_folder).find(|path| path.is_file())
     });
-    let mut all: Vec<PathBuf> = named.into_iter().chain(found).collect();
+    let mut all: Vec<PathBuf> = named.chain(found).collect();
     all.dedup();
     all
+}
+
+/// The Python that is named by itself or by the folder of its virtual environment.
+fn python_of(named: &Path) -> PathBuf {
+    let within = OF_ENVIRONMENT.iter().map(|name| named.join(name)).find(|program| program.is_file());
+    within.unwrap_or_else(|| named.to_owned())
+}
+
+/// How the module is had that a worker in Python says is missing.
+pub(super) fn module_hint(engine: &Located, said: &str) -> Option<String> {
+    let (_, rest) = said.split_once("No module named ")?;
+    let name: String = rest
+        .trim_start_matches(['\'', '"'])
+        .chars()
+        .take_while(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'))
+        .collect();
+    (!name.is_empty()).then(|| format!("to install it: {} -m pip install {name}", engine.program.display()))
 }
 
 /// Asks a program for its version.
 fn ask(way: &Way, program: &Path, scratch: &Path) -> Result<Version, String> {
     let values: Values = [("program", program.display().to_string())].into();
     let line = Argument::fill_all(&way.check, &values);
-    let heard = run(&line, scratch, &way.environment, &way.inherit, CHECK_TIME);
+    let heard = run(&line, scratch, way, &[], CHECK_TIME);
     let (said, ended_well) = heard.map_err(|fault| fault.told())?;
     if !ended_well {
         let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it failed without a word");
@@ -118,12 +141,13 @@ fn ask(way: &Way, program: &Path, scratch: &Path) -> Result<Version, String> {
 pub(super) fn run(
     line: &[String],
     scratch: &Path,
-    environment: &BTreeMap<String, String>,
-    inherit: &[String],
+    way: &Way,
+    reads: &[PathBuf],
     time: Duration,
 ) -> Result<(String, bool), EngineFault> {
     let begun = Instant::now();
-    let program = Program { line, scratch, environment, inherit, limits: Limits::default() };
+    let Way { environment, inherit, writes, .. } = way;
+    let program = Program { line, scratch, environment, inherit, writes, reads, limits: Limits::default() };
     let mut child = Guarded::spawn(&program)?;
     child.close_stdin();
     loop {
@@ -154,4 +178,33 @@ pub fn install_hint(manifest: &Manifest) -> String {
     let names = std::iter::once(id.as_str()).chain(like.split_whitespace()).chain([env::consts::OS, "any"]);
     let hint = names.filter_map(|name| manifest.install.get(name)).next();
     hint.map_or_else(|| "see its home page".to_owned(), |hint| format!("to install it: {hint}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_python_is_named_by_itself_or_by_its_environment() {
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("bin/python3");
+        std::fs::create_dir(folder.path().join("bin")).unwrap();
+        std::fs::write(&program, "").unwrap();
+        assert_eq!(python_of(folder.path()), program);
+        assert_eq!(python_of(&program), program);
+        assert_eq!(python_of(Path::new("/nowhere")), Path::new("/nowhere"));
+    }
+
+    #[test]
+    fn a_missing_module_is_named_in_the_hint() {
+        let entry = crate::external::Shelf::open(&[]).get("mitsuba").cloned().unwrap();
+        let version = Version::parse("1.0").unwrap();
+        let engine = Located { entry, program: "/v/bin/python3".into(), version, way: 0 };
+        let hint = |said: &str| module_hint(&engine, said);
+        let numpy = Some("to install it: /v/bin/python3 -m pip install numpy".to_owned());
+        assert_eq!(hint("ModuleNotFoundError: No module named 'numpy'"), numpy);
+        assert_eq!(hint("X is not installed for /v: No module named 'numpy.core'"), numpy);
+        assert_eq!(hint("No module named "), None);
+        assert_eq!(hint("out of memory"), None);
+    }
 }

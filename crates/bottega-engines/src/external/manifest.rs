@@ -92,6 +92,9 @@ pub struct Way {
     /// Passed on to the child where the user has set them.
     #[serde(default)]
     pub inherit: Vec<String>,
+    /// Variables of the user that name files and folders which it may write beside its scratch folder.
+    #[serde(default)]
+    pub writes: Vec<String>,
 }
 
 /// Which files the engine takes.

@@ -22,11 +22,14 @@ const TEXT_MAX: u64 = 64 << 20;
 impl Located {
     /// The files that a scene refers to, itself left out.
     ///
+    /// - `outside`: files and folders that the engine may read beside the scene's folder, see
+    ///   [`SceneRequest`](super::SceneRequest).
+    ///
     /// # Errors
     /// The worker cannot tell.
-    pub fn scene_files(self: &Arc<Self>, scene: &Path) -> Result<Files, EngineFault> {
+    pub fn scene_files(self: &Arc<Self>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
         match self.manifest().scene.refers {
-            Refers::Worker => ask_files(self, scene),
+            Refers::Worker => ask_files(self, scene, outside),
             Refers::Scan => Ok(scan(&self.manifest().scene, scene)),
             Refers::None => Ok(Files::default()),
         }

@@ -3,7 +3,11 @@
 mod command;
 mod worker;
 
-use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use bottega_image::Rect;
 
@@ -30,6 +34,21 @@ pub struct SceneRequest {
     pub trust: bool,
     /// More for the engine: what its manifest says, and the user beside it.
     pub parameters: BTreeMap<String, serde_json::Value>,
+    /// Files and folders that the engine may read beside the folder of the scene; `/`: all that this process may read.
+    pub outside: Vec<PathBuf>,
+}
+
+impl SceneRequest {
+    /// What the engine may read of the disk beside what is its own.
+    pub(super) fn reads(&self) -> Vec<PathBuf> {
+        reads(&self.scene, &self.outside)
+    }
+}
+
+/// What an engine may read for a scene.
+fn reads(scene: &Path, outside: &[PathBuf]) -> Vec<PathBuf> {
+    let folder = scene.parent().map(Path::to_owned);
+    outside.iter().cloned().chain(folder).chain([scene.to_owned()]).collect()
 }
 
 /// A window to paint. What is `None` is as the scene says, or the engine has it not.
@@ -82,7 +101,7 @@ impl Session {
         quarantine::check(engine)?;
         match engine.manifest().kind {
             Kind::Worker => {
-                let mut worker = Worker::start(engine)?;
+                let mut worker = Worker::start(engine, request.reads())?;
                 let opened = worker.open(request)?;
                 Ok(Self { driver: Driver::Worker(Box::new(worker)), opened })
             }
@@ -99,8 +118,9 @@ impl Session {
     /// The engine refuses it.
     pub fn reopen(&mut self, engine: &Arc<Located>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
-            Driver::Worker(worker) => self.opened = worker.open(request)?,
-            Driver::Command(_) => *self = Self::open(engine, request)?,
+            // It sees no other files than those of the scene for which it was started.
+            Driver::Worker(worker) if worker.reads() == request.reads() => self.opened = worker.open(request)?,
+            Driver::Worker(_) | Driver::Command(_) => *self = Self::open(engine, request)?,
         }
         Ok(())
     }
@@ -125,8 +145,10 @@ impl Session {
 ///
 /// # Errors
 /// The engine does not start, or cannot tell.
-pub(super) fn ask_files(engine: &Arc<Located>, scene: &std::path::Path) -> Result<Files, EngineFault> {
-    Worker::start(engine)?.files(scene)
+///
+/// - `outside`: see [`SceneRequest`].
+pub(super) fn ask_files(engine: &Arc<Located>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
+    Worker::start(engine, reads(scene, outside))?.files(scene)
 }
 
 /// A worker that was started to see whether it answers.
@@ -143,7 +165,7 @@ impl Probe {
     /// It does not start, or does not keep to the protocol.
     pub fn start(engine: &Arc<Located>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
-        Worker::start(engine)?;
+        Worker::start(engine, Vec::new())?;
         Ok(Self { seconds: begun.elapsed().as_secs_f64() })
     }
 }

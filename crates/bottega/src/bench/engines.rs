@@ -93,6 +93,7 @@ pub(super) fn run(args: &EnginesBenchArgs) -> Result<ExitCode, CliError> {
         trust: false,
         view: None,
         parameters: parameters(&engine, &args.options)?,
+        outside: Vec::new(),
     };
     if request.size.is_none() {
         let session = Session::open(&engine, &request).map_err(failed)?;

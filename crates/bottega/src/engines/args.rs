@@ -32,6 +32,9 @@ pub(crate) struct EngineArgs {
     /// Which frame of the animation, for engines that know of frames; default: the one that the scene is at.
     #[arg(long, value_name = "N", conflicts_with = "frames", allow_negative_numbers = true, help_heading = "Engine")]
     pub(crate) frame: Option<i32>,
+    /// Where the files of a scene are that was sent here; none: it is the user's own.
+    #[arg(skip)]
+    pub(crate) sent: Option<PathBuf>,
 }
 
 impl EngineArgs {

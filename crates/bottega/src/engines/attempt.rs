@@ -65,6 +65,7 @@ fn request(args: &TryArgs, engine: &Located) -> Result<SceneRequest, CliError> {
         view: None,
         trust: args.trust,
         parameters: parameters(engine, &args.options)?,
+        outside: Vec::new(),
     })
 }
 

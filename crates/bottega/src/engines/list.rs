@@ -4,11 +4,13 @@ use std::{
     fs,
     path::Path,
     process::ExitCode,
+    sync::Arc,
+    thread,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
 use bottega_engines::external::{
-    Entry, Located, Probe, Quarantine, install_hint, is_shut_in,
+    EngineFault, Entry, Located, Probe, Quarantine, install_hint, is_fenced_in, is_shut_in, is_weighed,
     manifest::{Determinism, Kind, Manifest},
     quarantine,
 };
@@ -25,15 +27,14 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     if !args.json {
         println!("builtin   {}   glb gltf xml pbrt obj ply   part of this program", env!("CARGO_PKG_VERSION"));
     }
-    for entry in shelf.iter() {
+    for (entry, found) in looked_at(&shelf.iter().collect::<Vec<_>>()) {
         let manifest = &entry.manifest;
-        let found = Located::find(entry);
         if args.json {
             let (version, problem) = match &found {
                 Ok(found) => (Some(found.version.to_string()), None),
                 Err(fault) => (None, Some(fault.told())),
             };
-            let quarantine = found.as_ref().ok().and_then(quarantine);
+            let quarantine = found.as_ref().ok().and_then(|found| quarantine(found));
             let program = found.as_ref().ok().map(|found| found.program.display().to_string());
             println!(
                 "{}",
@@ -59,16 +60,49 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
                     println!("{:<9} not used here: {}", "", told(&why, &manifest.name));
                 }
             }
-            Err(_) => println!("{:<9} not here   {extensions}   {}", manifest.name, install_hint(manifest)),
+            Err(EngineFault::NotFound { .. } | EngineFault::Version { .. }) => {
+                println!("{:<9} not here   {extensions}   {}", manifest.name, install_hint(manifest));
+            }
+            // It is here, and nothing comes of it.
+            Err(fault) => println!("{:<9} not usable   {extensions}   {}", manifest.name, fault.told()),
         }
     }
     for broken in &shelf.broken {
         eprintln!("{:?}", miette::Report::new(CliError::manifest(broken.clone())));
     }
-    if !args.json && !is_shut_in() {
-        println!("\nEngines have the network of this machine: the system allows no namespaces.");
+    if !args.json {
+        unguarded().iter().for_each(|line| println!("\n{line}"));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Looks for engines, all at the same time. One that paints by a worker is there when that has answered.
+fn looked_at<'a>(entries: &[&'a Entry]) -> Vec<(&'a Entry, Result<Arc<Located>, EngineFault>)> {
+    let look = |entry: &Entry| {
+        let found = Arc::new(Located::find(entry)?);
+        // One that is not used here is not started either.
+        if entry.manifest.kind == Kind::Worker && quarantine(&found).is_none() {
+            Probe::start(&found)?;
+        }
+        Ok(found)
+    };
+    thread::scope(|scope| {
+        let started: Vec<_> = entries.iter().map(|&entry| (entry, scope.spawn(move || look(entry)))).collect();
+        let ended = started
+            .into_iter()
+            .map(|(entry, look)| (entry, look.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))));
+        ended.collect()
+    })
+}
+
+/// What the system does not keep from engines, a line each.
+fn unguarded() -> Vec<&'static str> {
+    let lines = [
+        (is_shut_in(), "Engines have the network of this machine: the system allows no namespaces."),
+        (is_fenced_in(), "Engines see all files that you may read: the system has no Landlock."),
+        (is_weighed(), "Engines may take all memory: the system does not tell what they take."),
+    ];
+    lines.into_iter().filter(|(holds, _)| !holds).map(|(_, line)| line).collect()
 }
 
 /// Why an engine is not used, and what to do.
@@ -136,7 +170,9 @@ pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
         println!("worker    ready after {seconds:.2} s");
     }
     let shut_in = if is_shut_in() { "no network, its own processes" } else { "a process group of its own" };
-    println!("shut in   {shut_in}");
+    let fenced_in = if is_fenced_in() { ", no files but its own and the scene's" } else { "" };
+    println!("shut in   {shut_in}{fenced_in}");
+    unguarded().iter().for_each(|line| println!("          {line}"));
     Ok(ExitCode::SUCCESS)
 }
 

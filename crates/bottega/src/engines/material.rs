@@ -40,21 +40,35 @@ impl Material {
         let (name, _) = args.engines.other()?;
         let engine = located(&args.engines.folders, name)?;
         let scene = absolute(&args.scene.file.scene)?;
-        let found = engine.scene_files(&scene);
+        let allow_outside = args.scene.file.allow_outside;
+        let outside = if allow_outside { vec![PathBuf::from("/")] } else { args.scene.file.asset_roots.clone() };
+        let found = engine.scene_files(&scene, &outside);
         let Files { files, missing } =
             found.map_err(|source| CliError::External { engine: name.to_owned(), source })?;
         let folder = scene.parent().unwrap_or(Path::new("/"));
         let own = scene.file_name().map(PathBuf::from);
         let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();
-        let files = files.into_iter().filter(|file| *file != scene);
-        let files = files.map(|path| SceneFile { name: relative(folder, &path), path, hash: [0; 32] });
+        let roots: Vec<PathBuf> = outside.iter().filter_map(|root| root.canonicalize().ok()).collect();
+        let is_allowed = |file: &PathBuf| file.starts_with(folder) || roots.iter().any(|root| file.starts_with(root));
+        let (files, kept_back): (Vec<PathBuf>, Vec<PathBuf>) =
+            files.into_iter().filter(|file| *file != scene).partition(is_allowed);
+        let files = files.into_iter().map(|path| SceneFile { name: relative(folder, &path), path, hash: [0; 32] });
         let warnings = missing.iter().map(|file| {
             format!(
                 "`{file}`, to which {} refers, is not there",
                 own.as_deref().unwrap_or(Path::new("the scene")).display()
             )
         });
-        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings: warnings.collect(), method: None })
+        // As with our own engine: a scene says nothing about what else of this disk is sent to others.
+        let kept_back = kept_back.iter().map(|file| {
+            format!(
+                "`{}` lies outside the folder of the scene and is not sent; copy it there, or allow such files with \
+                 `--allow-outside`, or those of its folder with `--asset-root`",
+                file.display()
+            )
+        });
+        let warnings = warnings.chain(kept_back).collect();
+        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings, method: None })
     }
 }
 

@@ -1,6 +1,7 @@
 //! A picture made ready: what is to be painted, and the engine that paints it.
 
 use std::{
+    collections::BTreeMap,
     fmt::Write,
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
@@ -216,8 +217,21 @@ fn request(args: &RenderArgs, located: &Located) -> Result<SceneRequest, CliErro
         threads: threads(&args.scene),
         view: None,
         trust: args.engines.trust,
+        outside: outside(args, &parameters),
         parameters,
     })
+}
+
+/// What the engine may read beside the folder of the scene: of a scene that was sent here what was sent with it; of the
+/// user's own what the user allows, and what options name.
+fn outside(args: &RenderArgs, parameters: &BTreeMap<String, serde_json::Value>) -> Vec<PathBuf> {
+    if let Some(sent) = &args.engines.sent {
+        return vec![sent.clone()];
+    }
+    let named = parameters.values().filter_map(serde_json::Value::as_str).flat_map(std::env::split_paths);
+    let named = named.filter(|path| path.is_absolute());
+    let all = args.scene.file.allow_outside.then(|| PathBuf::from("/"));
+    named.chain(all).collect()
 }
 
 fn unfit(located: &Located, option: &str) -> CliError {

@@ -138,8 +138,10 @@ impl Order {
         args.scene.file.scene = scene.to_owned();
         // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This
         // machine's own files are no business of the scene.
+        let root = SceneFiles::root_of(scene);
         args.scene.file.allow_outside = false;
-        args.scene.file.asset_roots = vec![SceneFiles::root_of(scene)];
+        args.scene.file.asset_roots = vec![root.clone()];
+        args.engines.sent = Some(root);
         if let Some(environment) = environment {
             args.scene.env = Some(EnvironmentArg::Picture(environment));
         }

@@ -46,6 +46,16 @@ pub(crate) struct Lead {
     pub(crate) zones: usize,
 }
 
+impl Lead {
+    /// How far the job is, by the one who leads it; one who has no zones yet cannot tell.
+    fn or_as_before(self, before: Option<Self>) -> Self {
+        match before {
+            Some(before) if self.zones == 0 => Self { leader: self.leader, ..before },
+            _ => self,
+        }
+    }
+}
+
 /// A machine that is there.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Seat {
@@ -252,11 +262,14 @@ impl JobBoard {
         Ok(taken.map(|revision| Lease { number, revision }))
     }
 
-    /// Renews a lease. `false`: somebody else has it now.
+    /// Renews a lease. `false`: somebody else has it now. Who does not know yet how far the job is leaves what the one before
+    /// has told.
     ///
     /// # Errors
     /// The server does not say.
     pub(crate) fn renew(&self, lease: &mut Lease, lead: &Lead) -> Result<bool, BlobError> {
+        let before = self.uplink.notices().get(&lead_name(lease.number));
+        let lead = &lead.clone().or_as_before(before.as_ref().and_then(read));
         let put = self.uplink.notices().update(&lead_name(lease.number), &text(lead), lease.revision)?;
         match put {
             Some(revision) => lease.revision = revision,
@@ -381,4 +394,19 @@ pub(super) fn no_such(number: u32) -> CliError {
 
 fn too_busy() -> CliError {
     CliError::failed("too many change the jobs of the farm at once", "try again")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_begins_to_lead_says_no_less_than_the_one_before() {
+        let lead =
+            |leader: &str, done, zones_done, zones| Lead { leader: Some(leader.to_owned()), done, zones_done, zones };
+        let before = Some(lead("a", 0.5, 12, 24));
+        assert_eq!(lead("b", 0.0, 0, 0).or_as_before(before.clone()), lead("b", 0.5, 12, 24));
+        assert_eq!(lead("b", 0.4, 10, 25).or_as_before(before), lead("b", 0.4, 10, 25));
+        assert_eq!(lead("b", 0.0, 0, 0).or_as_before(None), lead("b", 0.0, 0, 0));
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
+use bottega_agents::wire::Form;
 use clap::{Args, Subcommand, ValueHint};
 
 use super::peer::{Peer, parse_peer};
@@ -72,9 +73,21 @@ pub(crate) struct ServeArgs {
     /// given several times. Nothing proves that it is the one who speaks: for networks whose members trust each other.
     #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
     pub(crate) trust: Vec<String>,
+    /// The representation of messages, string or xml, in which a platform is written to that has not written itself; or
+    /// PLATFORM=FORM for one of them, whatever it writes. May be given several times. Default: string. Answers are in the
+    /// representation of the question, and a platform that has written is written to likewise.
+    #[arg(long, value_name = "FORM", value_parser = parse_first_form)]
+    pub(crate) first_representation: Vec<FirstForm>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// The representation of the first message to a platform; `None`: to all.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FirstForm {
+    pub(crate) platform: Option<String>,
+    pub(crate) form: Form,
 }
 
 #[derive(Debug, Args)]
@@ -83,6 +96,9 @@ pub(crate) struct AskArgs {
     /// jade=http://host:7778/acc).
     #[arg(long, value_name = "URL", value_parser = parse_peer, default_value = "http://127.0.0.1:7779/acc")]
     pub(crate) at: Peer,
+    /// The representation of the message that asks: string, or xml. Platforms answer in the same.
+    #[arg(long, value_name = "FORM", value_parser = parse_form, default_value = "string")]
+    pub(crate) first_representation: Form,
     /// How long to wait for an answer.
     #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10s")]
     pub(crate) wait: Duration,
@@ -120,6 +136,22 @@ pub(crate) struct TraceArgs {
     /// Print one JSON object a line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+fn parse_form(text: &str) -> Result<Form, String> {
+    match text {
+        "string" => Ok(Form::String),
+        "xml" => Ok(Form::Xml),
+        _ => Err("string or xml is needed".to_owned()),
+    }
+}
+
+fn parse_first_form(text: &str) -> Result<FirstForm, String> {
+    match text.rsplit_once('=') {
+        Some(("", _)) => Err("a platform is needed before the =".to_owned()),
+        Some((platform, form)) => Ok(FirstForm { platform: Some(platform.to_owned()), form: parse_form(form)? }),
+        None => Ok(FirstForm { platform: None, form: parse_form(text)? }),
+    }
 }
 
 fn parse_agent(text: &str) -> Result<String, String> {

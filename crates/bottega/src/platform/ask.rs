@@ -5,7 +5,7 @@ use std::{net::SocketAddr, process::ExitCode};
 use bottega_agents::{
     AgentId,
     driver::node::{Node, NodeConfig},
-    gateway::PlainContent,
+    gateway::{FirstForms, PlainContent},
     platform::{
         AmsAgentDescription, DfAgentDescription, Function, LifeCycleState, ManagementContent, Outcome,
         SearchConstraints, ServiceDescription,
@@ -117,6 +117,7 @@ fn ask(args: &AskArgs, service: &str, function: Function) -> Result<Outcome, Cli
         trusted: Vec::new(),
         permanent: Vec::new(),
         trace_line: trace::line,
+        first_forms: FirstForms { default: args.first_representation, ..FirstForms::default() },
     })
     .map_err(CliError::Node)?;
     let me = AgentId::new(format!("asker@{}", node.ams().name.trim_start_matches("ams@")));

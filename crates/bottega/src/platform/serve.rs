@@ -10,12 +10,13 @@ use bottega_agents::{
     driver::node::{Node, NodeConfig},
     entry_store::EntryStore,
     file_store::FileStore,
+    gateway::FirstForms,
     store::MemoryStore,
 };
 use serde_json::json;
 
 use super::{
-    args::ServeArgs,
+    args::{FirstForm, ServeArgs},
     farm::{FarmAgents, jobs_id},
     trace,
 };
@@ -50,6 +51,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         trusted: trusted.clone(),
         permanent: jobs,
         trace_line: trace::line,
+        first_forms: first_forms(&args.first_representation),
     })
     .map_err(CliError::Node)?;
     let node = Arc::new(node);
@@ -71,6 +73,18 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         node.stop();
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What was said for all platforms, and for single ones; of several words for one the last counts.
+fn first_forms(said: &[FirstForm]) -> FirstForms {
+    let mut forms = FirstForms::default();
+    for FirstForm { platform, form } in said {
+        match platform {
+            Some(platform) => _ = forms.by_platform.insert(platform.clone(), *form),
+            None => forms.default = *form,
+        }
+    }
+    forms
 }
 
 fn store(args: &ServeArgs) -> Result<Box<dyn EntryStore<String, usize> + Send>, CliError> {

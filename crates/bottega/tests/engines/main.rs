@@ -21,6 +21,9 @@ struct Stage {
     folder: TempDir,
 }
 
+/// Where the worker writes what it was told.
+const TRACE: &str = "traces/trace";
+
 const MANIFEST: &str = r#"
 manifest = 1
 name = "hostile"
@@ -35,6 +38,7 @@ check = ["{program}", "--version"]
 version = 'Python (\d+\.\d+)'
 command = ["{program}", "{folder}/hostile.py"]
 inherit = ["TRACE", "PORT"]
+writes = ["TRACES"]
 [install]
 any = "python3 is needed"
 [scene]
@@ -63,6 +67,8 @@ impl Stage {
         fs::write(stage.path("hostile.py"), include_str!("hostile.py")).expect("written");
         fs::write(stage.path("hostile.toml"), MANIFEST).expect("written");
         fs::write(stage.path("scene.toy"), scene).expect("written");
+        // Of the scene's folder it may write this alone.
+        fs::create_dir(stage.path("traces")).expect("a folder");
         stage
     }
 
@@ -72,7 +78,8 @@ impl Stage {
 
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = support::bottega(arguments);
-        command.args(["--engines", text(self.folder.path())]).env("TRACE", self.path("trace"));
+        command.args(["--engines", text(self.folder.path())]).env("TRACE", self.path(TRACE));
+        command.env("TRACES", self.path("traces"));
         command.env("XDG_CONFIG_HOME", self.path("config")).env("XDG_STATE_HOME", self.path("state"));
         command.env("NO_COLOR", "1");
         command
@@ -122,7 +129,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
     let timed = format!("{timed}[tunables.time]\nleast = 1\nmost = 100\n");
     fs::write(stage.path("hostile.toml"), timed).expect("written");
     let orders = || -> Vec<serde_json::Value> {
-        let trace = fs::read_to_string(stage.path("trace")).expect("a trace");
+        let trace = fs::read_to_string(stage.path(TRACE)).expect("a trace");
         trace.lines().map(|line| serde_json::from_str(line).expect("an order")).collect()
     };
     let output = stage.render(&["--time", "3s", "--quiet"]);
@@ -145,7 +152,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
         fair(later)
     );
     // Who has no time has none to tell.
-    fs::remove_file(stage.path("trace")).expect("removed");
+    fs::remove_file(stage.path(TRACE)).expect("removed");
     assert!(stage.render(&["--quiet"]).status.success());
     assert!(orders().iter().all(|order| order["time"].is_null()));
 }
@@ -159,7 +166,7 @@ fn windows_that_are_dear_are_not_tried_out() {
         let words = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--quiet"];
         let done = stage.command(&words).output().expect("the program starts");
         assert!(done.status.success(), "{}", told(&done));
-        let painted = fs::read_to_string(stage.path("trace")).expect("a trace").split_whitespace().count();
+        let painted = fs::read_to_string(stage.path(TRACE)).expect("a trace").split_whitespace().count();
         assert!(windows.contains(&painted), "{seconds} s: {painted} windows");
     }
 }
@@ -240,7 +247,7 @@ fn nothing_that_an_engine_started_is_left() {
     let stage = Stage::new("forks");
     let output = stage.render(&[]);
     assert!(output.status.success(), "{}", told(&output));
-    let mark = text(&stage.path("trace")).to_owned();
+    let mark = text(&stage.path(TRACE)).to_owned();
     let lives = || {
         let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
         let environments = entries.filter_map(|entry| fs::read(entry.path().join("environ")).ok());
@@ -435,6 +442,41 @@ output = "out.exr"
     fs::write(stage.path("line.toml"), manifest).expect("written");
     let failed = stage.command(&arguments).output().expect("the program starts");
     assert!(!failed.status.success() && told(&failed).contains("the lamp is missing"), "{}", told(&failed));
+}
+
+#[test]
+fn an_engine_opens_no_files_but_its_own_and_its_scenes() {
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    let secret = elsewhere.path().join("secret");
+    fs::write(&secret, "the combination of the safe").expect("written");
+    let stage = Stage::new(&format!("secret {}", text(&secret)));
+    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    if String::from_utf8_lossy(&list.stdout).contains("Engines see all files") {
+        eprintln!("SKIPPED: this kernel has no Landlock, and engines see all files");
+        return;
+    }
+    // Red, green and blue: it could read the secret, write beside it, or change its scene.
+    let output = stage.render(&["--spp", "1"]);
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [0.25; 3]));
+    // Unless the user says that it may read it all; it writes nothing even so.
+    let output = stage.render(&["--spp", "1", "--allow-outside"]);
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [1.0, 0.25, 0.25]));
+    assert_eq!(fs::read_dir(elsewhere.path()).expect("a folder").count(), 1);
+}
+
+#[test]
+fn an_engine_is_usable_when_its_worker_has_answered() {
+    let stage = Stage::new("sound");
+    let lacking = r#"import json; print(json.dumps({"failed": {"id": None, "reason": "No module named 'lamps'", "fatal": True}}), flush=True)"#;
+    fs::write(stage.path("lacking.py"), lacking).expect("written");
+    let manifest = MANIFEST.replace("hostile", "lacking").replace(", \"plain_exr.py\"", "");
+    fs::write(stage.path("lacking.toml"), manifest).expect("written");
+    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    let listed = String::from_utf8_lossy(&list.stdout).into_owned();
+    let line = listed.lines().find(|line| line.starts_with("lacking")).unwrap_or_else(|| panic!("{listed}"));
+    assert!(line.contains("not usable") && line.ends_with("python3 -m pip install lamps"), "{line}");
 }
 
 #[test]

@@ -38,6 +38,14 @@ fn is_here(name: &str) -> bool {
     check.status.success()
 }
 
+/// The Python in which Mitsuba's worker runs.
+fn python() -> std::path::PathBuf {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(std::path::PathBuf::from);
+    let of_all =
+        || set("BOTTEGA_ENGINE_PYTHON").map(|named| if named.is_dir() { named.join("bin/python3") } else { named });
+    set("BOTTEGA_MITSUBA_PYTHON").or_else(of_all).unwrap_or_else(|| "python3".into())
+}
+
 fn mean(picture: &Picture) -> f64 {
     picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
 }
@@ -77,6 +85,35 @@ fn check_text(name: &str, extension: &str, scene: &str, spp: &str) {
 #[test]
 fn mitsuba_paints_in_zones() {
     check_text("mitsuba", "xml", MITSUBA, "32");
+}
+
+/// NumPy makes it faster, and changes nothing.
+#[test]
+fn mitsuba_paints_the_same_without_numpy() {
+    if !is_here("mitsuba") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("scene.xml"), aov_scene()).expect("written");
+    fs::create_dir(at("hidden")).expect("a folder");
+    fs::write(at("hidden").join("numpy.py"), "raise ModuleNotFoundError('hidden')").expect("written");
+    let scene = at("scene.xml");
+    let paint = |name: &str, path: Option<&Path>| {
+        let output = at(name);
+        let words = ["render", text(&scene), "--engine", "mitsuba", "--size", "40x30", "--spp", "4", "--seed", "3"];
+        let mut command = bottega(&[&words[..], &["--quiet", "-o", text(&output)]].concat());
+        if let Some(path) = path {
+            command.env("PYTHONPATH", path);
+        }
+        let done = command.output().expect("the program starts");
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let names = ["depth.Z", "normal.X", "which.I"].map(str::to_owned);
+        let (file, planes) = read_channels(&output, ReadLimits::default(), &names).expect("a picture");
+        assert!(planes.iter().all(Option::is_some), "{names:?}");
+        (file.picture.data, planes)
+    };
+    assert!(paint("with.exr", None) == paint("without.exr", Some(&at("hidden"))));
 }
 
 #[test]
@@ -126,8 +163,7 @@ fn layers_of_a_picture_in_zones_are_those_of_the_whole_frame() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     fs::write(at("scene.xml"), aov_scene()).expect("written");
-    let python = std::env::var_os("BOTTEGA_MITSUBA_PYTHON").unwrap_or_else(|| "python3".into());
-    let whole = Command::new(python).args(["-c", WHOLE_FRAMES]).args([at("scene.xml"), at("1"), at("2")]).output();
+    let whole = Command::new(python()).args(["-c", WHOLE_FRAMES]).args([at("scene.xml"), at("1"), at("2")]).output();
     let whole = whole.expect("Python starts");
     assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
     let own_names = String::from_utf8_lossy(&whole.stdout).into_owned();

@@ -72,6 +72,11 @@ pub(super) fn wrapper(limits: &Limits) -> Vec<String> {
     line
 }
 
+/// Whether namespaces are had by making a user, which takes files of the system.
+pub(super) fn makes_users() -> bool {
+    guards().namespaces == Some(AS_USER)
+}
+
 /// Whether engines have no network here.
 pub fn is_shut_in() -> bool {
     guards().namespaces.is_some()

@@ -1,11 +1,22 @@
 use super::*;
 
 fn spawn(script: &str, limits: Limits) -> (tempfile::TempDir, Guarded) {
+    spawn_with(script, &[], limits)
+}
+
+fn spawn_with(script: &str, reads: &[PathBuf], limits: Limits) -> (tempfile::TempDir, Guarded) {
     let scratch = tempfile::tempdir().expect("a folder");
     let line = ["/bin/sh", "-c", script].map(str::to_owned);
     let (environment, inherit) = (BTreeMap::new(), []);
-    let program =
-        Program { line: &line, scratch: scratch.path(), environment: &environment, inherit: &inherit, limits };
+    let program = Program {
+        line: &line,
+        scratch: scratch.path(),
+        environment: &environment,
+        inherit: &inherit,
+        writes: &[],
+        reads,
+        limits,
+    };
     let child = Guarded::spawn(&program).expect("a shell");
     (scratch, child)
 }
@@ -69,4 +80,31 @@ fn signals_are_told_by_name() {
     let (_scratch, mut child) = spawn("kill -ABRT $$", Limits::default());
     assert!(listen_to_end(&mut child).expect("nothing").is_empty());
     assert_eq!(child.ended().expect("an end"), "signal 6 (aborted)");
+}
+
+#[test]
+fn a_child_opens_what_is_its_own_and_its_scenes_and_nothing_else() {
+    if !is_fenced_in() {
+        eprintln!("SKIPPED: this kernel has no Landlock, and engines see all files");
+        return;
+    }
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    let (scene, secret) = (elsewhere.path().join("scene"), elsewhere.path().join("secret.txt"));
+    std::fs::create_dir(&scene).expect("a folder");
+    std::fs::write(scene.join("mesh.txt"), "mesh\n").expect("a file");
+    std::fs::write(&secret, "secret\n").expect("a file");
+    std::os::unix::fs::symlink(&secret, scene.join("link.txt")).expect("a link");
+    let (scene_word, secret_word) = (scene.display(), secret.display());
+    let script = format!(
+        "cat {scene_word}/mesh.txt; cat {secret_word} || echo no; cat {scene_word}/link.txt || echo no; ls {outside} || \
+         echo no; echo x > {scene_word}/new || echo no; echo x >> {scene_word}/mesh.txt || echo no; rm -f \
+         {scene_word}/mesh.txt || echo no; echo x > {outside}/new || echo no; echo mine > $HOME/own && cat $TMPDIR/own; \
+         echo gone > /dev/null && echo done; cat /etc/hosts > $HOME/hosts; python3 -c 'print(\"python\")'",
+        outside = elsewhere.path().display()
+    );
+    let (_scratch, mut child) = spawn_with(&script, std::slice::from_ref(&scene), Limits::default());
+    let lines = listen_to_end(&mut child).expect("lines");
+    assert_eq!(lines, ["mesh", "no", "no", "no", "no", "no", "no", "no", "mine", "done", "python"]);
+    assert_eq!(std::fs::read_to_string(scene.join("mesh.txt")).expect("still there"), "mesh\n");
+    assert!(!scene.join("new").exists() && !elsewhere.path().join("new").exists());
 }

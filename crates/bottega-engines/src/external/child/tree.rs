@@ -10,11 +10,50 @@ pub(super) struct Tree {
     pub(super) resident_bytes: u64,
 }
 
+/// Whether the system tells what processes take.
+pub(super) const IS_TOLD: bool = cfg!(unix);
+
+/// A process, as `ps -axo pid=,ppid=,rss=` tells of it.
+#[cfg(any(test, all(unix, not(target_os = "linux"))))]
+fn listed(line: &str) -> Option<(u32, u32, u64)> {
+    let mut numbers = line.split_whitespace().map(str::parse::<u64>);
+    let mut next = || numbers.next()?.ok();
+    let (id, parent, kib) = (next()?, next()?, next()?);
+    Some((u32::try_from(id).ok()?, u32::try_from(parent).ok()?, kib << 10))
+}
+
+/// What a process takes with all below it, of processes with their parents and bytes.
+#[cfg(any(test, all(unix, not(target_os = "linux"))))]
+fn summed(all: &[(u32, u32, u64)], root: u32) -> Tree {
+    let mut tree = Tree::default();
+    let mut next = vec![root];
+    while let Some(id) = next.pop() {
+        let Some((_, _, bytes)) = all.iter().find(|(other, ..)| *other == id) else { continue };
+        tree.processes += 1;
+        tree.resident_bytes += bytes;
+        // No process is its own grandparent, but for lists that are made while all changes.
+        if tree.processes <= all.len() {
+            next.extend(all.iter().filter(|(other, parent, _)| *parent == id && *other != id).map(|(id, ..)| *id));
+        }
+    }
+    tree
+}
+
 #[cfg(not(target_os = "linux"))]
 mod system {
     use super::Tree;
 
     impl Tree {
+        /// Of the process `root` and all below it.
+        #[cfg(unix)]
+        pub(in super::super) fn of(root: u32) -> Tree {
+            let told = std::process::Command::new("ps").args(["-axo", "pid=,ppid=,rss="]).output();
+            let text = told.map(|told| String::from_utf8_lossy(&told.stdout).into_owned()).unwrap_or_default();
+            let all: Vec<_> = text.lines().filter_map(super::listed).collect();
+            super::summed(&all, root)
+        }
+
+        #[cfg(not(unix))]
         pub(in super::super) fn of(_root: u32) -> Tree {
             Tree::default()
         }
@@ -88,3 +127,21 @@ mod system {
 }
 
 pub(super) use system::{kill, marked};
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processes_are_weighed_with_all_that_they_have_started() {
+        let all: Vec<_> =
+            ["    1     0   800", " 70 1 1024", "71 70 2048", "72 71 4", "80 1 99999", "PID PPID RSS", ""]
+                .into_iter()
+                .filter_map(listed)
+                .collect();
+        assert_eq!(summed(&all, 70), Tree { processes: 3, resident_bytes: (1024 + 2048 + 4) << 10 });
+        assert_eq!(summed(&all, 9), Tree::default());
+        // A circle ends.
+        assert!(summed(&[(5, 6, 1), (6, 5, 1)], 5).processes <= 3);
+    }
+}

@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -60,7 +61,8 @@ impl CommandLine {
         let way = self.engine.way();
         let line = Argument::fill_all(&invocation.size, &self.scene_values());
         let time = limit(self.engine.manifest().limits.open_seconds).unwrap_or(Duration::MAX);
-        let (said, _) = run(&line, self.scratch.path(), &way.environment, &way.inherit, time)?;
+        let reads = self.request.reads();
+        let (said, _) = run(&line, self.scratch.path(), way, &reads, time)?;
         let numbers = said.lines().rev().map(|line| line.split_whitespace().map(str::parse).collect::<Vec<_>>());
         let size = numbers.into_iter().find_map(|numbers| match *numbers {
             [Ok(width), Ok(height)] if (1..=SIDE_MAX).contains(&width) && (1..=SIDE_MAX).contains(&height) => {
@@ -124,11 +126,15 @@ impl CommandLine {
         let mut values = self.values(request, &output);
         values.insert("scratch", folder.display().to_string());
         let line = Argument::fill_all(&invocation.run, &values);
+        // Its scripts lie above the folder of the window.
+        let reads: Vec<PathBuf> = self.request.reads().into_iter().chain([self.scratch.path().to_owned()]).collect();
         let program = Program {
             line: &line,
             scratch: &folder,
             environment: &way.environment,
             inherit: &way.inherit,
+            writes: &way.writes,
+            reads: &reads,
             limits: manifest.limits,
         };
         let mut child = Guarded::spawn(&program)?;

@@ -3,7 +3,7 @@
 use std::{
     fs,
     io::Write,
-    path::Path,
+    path::{Path, PathBuf},
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -16,7 +16,7 @@ use crate::{
     external::{
         child::{Guarded, Program, Word},
         error::EngineFault,
-        locate::Located,
+        locate::{Located, module_hint},
         log_tail,
         manifest::{Argument, Limits, Values, limit},
         protocol::{Answer, Failed, PaintedFile, Ready, Request, VERSION},
@@ -35,6 +35,8 @@ pub(super) struct Worker {
     scratch: Scratch,
     next_id: u64,
     frame: Option<i32>,
+    /// What it may read beside what is its own.
+    reads: Vec<PathBuf>,
     wrong_lines: u32,
 }
 
@@ -49,7 +51,8 @@ struct Patience<'a> {
 }
 
 impl Worker {
-    pub(super) fn start(engine: &Arc<Located>) -> Result<Self, EngineFault> {
+    /// - `reads`: files and folders that it may read beside the system's and where it is installed.
+    pub(super) fn start(engine: &Arc<Located>, reads: Vec<PathBuf>) -> Result<Self, EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
         let manifest = engine.manifest();
@@ -66,10 +69,13 @@ impl Worker {
             scratch: scratch.path(),
             environment: &way.environment,
             inherit: &way.inherit,
+            writes: &way.writes,
+            reads: &reads,
             limits: manifest.limits,
         };
         let child = Guarded::spawn(&program)?;
-        let mut worker = Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, wrong_lines: 0 };
+        let mut worker =
+            Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, reads, wrong_lines: 0 };
         let Limits { start_seconds, .. } = manifest.limits;
         let ready = worker.wait(&Patience::plain(start_seconds, "being ready"), &mut |_| {})?;
         match ready {
@@ -80,9 +86,13 @@ impl Worker {
             Answer::Ready(Ready { protocol, .. }) => {
                 Err(protocol_error(format!("it speaks version {protocol} of it, and {VERSION} is needed")))
             }
-            Answer::Failed(failed) => Err(failed.into()),
+            Answer::Failed(failed) => Err(worker.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
+    }
+
+    pub(super) fn reads(&self) -> &[PathBuf] {
+        &self.reads
     }
 
     pub(super) fn open(&mut self, request: &SceneRequest) -> Result<Opened, EngineFault> {
@@ -111,7 +121,7 @@ impl Worker {
                 Layout::with_layers(AovSet::NONE, opened.layers().collect()).map_err(EngineFault::Layers)?;
                 Ok(opened)
             }
-            Answer::Failed(failed) => Err(failed.into()),
+            Answer::Failed(failed) => Err(self.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -121,7 +131,7 @@ impl Worker {
         let seconds = self.engine.manifest().limits.open_seconds;
         match self.wait(&Patience::plain(seconds, "its list of files"), &mut |_| {})? {
             Answer::Files(files) => Ok(files),
-            Answer::Failed(failed) => Err(failed.into()),
+            Answer::Failed(failed) => Err(self.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -156,7 +166,7 @@ impl Worker {
         })?;
         let PaintedFile { file, window, samples, once, .. } = match answer {
             Answer::Painted(painted) if painted.id == id => painted,
-            Answer::Failed(failed) => return Err(failed.into()),
+            Answer::Failed(failed) => return Err(self.refusal(failed)),
             other => return Err(out_of_turn(&other)),
         };
         let [x0, y0, x1, y1] = window;
@@ -237,6 +247,15 @@ impl Worker {
         Err(protocol_error(format!("{error} in {start}")))
     }
 
+    /// What it says, with what can be done where it lacks a module.
+    fn refusal(&self, Failed { reason, fatal }: Failed) -> EngineFault {
+        let reason = match module_hint(&self.engine, &reason) {
+            Some(hint) => format!("{reason}; {hint}"),
+            None => reason,
+        };
+        EngineFault::Refused { reason, fatal }
+    }
+
     fn ended(&mut self) -> EngineFault {
         let status = self.child.ended().unwrap_or_else(|| "it closed its output".to_owned());
         EngineFault::Ended { status, log: log_tail(&self.engine, self.child.log()) }
@@ -246,12 +265,6 @@ impl Worker {
 impl Patience<'_> {
     fn plain(seconds: f64, what: &'static str) -> Self {
         Self { whole: limit(seconds), silence: None, what, cancel: None, grace: Duration::ZERO }
-    }
-}
-
-impl From<Failed> for EngineFault {
-    fn from(Failed { reason, fatal }: Failed) -> Self {
-        Self::Refused { reason, fatal }
     }
 }
 

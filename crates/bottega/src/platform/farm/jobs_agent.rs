@@ -42,6 +42,8 @@ pub(super) struct ChangeJob {
 pub(super) enum JobsReport {
     /// So it stands.
     Farm(Arc<FarmView>),
+    /// Its server does not answer: how it stood may be wrong by now.
+    Silent,
     /// A change was made, or why not.
     Changed { ticket: u64, result: Result<(), String> },
 }
@@ -52,6 +54,8 @@ pub(super) struct JobsAgent {
     /// What stands behind `@`.
     platform: String,
     farm: Arc<FarmView>,
+    /// Since when it does not answer.
+    silent: Option<Time>,
     yellow: Page<DfAgentDescription>,
     changing: BTreeMap<u64, (Message, Term)>,
     progress: Progress,
@@ -76,6 +80,7 @@ impl JobsAgent {
             around,
             platform,
             farm,
+            silent: None,
             yellow,
             changing: BTreeMap::new(),
             progress: Progress::default(),
@@ -90,7 +95,7 @@ impl JobsAgent {
         self.next_number - 1
     }
 
-    fn hear(&mut self, message: &Message, send: &mut Vec<Message>, actions: &mut Actions) {
+    fn hear(&mut self, now: Time, message: &Message, send: &mut Vec<Message>, actions: &mut Actions) {
         let Some(wire) = talk::foreign(message) else { return };
         if message.performative == Performative::Cancel {
             // What is cancelled, the conversation says.
@@ -111,16 +116,27 @@ impl JobsAgent {
             }
         };
         let heard = match message.performative {
-            Performative::Subscribe => self.subscribe(message, &asked, send),
-            _ => self.perform(message, &asked, send, actions),
+            Performative::Subscribe => self.subscribe(now, message, &asked, send),
+            _ => self.perform(now, message, &asked, send, actions),
         };
         if let Err(why) = heard {
             send.push(talk::no(message, &self.id, Some(&asked), why));
         }
     }
 
-    fn subscribe(&mut self, message: &Message, wish: &Term, send: &mut Vec<Message>) -> Result<(), Unread> {
+    /// Nobody is told what may be wrong by now. `true`: it is a failure.
+    fn fails_silent(&self, now: Time, message: &Message, asked: &Term, send: &mut Vec<Message>) -> bool {
+        let silent = self.silent.map(|since| talk::silent(message, &self.id, asked, now.since(since)));
+        let fails = silent.is_some();
+        send.extend(silent);
+        fails
+    }
+
+    fn subscribe(&mut self, now: Time, message: &Message, wish: &Term, send: &mut Vec<Message>) -> Result<(), Unread> {
         let (number, action) = read_wish(wish)?;
+        if self.fails_silent(now, message, wish, send) {
+            return Ok(());
+        }
         if self.farm.job(number).is_none() {
             return Err(no_such_job(action));
         }
@@ -129,12 +145,17 @@ impl JobsAgent {
 
     fn perform(
         &mut self,
+        now: Time,
         message: &Message,
         asked: &Term,
         send: &mut Vec<Message>,
         actions: &mut Actions,
     ) -> Result<(), Unread> {
-        let found = match read_jobs_function(asked)? {
+        let function = read_jobs_function(asked)?;
+        if self.fails_silent(now, message, asked, send) {
+            return Ok(());
+        }
+        let found = match function {
             JobsFunction::ListJobs => Term::call("sequence", self.farm.jobs.iter().map(job_term)),
             JobsFunction::ListMachines => {
                 Term::call("sequence", self.farm.machines.iter().map(|machine| machine_term(machine, None)))
@@ -245,9 +266,10 @@ impl StateMachine for JobsAgent {
             Event::Start => self.clean_at = Some(now + SETTLED_AFTER),
             Event::Message(message) => match &message.content {
                 PlainContent::Management(content) => self.told(now, &message, content, &mut send),
-                PlainContent::Foreign(_) => self.hear(&message, &mut send, actions),
+                PlainContent::Foreign(_) => self.hear(now, &message, &mut send, actions),
             },
-            Event::Completed(JobsReport::Farm(farm)) => self.farm = farm,
+            Event::Completed(JobsReport::Farm(farm)) => (self.farm, self.silent) = (farm, None),
+            Event::Completed(JobsReport::Silent) => _ = self.silent.get_or_insert(now),
             Event::Completed(JobsReport::Changed { ticket, result }) => self.changed(ticket, result, &mut send),
             Event::Deadline | Event::Store { .. } | Event::Presence { .. } => {}
         }

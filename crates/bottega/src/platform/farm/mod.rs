@@ -45,8 +45,8 @@ const NAME_BYTES_MAX: usize = 200;
 
 /// What is needed of a farm.
 trait Farm: Send + 'static {
-    /// As it stands now.
-    fn look(&mut self) -> FarmView;
+    /// As it stands now; `None`: its server does not answer.
+    fn look(&mut self) -> Option<FarmView>;
     /// Tells a machine what to do.
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
     /// Changes a job.
@@ -60,8 +60,9 @@ struct BoardFarm {
 }
 
 impl Farm for BoardFarm {
-    fn look(&mut self) -> FarmView {
-        FarmView::of(&self.board, &mut self.roster)
+    fn look(&mut self) -> Option<FarmView> {
+        // What was last heard may be wrong by now.
+        self.board.uplink.is_connected().then(|| FarmView::of(&self.board, &mut self.roster))
     }
 
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String> {
@@ -130,7 +131,7 @@ impl FarmAgents {
             jobs: AgentId { addresses: Arc::clone(&address), ..jobs_id(platform) },
             trusted: trusted.into(),
         };
-        let seen = Arc::new(farm.look());
+        let seen = Arc::new(farm.look().unwrap_or_default());
         let agent = JobsAgent::new(around.clone(), platform.to_owned(), Arc::clone(&seen));
         let wish = wishes.clone();
         let perform = move |change| {
@@ -141,8 +142,18 @@ impl FarmAgents {
             CliError::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
         })?;
         let (node, platform, wish) = (Arc::clone(node), platform.to_owned(), wishes.clone());
-        let watch =
-            Watch { farm, node, platform, address, around, jobs, seen, machines: BTreeMap::new(), wishes: wish };
+        let watch = Watch {
+            farm,
+            node,
+            platform,
+            address,
+            around,
+            jobs,
+            seen,
+            is_silent: false,
+            machines: BTreeMap::new(),
+            wishes: wish,
+        };
         let thread = thread::Builder::new().name("farm".to_owned()).spawn(move || watch.run(&wished));
         let thread = thread.map_err(|error| {
             CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
@@ -177,6 +188,8 @@ struct Watch<F> {
     around: Surroundings,
     jobs: Reports<JobsReport>,
     seen: Arc<FarmView>,
+    /// Whether the agents were told that the farm does not answer.
+    is_silent: bool,
     /// By name in small letters: so the platform tells agents apart. `None`: it cannot be an agent.
     machines: BTreeMap<String, Option<Known>>,
     wishes: Sender<Wish>,
@@ -212,13 +225,18 @@ impl<F: Farm> Watch<F> {
 
     /// Tells the agents what is new.
     fn look(&mut self) {
-        let now = self.farm.look();
+        let Some(now) = self.farm.look() else {
+            self.fall_silent();
+            return;
+        };
+        // Who was told that nobody answers is told all again.
+        let again = std::mem::take(&mut self.is_silent);
         let mut gone: Vec<String> = self.machines.keys().cloned().collect();
         for machine in &now.machines {
             let name = machine.seat.name.to_lowercase();
             gone.retain(|other| *other != name);
             let job = machine.seat.job.and_then(|number| now.job(number));
-            self.see(name, (machine.clone(), job.cloned().map(Box::new)));
+            self.see(name, (machine.clone(), job.cloned().map(Box::new)), again);
         }
         for name in gone {
             if let Some(Some(known)) = self.machines.get_mut(&name)
@@ -227,16 +245,27 @@ impl<F: Farm> Watch<F> {
                 known.reports.tell(MachineReport::Gone);
             }
         }
-        if *self.seen != now {
+        if *self.seen != now || again {
             self.seen = Arc::new(now);
             self.jobs.tell(JobsReport::Farm(Arc::clone(&self.seen)));
         }
     }
 
-    fn see(&mut self, name: String, seen: (MachineView, Option<Box<JobView>>)) {
+    fn fall_silent(&mut self) {
+        if std::mem::replace(&mut self.is_silent, true) {
+            return;
+        }
+        tracing::warn!("the server of the farm does not answer");
+        self.jobs.tell(JobsReport::Silent);
+        for known in self.machines.values().flatten() {
+            known.reports.tell(MachineReport::Silent);
+        }
+    }
+
+    fn see(&mut self, name: String, seen: (MachineView, Option<Box<JobView>>), again: bool) {
         match self.machines.get_mut(&name) {
             Some(None) => {}
-            Some(Some(known)) if known.told.as_ref() == Some(&seen) => {}
+            Some(Some(known)) if known.told.as_ref() == Some(&seen) && !again => {}
             Some(Some(known)) => {
                 known.told = Some(seen.clone());
                 known.reports.tell(MachineReport::Seen(seen.0, seen.1));

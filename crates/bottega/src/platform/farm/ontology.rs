@@ -31,7 +31,7 @@
 //!
 //! A job's `state` is `active`, `paused`, `done`, `failed` (then there is a `reason`) or `cancelled`; `done` is the share of
 //! its cost that is painted, 0 to 1; `kept` says that `bottega jobs fetch` has its picture. A machine's `state` is `active` or
-//! `suspended`; a machine that is asked itself tells the job that it `paints`, and so how far that is.
+//! `suspended`, when it answers `describe-machine` alone and keeps other requests; a machine that is asked itself tells the job that it `paints`, and so how far that is.
 //!
 //! For example, a request and its answers:
 //!
@@ -60,7 +60,7 @@
 //! refused, with the reason: `(unsupported-function F)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)` (also
 //! of a job that there is not), `(unauthorised)` for a change that the asker may not make, `(job-is-over STATE)`, and
 //! `(takes-no-orders)` of the process that asked for a job and paints with the others until it is done. A farm that does not
-//! answer is a failure: `(internal-error "why")`.
+//! answer is a failure: `(internal-error "why")`; so is every question while its server is away, with for how long.
 
 use bottega_agents::sl::Term;
 

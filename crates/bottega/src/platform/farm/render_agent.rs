@@ -62,6 +62,8 @@ pub(super) enum MachineReport {
     Seen(MachineView, Option<Box<JobView>>),
     /// Its seat is silent.
     Gone,
+    /// The server of the farm does not answer: nobody knows how the machine stands.
+    Silent,
     /// An order was given, or why not. What was seen last takes it into account.
     Given { ticket: u64, result: Result<(), String> },
 }
@@ -82,6 +84,8 @@ pub(super) struct RenderAgent {
     machine: Option<MachineView>,
     /// What it paints.
     job: Option<Box<JobView>>,
+    /// Since when the farm does not answer.
+    silent: Option<Time>,
     white: Page<LifeCycleState>,
     yellow: Page<DfAgentDescription>,
     /// As the AMS has said.
@@ -106,6 +110,7 @@ impl RenderAgent {
             around,
             machine: None,
             job: None,
+            silent: None,
             // The AMS enters who lives here.
             white: Page::there(),
             yellow: Page::absent(),
@@ -127,7 +132,7 @@ impl RenderAgent {
 
     /// The machine stands so now, or has gone.
     fn see(&mut self, machine: Option<MachineView>, job: Option<Box<JobView>>) {
-        (self.machine, self.job) = (machine, job);
+        (self.machine, self.job, self.silent) = (machine, job, None);
         self.is_destroyed &= self.machine.is_some();
         self.want();
     }
@@ -192,19 +197,21 @@ impl RenderAgent {
         }
     }
 
-    /// Takes what a stranger says.
+    /// Takes what a stranger says. Suspended it goes on telling how it stands, for only its painting is suspended; all else
+    /// waits until it is resumed.
     fn hear(&mut self, message: &Message, now: Time, actions: &mut Actions) {
         let Some(wire) = talk::foreign(message) else { return };
-        if self.is_suspended {
+        let read = match message.performative {
+            Performative::Request => talk::expression(wire),
+            act => Err(talk::unsupported(act)),
+        };
+        let describes = |asked: &Term| read_machine_function(asked) == Ok(MachineFunction::Describe);
+        if self.is_suspended && !read.as_ref().is_ok_and(describes) {
             if self.kept.len() < KEPT_MAX {
                 self.kept.push_back(message.clone());
             }
             return;
         }
-        let read = match message.performative {
-            Performative::Request => talk::expression(wire),
-            act => Err(talk::unsupported(act)),
-        };
         match read {
             Ok(asked) => {
                 if let Err(why) = self.perform(message, &asked, now, actions) {
@@ -217,6 +224,10 @@ impl RenderAgent {
 
     fn perform(&mut self, message: &Message, asked: &Term, now: Time, actions: &mut Actions) -> Result<(), Unread> {
         let function = read_machine_function(asked)?;
+        if let Some(since) = self.silent {
+            actions.push(talk::send(talk::silent(message, &self.id, asked, now.since(since))));
+            return Ok(());
+        }
         let Some(machine) = &self.machine else {
             actions.push(talk::send(talk::failure(message, &self.id, asked, "the machine has gone")));
             return Ok(());
@@ -346,6 +357,7 @@ impl StateMachine for RenderAgent {
             Event::Message(message) => self.take(&message, now, actions),
             Event::Completed(MachineReport::Seen(machine, job)) => self.see(Some(machine), job),
             Event::Completed(MachineReport::Gone) => self.see(None, None),
+            Event::Completed(MachineReport::Silent) => _ = self.silent.get_or_insert(now),
             Event::Completed(MachineReport::Given { ticket, result }) => {
                 self.given(ticket, result, actions);
             }

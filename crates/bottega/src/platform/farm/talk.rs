@@ -1,6 +1,6 @@
 //! How the agents of a farm hear strangers and answer them.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
     AclMessage, Action, AgentId, Performative, gateway::PlainContent, platform::ManagementContent, sl, sl::Term,
@@ -86,6 +86,11 @@ pub(super) fn result(message: &Message, me: &AgentId, asked: &Term, what: Term) 
 pub(super) fn failure(message: &Message, me: &AgentId, asked: &Term, why: &str) -> Message {
     let why = Term::call("internal-error", [Term::text(why)]);
     answer(message, me, Performative::Failure, &[asked.clone(), why])
+}
+
+/// The server of the farm has not answered for so long.
+pub(super) fn silent(message: &Message, me: &AgentId, asked: &Term, silent_for: Duration) -> Message {
+    failure(message, me, asked, &format!("the farm has not answered for {} s", silent_for.as_secs()))
 }
 
 /// The act means nothing here.

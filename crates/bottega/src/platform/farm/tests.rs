@@ -125,7 +125,7 @@ fn to_machine(from: &str, function: &str) -> EventOf<RenderAgent> {
 const AID: &str = "(agent-identifier :name m-1@b)";
 
 #[test]
-fn what_the_ams_wants_of_a_machine_becomes_an_order_and_strangers_wait_until_it_is_resumed() {
+fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_waits_until_it_is_resumed() {
     let mut agent = render_agent(machine(Standing::Active, Standing::Active));
     let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
     let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
@@ -135,19 +135,24 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_strangers_wait_until_it_
     assert!(came.asked.iter().all(|(_, function)| !resumes(function)), "{came:?}");
     after(&mut agent, millis(2001), seen(machine(Standing::Active, Standing::Suspended)));
     after(&mut agent, millis(2002), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
-    let came = after(&mut agent, millis(2003), to_machine("probe@jade", "(describe-machine)"));
-    assert!(came.told.is_empty(), "{came:?}");
-    // Somebody resumes it in the farm: only the platform may say so.
-    let came = after(&mut agent, millis(4000), seen(machine(Standing::Suspended, Standing::Active)));
-    assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
-    let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
-    assert!(came.effects.is_empty(), "it is resumed already: {came:?}");
+    let came = after(&mut agent, millis(2003), to_machine("boss@jade", "(suspend-machine)"));
+    assert!(came.told.is_empty() && came.effects.is_empty(), "{came:?}");
+    after(&mut agent, millis(2500), seen(machine(Standing::Suspended, Standing::Suspended)));
+    let came = after(&mut agent, millis(3000), to_machine("probe@jade", "(describe-machine)"));
     let result = format!(
         "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
          \"{}\")))",
         crate::identity::identity()
     );
-    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)]);
+    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
+    // Somebody resumes it in the farm: only the platform may say so.
+    let came = after(&mut agent, millis(4000), seen(machine(Standing::Suspended, Standing::Active)));
+    assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
+    let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
+    // What waited is done now.
+    let told: Vec<_> = came.told.iter().map(|(to, act, _)| (to.as_str(), *act)).collect();
+    assert_eq!(told, [("boss@jade", P::Agree)], "{came:?}");
+    assert!(matches!(&came.effects[..], [GiveOrder { order, .. }] if *order.by == *"boss@jade"), "{came:?}");
 }
 
 fn resumes(function: &Function) -> bool {
@@ -309,6 +314,34 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
         let came = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
         assert_eq!(came.told[0].1, act, "{came:?}");
     }
+}
+
+#[test]
+fn while_the_farm_does_not_answer_every_question_is_a_failure() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
+    after(&mut agent, millis(1000), Event::Completed(JobsReport::Silent));
+    after(&mut agent, millis(2000), Event::Completed(JobsReport::Silent));
+    for function in ["(list-jobs)", "(list-machines)", "(describe-job :job 2)", "(pause-job :job 2)"] {
+        let came = after(&mut agent, millis(8500), to_jobs("boss@jade", function));
+        assert_eq!((came.told.len(), came.told[0].1, came.effects.len()), (1, P::Failure, 0), "{came:?}");
+        assert!(came.told[0].2.ends_with("(internal-error \"the farm has not answered for 7 s\"))"), "{came:?}");
+    }
+    let told = subscribe(&mut agent, millis(8600)).told;
+    assert!(matches!(&told[..], [(_, P::Failure, _)]), "{told:?}");
+    let came = after(&mut agent, millis(8700), to_jobs("boss@jade", "(dance)"));
+    assert_eq!(came.told[0].1, P::Refuse, "what is never done is refused: {came:?}");
+    after(&mut agent, millis(9000), news(vec![job(2, "active", 0.5)]));
+    let came = after(&mut agent, millis(9001), to_jobs("boss@jade", "(list-machines)"));
+    assert_eq!(came.told[0].1, P::Inform);
+
+    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    after(&mut agent, millis(1000), Event::Completed(MachineReport::Silent));
+    for function in ["(describe-machine)", "(suspend-machine)"] {
+        let came = after(&mut agent, millis(3000), to_machine("boss@jade", function));
+        assert!(matches!(&came.told[..], [(_, P::Failure, why)] if why.contains("for 2 s")), "{came:?}");
+    }
+    after(&mut agent, millis(4000), seen(machine(Standing::Active, Standing::Active)));
+    assert_eq!(after(&mut agent, millis(4001), to_machine("boss@jade", "(describe-machine)")).told[0].1, P::Inform);
 }
 
 const WISH: &str = "((iota ?x (result (action (agent-identifier :name jobs@b) (describe-job :job 2)) ?x)))";
