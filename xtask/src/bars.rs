@@ -244,7 +244,7 @@ impl Bar {
     fn in_zones(&self, program: &Path, scene: &Path, seed: u32, scratch: &Path) -> Result<(Picture, Vec<Rect>)> {
         let output = scratch.join(format!("zones-{seed}.exr"));
         let mut command = Command::new(program);
-        command.envs(python::engine_variables());
+        command.envs(python::engine_variable());
         command.arg("render").arg(scene).arg("-o").arg(&output).args([
             "--engine",
             self.engine,
@@ -315,7 +315,7 @@ fn python(words: &[&Path]) -> Result<()> {
 pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
     let state = TempDir::new()?;
     let mut command = Command::new(program);
-    command.envs(python::engine_variables());
+    command.envs(python::engine_variable());
     command.args(["engines", "check", engine]).env("XDG_STATE_HOME", state.path()).env("NO_COLOR", "1");
     let done = command.stdin(Stdio::null()).output().with_context(|| format!("cannot start {}", program.display()))?;
     let said = String::from_utf8_lossy(&done.stderr).replace(['│', '×', '╰', '├', '─', '▶'], " ");

@@ -90,10 +90,7 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements]) {
 
 /// The variables by which the tests find what is installed. What the caller sets goes before.
 pub(crate) fn variables() -> Vec<(&'static str, OsString)> {
-    let mut found = python::engine_variables();
-    found.extend(nats_servers());
-    found.extend(denoiser());
-    found
+    [python::engine_variable(), nats_servers(), denoiser()].into_iter().flatten().collect()
 }
 
 fn has_vulkan_driver() -> bool {

@@ -68,13 +68,11 @@ pub(crate) fn package(package: &str) -> Option<PathBuf> {
     versions.map(|version| version.path().join("site-packages").join(package)).find(|path| path.is_dir())
 }
 
-/// The variables by which the engines' manifests find the environment's Python. What the caller sets goes before.
-pub(crate) fn engine_variables() -> Vec<(&'static str, OsString)> {
-    const VARIABLES: [&str; 4] =
-        ["BOTTEGA_MITSUBA_PYTHON", "BOTTEGA_POVRAY_PYTHON", "BOTTEGA_LUXCORE_PYTHON", "BOTTEGA_CYCLES_PYTHON"];
-    let own = program("python3");
-    let unset = VARIABLES.into_iter().filter(|name| own.is_file() && std::env::var_os(name).is_none());
-    unset.map(|name| (name, own.clone().into_os_string())).collect()
+/// The variable by which the workers of engines find the environment. What the caller sets goes before.
+pub(crate) fn engine_variable() -> Option<(&'static str, OsString)> {
+    const VARIABLE: &str = "BOTTEGA_ENGINE_PYTHON";
+    let is_needed = program("python3").is_file() && std::env::var_os(VARIABLE).is_none();
+    is_needed.then(|| (VARIABLE, folder().into_os_string()))
 }
 
 fn folder() -> PathBuf {
