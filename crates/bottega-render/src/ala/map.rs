@@ -308,9 +308,10 @@ impl Agents {
     /// What share of the indirect light that is known of a place has been scattered how often; `None`: nobody tells.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
-    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3) -> Option<ByBounces> {
+    /// - `bounces`: of the light, the one at the place among them; at most.
+    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<ByBounces> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
-        Some(cache.shares(p, normal))
+        Some(cache.shares(p, normal, bounces))
     }
 
     /// How many rays to a cell of the hemisphere a record takes, by what our own records know of the noise at a place.

@@ -110,17 +110,17 @@ impl IrradianceCache {
         self.estimate_by(p, n, bounces, |_, _| true)
     }
 
-    /// What share of the irradiance at a place has been scattered how often.
-    pub(crate) fn shares(&self, p: Vec3, n: Vec3) -> ByBounces {
+    /// What share of the irradiance at a place by light of no more than so many bounces has been scattered how often.
+    pub(crate) fn shares(&self, p: Vec3, n: Vec3, bounces: u32) -> ByBounces {
         let (mut sums, mut all) = ([Spectrum::ZERO; BOUNCES_KEPT], Spectrum::ZERO);
         self.visit(p, |record| {
             let nearness = record.nearness(p, n, self.tolerance);
             let weight = nearness * nearness * record.effort as f32;
             if weight > 0.0 {
                 let light = record.at(p, n) * weight;
-                all += light;
-                for (sum, bounces) in sums.iter_mut().zip(0..) {
-                    *sum += light * record.share(bounces);
+                all += light * record.share(bounces);
+                for (sum, number) in sums.iter_mut().zip(0..) {
+                    *sum += light * record.share(bounces.min(number));
                 }
             }
         });
@@ -382,9 +382,12 @@ mod tests {
         let share = |bounces: u32| (cache.at(Vec3::ZERO, Vec3::Y, bounces).unwrap() / all).x;
         let found = [0, 1, 2, 3, 4, 5].map(share);
         assert!(found.iter().zip([0.0, 0.0, 0.75, 0.75, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
-        let shares = cache.shares(Vec3::ZERO, Vec3::Y);
+        let shares = cache.shares(Vec3::ZERO, Vec3::Y, u32::MAX);
         assert!((shares[2].x - 0.75).abs() < 1e-4 && (shares[4].x - 0.25).abs() < 1e-4 && shares[3].x.abs() < 1e-4);
         assert!((shares[2].y - 0.5).abs() < 1e-4, "{shares:?}");
+        // Those of fewer bounces are all there is.
+        let shares = cache.shares(Vec3::ZERO, Vec3::Y, 3);
+        assert!((shares[2].x - 1.0).abs() < 1e-4 && shares[4] == Spectrum::ZERO, "{shares:?}");
     }
 
     #[test]

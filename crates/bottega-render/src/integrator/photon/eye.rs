@@ -351,7 +351,7 @@ impl<'a> Eye<'a> {
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
         if let Some(irradiance) = known.filter(|_| bounces >= 2) {
             let light = walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
-            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1]));
+            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1], bounces));
         }
         known.is_some()
     }

@@ -50,7 +50,8 @@ impl<'a> Eye<'a> {
         if is_reflection && self.bounces_left(walk) >= 2 {
             let light = walk.throughput * sample.weight() * known.radiance(wi) * part;
             let (p, normal) = (place.point.p, place.point.frame[2]);
-            self.add_shared(light, walk.depth, |eye| eye.agents?.shares_at(p, normal));
+            let bounces = self.bounces_left(walk);
+            self.add_shared(light, walk.depth, |eye| eye.agents?.shares_at(p, normal, bounces));
         }
     }
 }
