@@ -138,7 +138,7 @@ impl Path<'_> {
     #[inline(always)]
     fn is_due(&mut self, share: f32, u: f32) -> bool {
         // (What is no number is looked at, and counts as nothing in the end.)
-        if !(share < 1.0) {
+        if share >= 1.0 || share.is_nan() {
             return true;
         }
         let sum = self.due.unwrap_or(u) + share;
