@@ -179,20 +179,16 @@ fn views_all_around_are_the_same() {
 
 #[test]
 fn what_is_seen_between_clip_planes_is_the_same() {
-    for projection in [Projection::Perspective { vertical_fov: 0.7 }, Projection::Orthographic { height: 2.2 }] {
-        for (clip, lens_radius) in [
-            (Clip { near: 3.7, far: 4.9 }, 0.0),
-            (Clip { near: 3.7, far: 4.9 }, 0.1),
-            (Clip { near: 3.9, far: f32::INFINITY }, 0.0),
-            (Clip { near: 0.0, far: 4.9 }, 0.0),
-        ] {
-            let mut scene = scenes::cornell();
-            scene.environment = Some(Environment::uniform(Vec3::new(0.2, 0.5, 0.9)));
-            let camera = &mut scene.cameras[0];
-            (camera.projection, camera.clip, camera.lens_radius, camera.focus_distance) =
-                (projection, clip, lens_radius, 4.0);
-            check(scene, &[settings()]);
-        }
+    for (projection, clip, lens_radius) in [
+        (Projection::Perspective { vertical_fov: 0.7 }, Clip { near: 3.7, far: 4.9 }, 0.1),
+        (Projection::Orthographic { height: 2.2 }, Clip { near: 3.9, far: f32::INFINITY }, 0.0),
+    ] {
+        let mut scene = scenes::cornell();
+        scene.environment = Some(Environment::uniform(Vec3::new(0.2, 0.5, 0.9)));
+        let camera = &mut scene.cameras[0];
+        (camera.projection, camera.clip, camera.lens_radius, camera.focus_distance) =
+            (projection, clip, lens_radius, 4.0);
+        check(scene, &[settings()]);
     }
 }
 
