@@ -279,7 +279,7 @@ class MitsubaScene:
             seed = order.hashed_seed(31, "pass", index, *window.as_list())
             mi.render(self.scene, sensor=self.sensor, integrator=integrator, spp=asked, seed=seed)
             bitmap = self.film.bitmap()
-            planes = of_bitmap(mi, bitmap)
+            planes = of_bitmap(bitmap)
             really = int(self.sensor.sampler().sample_count())
             total = total or Sums(len(planes), wide.height, wide.width)
             for plane, values in enumerate(planes):

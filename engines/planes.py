@@ -5,6 +5,7 @@ out of both.
 import array
 import ctypes
 import operator
+import struct
 
 try:
     import numpy as np
@@ -67,17 +68,18 @@ def scaled(values, factor):
     return array.array("d", (value * factor for value in values))
 
 
-def of_bitmap(mi, bitmap):
+def of_bitmap(bitmap):
     """The channels of a bitmap of Mitsuba, one after the other: each as many numbers as it has pixels."""
-    bitmap = bitmap.convert(component_format=mi.Struct.Type.Float32, srgb_gamma=False)
     count = bitmap.channel_count()
     if np:
         flat = np.array(bitmap, np.float32).reshape(-1)
     else:
-        size = bitmap.size()
+        # `Bitmap.convert` would do for all kinds of numbers, and forgets the names of layers.
+        kinds = {"Float16": "e", "Float32": "f", "Float64": "d"}
+        kind = kinds[str(bitmap.component_format()).rpartition(".")[2]]
         address, _ = bitmap.__array_interface__["data"]
-        # A copy: the bitmap may go.
-        flat = array.array("f", (ctypes.c_float * (count * size[0] * size[1])).from_address(address))
+        numbers = struct.iter_unpack(kind, ctypes.string_at(address, bitmap.buffer_size()))
+        flat = array.array("f", (number for (number,) in numbers))
     return [flat[index::count] for index in range(count)]
 
 
