@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn what_changes_the_program_changes_the_digest_and_nothing_else_does() {
         let folders = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        let [one, two] = [&folders[0], &folders[1]].map(|folder| folder.path());
+        let [one, two] = [&folders[0], &folders[1]].map(tempfile::TempDir::path);
         for (root, end) in [(one, "\n"), (two, "\r\n")] {
             for name in ["Cargo.toml", "Cargo.lock", "crates/a/src/lib.rs", "rules/a.fcl", "engines/a.toml"] {
                 write(root, name, &format!("a{end}b{end}"));

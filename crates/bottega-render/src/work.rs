@@ -39,7 +39,7 @@ pub enum RenderWork {
     /// A fast look at a block of pixels.
     Probe(ProbeWork),
     /// Photons on their way.
-    Photons(PhotonWork),
+    Photons(Box<PhotonWork>),
     /// Irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
     /// Agents on their way.

@@ -129,12 +129,10 @@ fn bytes_of<T>(list: &[T]) -> usize {
 }
 
 impl Mesh {
-    /// The same triangles, each of its own colour; the mesh as it was where there are not as many colours.
-    pub(crate) fn with_triangle_colors(self, colors: &[Vec4]) -> Result<Self, Self> {
-        if colors.len() != self.triangles.len() {
-            return Err(self);
-        }
-        Ok(Self { colors: colors.iter().flat_map(|&color| [color; 3]).collect(), ..self.unshared() })
+    /// The same triangles, each of its own colour; `None`: there are not as many colours.
+    pub(crate) fn with_triangle_colors(&self, colors: &[Vec4]) -> Option<Self> {
+        let colors_by_vertex = || colors.iter().flat_map(|&color| [color; 3]).collect();
+        (colors.len() == self.triangles.len()).then(|| Self { colors: colors_by_vertex(), ..self.unshared() })
     }
 
     /// The same triangles without shared vertices.

@@ -208,9 +208,8 @@ mod tests {
     #[test]
     fn what_is_far_away_loses_nothing() {
         let far = DVec3::new(100_000.123, -20.0, 400_000.456);
-        let formats: [(&str, fn(DVec3) -> String); 3] =
-            [("scene.gltf", gltf), ("scene.xml", mitsuba), ("scene.pbrt", pbrt)];
-        for (name, text) in formats {
+        type Text = fn(DVec3) -> String;
+        for (name, text) in [("scene.gltf", gltf as Text), ("scene.xml", mitsuba), ("scene.pbrt", pbrt)] {
             let (near, away) = (loaded(name, &text(DVec3::ZERO)), loaded(name, &text(far)));
             assert_eq!(near.scene.origin, DVec3::ZERO, "{name}");
             assert!((away.scene.origin - far).length() < 8.0, "{name}: {}", away.scene.origin);
@@ -233,7 +232,7 @@ mod tests {
         assert!(loaded.scene.origin.x > 99_999.0);
         let (min, max) = loaded.scene.bounds();
         assert!((max - min).distance(Vec3::new(1.0, 1.0, 0.0)) < 1e-6 && max.abs().max_element() < 2.0);
-        let told = loaded.warnings.iter().map(|warning| warning.to_string()).collect::<String>();
+        let told = loaded.warnings.iter().map(ToString::to_string).collect::<String>();
         assert!(told.contains("rounds to 7.81e-3"), "{told}");
     }
 }

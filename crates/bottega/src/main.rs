@@ -29,7 +29,7 @@ mod rules;
 mod scene;
 mod simulate;
 
-use std::{env, io, io::IsTerminal, process::ExitCode};
+use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use cli::{Cli, Command};
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
         .with_writer(|| output::LogWriter)
-        .with_ansi(has_colors())
+        .with_ansi(output::has_colors())
         .init();
     let command = match Cli::try_parse() {
         Ok(cli) => cli.command,
@@ -87,11 +87,6 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
             Ok(ExitCode::SUCCESS)
         }
     }
-}
-
-/// Whether the log may have colors: where people read it on a terminal, and have not said otherwise (no-color.org).
-fn has_colors() -> bool {
-    io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.

@@ -6,8 +6,8 @@
 //! standard library's macros (`main.rs`) and its handles of the streams (`clippy.toml`) everywhere else.
 
 use std::{
-    fmt,
-    io::{self, ErrorKind, Write},
+    env, fmt,
+    io::{self, ErrorKind, IsTerminal, Write},
     process::{self, ExitCode},
     sync::{Mutex, OnceLock, PoisonError},
     thread,
@@ -84,6 +84,12 @@ impl Stream {
             Self::Error => write_whole(&mut io::stderr().lock(), bytes),
         }
     }
+}
+
+/// Whether the log may have colors: where people read it on a terminal, and have not said otherwise (no-color.org).
+#[allow(clippy::disallowed_methods, reason = "nothing is written")]
+pub(crate) fn has_colors() -> bool {
+    io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// Says what standard output is for. Until then, and where nobody says, it is for the result.

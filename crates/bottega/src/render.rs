@@ -145,7 +145,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     }
     let written = write(args, Some(&subject.hints), &args.output, format, &report.film, &metadata);
     written.map_err(|error| match &asked {
-        Some(asked) => asked.unwritten(error),
+        Some(asked) => asked.unwritten(&error),
         None => error,
     })?;
     if let (Some(asked), Some(leading)) = (&asked, leading)
@@ -184,7 +184,7 @@ pub(crate) fn had(
     reporter.finish();
     let written = write_picture(&args.output, picture);
     written.map_err(|error| match asked {
-        Some(asked) => asked.unfetched(error),
+        Some(asked) => asked.unfetched(&error),
         None => error,
     })?;
     if let Some(lacking) = denoise::lacking(args, picture) {

@@ -117,7 +117,7 @@ fn maps(
             let scene = Arc::clone(scene);
             PhotonWork { scene, settings: photons, view, only_caustics, seed, indices }
         };
-        let works = parts(count, PHOTONS).map(work).map(RenderWork::Photons).collect();
+        let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();
         let found =
             hands.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
         Ok::<_, RenderError>(found.into_iter().fold(Traced::default(), |mut all, part| {

@@ -267,7 +267,7 @@ fn scattered(
     let wi = point.to_local(w);
     let (value, own_pdf) = bsdf.eval_pdf(wi);
     let pdf = aim.mixed(true, own_pdf);
-    (value.max_element() > 0.0).then(|| (BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 }, true))
+    (value.max_element() > 0.0).then_some((BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 }, true))
 }
 
 /// Whether a normal may belong to the same surface as another one.

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn directions_are_those_of_the_plane() {
-        let tangents = vec![Vec4::new(1.0, 0.0, 1.0, -1.0).normalize(); 5];
+        let tangents = [Vec4::new(1.0, 0.0, 1.0, -1.0).normalize(); 5];
         let mesh =
             Mesh { tangents: tangents.iter().map(|t| t.truncate().normalize().extend(-1.0)).collect(), ..mesh() };
         let flat = flattened(&mesh, &DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0))).unwrap().unwrap();

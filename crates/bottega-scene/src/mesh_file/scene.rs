@@ -28,7 +28,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
             && let Some(colors) = ply::face_colors(path, file, budget)?
         {
             budget.take(path, "", mesh.memory_bytes().saturating_mul(3))?;
-            mesh = mesh.with_triangle_colors(&colors).unwrap_or_else(|mesh| {
+            mesh = mesh.with_triangle_colors(&colors).unwrap_or_else(|| {
                 warnings.unsupported("", "the triangle strips of the mesh have no colours; they are white");
                 mesh
             });

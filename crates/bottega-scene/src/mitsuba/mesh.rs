@@ -75,7 +75,7 @@ impl Importer<'_> {
         if mesh.normals.is_empty() {
             mesh.smooth_normals();
         }
-        Ok(mesh.with_triangle_colors(&colors).unwrap_or_else(|mesh| {
+        Ok(mesh.with_triangle_colors(&colors).unwrap_or_else(|| {
             self.report.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
             mesh
         }))

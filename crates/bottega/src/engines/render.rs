@@ -67,7 +67,7 @@ pub(crate) fn one(args: &RenderArgs, stop: &StopSwitch) -> Result<ExitCode, CliE
     denoise::finish(denoiser.as_ref(), args, &mut report, &mut metadata, &reporter, stop)?;
     let written = render::write(args, None, &args.output, format, &report.film, &metadata);
     written.map_err(|error| match &asked {
-        Some(asked) => asked.unwritten(error),
+        Some(asked) => asked.unwritten(&error),
         None => error,
     })?;
     if let (Some(asked), Some(leading)) = (&asked, leading)

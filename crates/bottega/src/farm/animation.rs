@@ -163,7 +163,7 @@ fn collect(
                 && let Some(picture) = patiently(stop, say, || board.picture(&job))?
             {
                 if let Err(error) = write_picture(output, &picture) {
-                    failure = Some(unfetched(number, error));
+                    failure = Some(unfetched(number, &error));
                     over.push(number);
                     continue;
                 }

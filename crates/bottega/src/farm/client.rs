@@ -150,12 +150,12 @@ impl Asked {
     }
 
     /// The picture of another process could not be written here; the farm has it.
-    pub(crate) fn unfetched(&self, error: CliError) -> CliError {
+    pub(crate) fn unfetched(&self, error: &CliError) -> CliError {
         unfetched(self.number, error)
     }
 
     /// The picture could not be written here. Whoever leads the job next will have the farm keep it.
-    pub(crate) fn unwritten(&self, error: CliError) -> CliError {
+    pub(crate) fn unwritten(&self, error: &CliError) -> CliError {
         let number = self.number;
         CliError::failed(
             error.told(),
@@ -195,7 +195,7 @@ impl Drop for Asked {
 }
 
 /// A picture that the farm has and that could not be written here.
-pub(super) fn unfetched(number: u32, error: CliError) -> CliError {
+pub(super) fn unfetched(number: u32, error: &CliError) -> CliError {
     let remedy =
         format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
     CliError::failed(error.told(), remedy)

@@ -237,7 +237,7 @@ fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<(), C
     let picture = board.picture(&job)?;
     let picture = picture.ok_or_else(|| CliError::failed("the farm has no picture of this job", remedy))?;
     let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
-    write_picture(&output, &picture).map_err(|error| unfetched(number, error))?;
+    write_picture(&output, &picture).map_err(|error| unfetched(number, &error))?;
     println!("{}", output.display());
     forget_journal(board, &job, &output);
     Ok(())

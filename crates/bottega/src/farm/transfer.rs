@@ -118,11 +118,7 @@ impl Transfer {
     /// Puts pieces into a store. Their names are noted in `sent` as they are there.
     ///
     /// - `keep`: puts one.
-    fn put(
-        pieces: &[(&str, &Piece)],
-        keep: &(dyn Fn(&str, &[u8]) -> Result<(), CliError> + Sync),
-        sent: &Counted,
-    ) -> Result<(), CliError> {
+    fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &Counted) -> Result<(), CliError> {
         several(pieces.len(), &|i| {
             let (hash, piece) = pieces[i];
             let name = blob_name(hash);
@@ -132,6 +128,9 @@ impl Transfer {
         })
     }
 }
+
+/// Puts a piece into a store.
+type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), CliError> + Sync);
 
 /// What has been sent so far.
 #[derive(Debug, Default)]

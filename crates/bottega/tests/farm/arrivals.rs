@@ -20,7 +20,7 @@ fn machines_that_join_at_the_same_moment_are_all_let_in() {
         let [line, guest_line] = farm.lines();
         // Each is a machine of its own: it has a state of its own.
         let join = |number: usize| {
-            let (log, line) = (format!("m{number}"), if number % 2 == 0 { &line } else { &guest_line });
+            let (log, line) = (format!("m{number}"), if number.is_multiple_of(2) { &line } else { &guest_line });
             let cache = farm.path(&format!("cache-{number}"));
             let arguments = ["join", "--threads", "1", "--cache", text(&cache), line];
             farm.spawn_in(&format!("state-{number}"), &arguments, &log)
