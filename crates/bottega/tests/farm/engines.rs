@@ -46,7 +46,7 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     farm.succeed(&[&words, ["--farm", "--detach"].as_slice()].concat());
     let mut poor = farm.command(&["join", "--threads", "1", "--cache", text(&farm.path("cache-poor"))]);
     // A machine without any Python.
-    poor.env("PATH", farm.path("nowhere"));
+    poor.env("PATH", farm.path("nowhere")).env_remove("BOTTEGA_ENGINE_PYTHON").env_remove("BOTTEGA_MITSUBA_PYTHON");
     let log = fs::File::create(farm.path("poor")).expect("a log");
     let _poor =
         super::fixture::Process(poor.stdout(log.try_clone().expect("a log")).stderr(log).spawn().expect("it starts"));
