@@ -109,8 +109,8 @@ fn xyz_of(c: DVec2) -> DVec3 {
     direction_of(c) / c.y
 }
 
-/// Von Kries' adaptation in the cone space of Bradford (Lam 1985) from one white to another.
-fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
+/// Von Kries' adaptation in the cone space of Bradford (Lam 1985) from one white to another: of tristimulus values X, Y and Z.
+pub fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
     let cones = DMat3::from_cols(
         DVec3::new(0.8951, -0.7502, 0.0389),
         DVec3::new(0.2664, 1.7135, -0.0685),

@@ -36,7 +36,7 @@ mod whole;
 
 pub use canvas::Canvas;
 pub use color_map::{ColorMap, false_color};
-pub use colorimetry::{Chromaticities, Conversion, WhitePoint};
+pub use colorimetry::{Chromaticities, Conversion, WhitePoint, adaptation};
 pub use error::ImageError;
 pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};

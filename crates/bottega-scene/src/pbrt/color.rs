@@ -1,5 +1,6 @@
 //! Colours and spectra as parameters give them.
 
+use bottega_image::adaptation;
 use glam::{DMat3, DVec3};
 
 use super::context::{Context, Outcome};
@@ -83,16 +84,6 @@ impl ColorSpace {
 /// The tristimulus values of a chromaticity, with Y = 1 (where y is negative, of a virtual primary, as well).
 fn xyz_of((x, y): (f64, f64)) -> DVec3 {
     if y == 0.0 { DVec3::new(x, 0.0, 1.0 - x) } else { DVec3::new(x / y, 1.0, (1.0 - x - y) / y) }
-}
-
-/// Von Kries' adaptation in the cone space of Bradford (Lam 1985) from one white to another.
-fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
-    let cones = DMat3::from_cols(
-        DVec3::new(0.8951, -0.7502, 0.0389),
-        DVec3::new(0.2664, 1.7135, -0.0685),
-        DVec3::new(-0.1614, 0.0367, 1.0296),
-    );
-    cones.inverse() * DMat3::from_diagonal((cones * to) / (cones * from)) * cones
 }
 
 /// Rec. 709 after a white balance that makes light of that colour temperature white, which is 1000 K or more: daylight, and
