@@ -97,9 +97,11 @@ impl Summary {
     }
 
     fn note_skip(&mut self, line: &str) {
-        let reason = line.strip_prefix("SKIPPED: ").or_else(|| line.strip_prefix("skipped: "));
-        if let Some(reason) = reason {
-            self.skipped.entry(reason.to_owned()).or_default().push(self.test.clone());
+        // `skipped: REASON`, or of a part of a test, `skipped PART: REASON`.
+        let said = line.strip_prefix("SKIPPED").or_else(|| line.strip_prefix("skipped"));
+        if let Some(said) = said.filter(|said| said.starts_with([':', ' '])) {
+            let reason = said.trim_start_matches(':').trim_start().to_owned();
+            self.skipped.entry(reason).or_default().push(self.test.clone());
         }
     }
 
@@ -140,6 +142,8 @@ skipped: no Vulkan adapter
 
 ---- farm::joins stdout ----
 something else
+skipped 9 files: there is no folder
+skippedness is no reason
 
 successes:
     gpu::paints
@@ -167,8 +171,9 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
         let shown: Vec<&str> = OUTPUT.lines().filter_map(|line| summary.read(line)).collect();
         assert_eq!((summary.passed, summary.failed), (3, 1));
         assert_eq!(summary.failures, ["scene::reads"]);
-        let reasons: Vec<_> = summary.skipped.iter().collect();
-        assert_eq!(reasons, [(&"no Vulkan adapter".to_owned(), &vec!["gpu::paints".to_owned()])]);
+        let reasons: Vec<(&str, &str)> =
+            summary.skipped.iter().map(|(reason, tests)| (reason.as_str(), tests[0].as_str())).collect();
+        assert_eq!(reasons, [("9 files: there is no folder", "farm::joins"), ("no Vulkan adapter", "gpu::paints")]);
         assert!(shown.contains(&"assertion failed"), "{shown:?}");
         assert!(!shown.contains(&"something else"), "{shown:?}");
     }
