@@ -44,13 +44,13 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
     let environment: Vec<_> = variables.iter().map(|(name, value)| (*name, value.as_os_str())).collect();
     let mut rows = Vec::new();
     if !args.bars {
-        let words = ["test", "--quiet", "--package", "bottega", "--test", "engines"];
+        let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "engines"];
         rows.push(Row::check("all", "tests", cargo(&words, &environment)));
     }
     let program = match &args.program {
         Some(program) => program.canonicalize()?,
         None => {
-            cargo(&["build", "--quiet", "--package", "bottega"], &[])?;
+            cargo(&["build", "--quiet", "--package", "bottega-cli"], &[])?;
             bars::root().join("target/debug/bottega")
         }
     };

@@ -13,16 +13,21 @@ use proc_macro::TokenStream;
 
 /// Expands to `(commit, is_changed, sources, compiler)`: the commit of the sources (empty where there is no git), whether
 /// they differ from it, their digest, and the version of the compiler.
+///
+/// The crates that its arguments name are left out of the digest: those that know the crate which expands it. It is not
+/// compiled anew when one of them changes.
 #[proc_macro]
-pub fn provenance(_: TokenStream) -> TokenStream {
-    let told = tell().unwrap_or_else(|problem| format!("compile_error!({problem:?})"));
+pub fn provenance(without: TokenStream) -> TokenStream {
+    let without = without.to_string();
+    let without: Vec<&str> = without.split(',').map(|name| name.trim().trim_matches('"')).collect();
+    let told = tell(&without).unwrap_or_else(|problem| format!("compile_error!({problem:?})"));
     told.parse().expect("literals are tokens")
 }
 
-fn tell() -> Result<String, String> {
+fn tell(without: &[&str]) -> Result<String, String> {
     let folder = env::var("CARGO_MANIFEST_DIR").map_err(|_| "this is compiled by cargo alone".to_owned())?;
     let root = Path::new(&folder).ancestors().nth(2).ok_or("the sources are in no workspace")?;
-    let sources = sources::digest(root)?;
+    let sources = sources::digest(root, without)?;
     let (commit, is_changed) = git::commit(root, &sources::PLACES).unwrap_or_default();
     let [manifest, lock] = ["Cargo.toml", "Cargo.lock"].map(|name| root.join(name).display().to_string());
     Ok(format!(

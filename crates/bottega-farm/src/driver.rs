@@ -472,6 +472,7 @@ impl Shared {
                 self.observer.zone_changed(&row);
                 self.observer.progress(&progress);
             }
+            FarmEffect::AgentChanged(row) => self.observer.agent_changed(&row),
             FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
             FarmEffect::Compose { zone, result, mask } => {
                 let shared = Arc::clone(self);

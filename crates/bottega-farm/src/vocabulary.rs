@@ -7,8 +7,8 @@ use bottega_engines::{Leaning, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
-    ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId, WorkRow,
-    ZoneId, ZoneRow,
+    AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId,
+    WorkRow, ZoneId, ZoneRow,
 };
 
 /// A zone, or some of its samples, to paint.
@@ -97,6 +97,8 @@ pub enum FarmEffect {
     BeginFilm(Arc<WorkRow>),
     /// A zone's row has changed: for those who watch, and for the journal.
     ZoneChanged(Arc<ZoneRow>),
+    /// An agent's row is about to be on the Blackboard, for those who watch.
+    AgentChanged(Arc<AgentRow>),
     /// Look whether two paintings of a zone may be the same picture; ends with [`FarmCompletion::Compared`].
     Compare {
         /// Which zone.

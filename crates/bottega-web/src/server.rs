@@ -15,10 +15,9 @@ use axum::{
     response::{Html, IntoResponse, Response, Sse, sse},
     routing::get,
 };
+use bottega::Event;
 use tokio::sync::broadcast;
 use tokio_stream::{Stream, StreamExt, wrappers::BroadcastStream};
-
-use crate::wire::Event;
 
 /// Events that a slow listener may lag behind before it misses some; it then reads `/api/job` again.
 const EVENTS_KEPT: usize = 4096;
@@ -56,6 +55,7 @@ struct JobState {
     started: Option<Event>,
     analyzed: Option<Event>,
     zones: std::collections::BTreeMap<u32, Event>,
+    agents: std::collections::BTreeMap<String, Event>,
     progress: Option<Event>,
     preview: Option<Event>,
     end: Option<Event>,
@@ -68,15 +68,23 @@ impl JobState {
         match event {
             Event::Started { .. } => *self = Self { started: Some(event), ..Self::default() },
             Event::Analyzed { .. } => self.analyzed = Some(event),
-            Event::Zone { id, .. } => {
-                self.zones.insert(id, event);
+            Event::Zone(ref zone) => {
+                self.zones.insert(zone.id, event);
             }
-            Event::Progress(_) | Event::Sending { .. } => self.progress = Some(event),
+            Event::Agent(ref agent) => {
+                self.agents.insert(agent.agent.clone(), event);
+            }
+            Event::Progress(_) | Event::Sending { .. } | Event::Step { .. } => self.progress = Some(event),
             Event::Preview { .. } => self.preview = Some(event),
-            Event::Warning { .. } | Event::Asked { .. } | Event::LightingAgents(_) | Event::Denoised { .. } => {
-                self.notes.push(event);
-            }
-            Event::Finished { .. } | Event::Interrupted { .. } => self.end = Some(event),
+            Event::Note { .. }
+            | Event::Warning { .. }
+            | Event::Asked { .. }
+            | Event::LightingAgents(_)
+            | Event::Mixed { .. }
+            | Event::Recorded { .. }
+            | Event::Frame { .. }
+            | Event::Denoised { .. } => self.notes.push(event),
+            Event::Finished { .. } | Event::Interrupted { .. } | Event::Fetched { .. } => self.end = Some(event),
         }
     }
 
@@ -86,6 +94,7 @@ impl JobState {
             .chain(&self.notes)
             .chain(&self.analyzed)
             .chain(self.zones.values())
+            .chain(self.agents.values())
             .chain(&self.preview)
             .chain(&self.progress)
             .chain(&self.end)
@@ -177,7 +186,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::wire::Progress;
+    use bottega::events::{Progress, ZoneEvent};
 
     fn get(address: SocketAddr, path: &str) -> String {
         let mut stream = TcpStream::connect(address).expect("the dashboard listens");
@@ -189,7 +198,7 @@ mod tests {
 
     fn zone(id: u32, state: &str) -> Event {
         let state = state.to_owned();
-        Event::Zone { id, state, agent: None, seconds_estimated: None, seconds_measured: None, samples: 0, error: None }
+        Event::Zone(Box::new(ZoneEvent { id, state, ..ZoneEvent::default() }))
     }
 
     #[test]

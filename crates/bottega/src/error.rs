@@ -1,188 +1,202 @@
-//! What can go wrong in the command line, told with a remedy.
+//! What can go wrong between a request and its picture.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{ops::Range, path::PathBuf, sync::Arc};
 
-use bottega_agents::{
-    driver::{
-        nats::{BlobError, NatsError},
-        node::NodeError,
-    },
-    file_store::FileStoreError,
-};
-use bottega_denoise::DenoiseError;
+use bottega_denoise::{DenoiseError, install_hint};
 use bottega_engines::{
     EngineError,
     external::{EngineFault, manifest::ManifestError},
 };
-use bottega_farm::{
-    JobError, JournalError,
-    simulate::{RecordError, SimulationError},
-};
+use bottega_farm::{JobError, JournalError, simulate::RecordError};
 use bottega_fuzzy::Position;
 use bottega_gpu::GpuError;
 use bottega_image::ImageError;
 use bottega_render::RenderError;
 use bottega_scene::SceneError;
-use bottega_web::ServeError;
-use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
-/// The crates' errors, and those of the command line itself.
-#[derive(Debug, Error, Diagnostic)]
-pub(crate) enum CliError {
+use crate::request::{InvalidField, RequestError};
+
+/// The errors of the library, each with its causes behind it.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The scene cannot be read.
     #[error("cannot use the scene")]
-    Scene(#[source] SceneError),
+    Scene(#[from] SceneError),
+    /// A picture cannot be read or written.
     #[error("cannot use the picture")]
-    Image(#[source] ImageError),
+    Image(#[from] ImageError),
+    /// The scene cannot be prepared.
     #[error("cannot prepare the scene for rendering")]
-    Prepare(#[source] RenderError),
+    Prepare(#[from] RenderError),
+    /// The engine failed.
     #[error("the engine failed")]
-    Engine(#[source] EngineError),
+    Engine(#[from] EngineError),
+    /// Another renderer failed.
     #[error("the engine `{engine}` cannot paint")]
-    External { engine: String, source: EngineFault },
-    #[error("the manifest `{}` cannot be used, line {}, column {}: {}", .error.path.display(), .error.line, .error.column, .error.problem)]
-    Manifest {
-        error: Box<ManifestError>,
-        #[source_code]
-        text: NamedSource<String>,
-        #[label("here")]
-        span: SourceSpan,
+    External {
+        /// Its name.
+        engine: String,
+        /// Why.
+        source: EngineFault,
     },
+    /// The manifest of another renderer is wrong.
+    #[error("the manifest `{}` cannot be used, line {}, column {}: {}", .0.path.display(), .0.line, .0.column, .0.problem)]
+    Manifest(Box<ManifestError>),
+    /// The agents came to no picture.
     #[error("the work failed")]
     Job(#[source] JobError),
+    /// A GPU that was asked for cannot be used.
     #[error("cannot use the GPU")]
-    Gpu(#[source] GpuError),
+    Gpu(#[from] GpuError),
+    /// The picture cannot be denoised.
     #[error("cannot denoise the picture")]
-    Denoise {
-        source: DenoiseError,
-        #[help]
-        remedy: String,
-    },
-    #[error("cannot serve the live view")]
-    Serve(#[source] ServeError),
+    Denoise(#[from] DenoiseError),
+    /// Rules are wrong as a whole.
     #[error("cannot use the rules in `{}`: {problem}", .path.display())]
-    Rules { path: PathBuf, problem: String },
+    Rules {
+        /// Their file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// Rules are wrong at a place.
     #[error("cannot use the rules in `{}`, {place}: {problem}", .path.display())]
     RulesText {
+        /// Their file.
         path: PathBuf,
+        /// Line and column.
         place: Position,
+        /// What is wrong.
         problem: String,
-        #[source_code]
-        text: Arc<NamedSource<String>>,
-        #[label("here")]
-        span: SourceSpan,
+        /// The text.
+        text: Arc<str>,
+        /// The bytes of the text that are meant.
+        span: Range<usize>,
     },
+    /// What is kept of an interrupted picture cannot be used.
     #[error("cannot go on with `{}`", .path.display())]
-    Journal { path: PathBuf, source: JournalError },
-    #[error("cannot use the record `{}`", .path.display())]
-    Record { path: PathBuf, source: RecordError },
-    #[error("the simulation came to nothing")]
-    Simulation(#[source] SimulationError),
-    #[error("the platform does not run")]
-    Node(#[source] NodeError),
-    #[error("cannot keep the platform in `{}`", .path.display())]
-    State { path: PathBuf, source: FileStoreError },
-    #[error("no farm")]
-    Farm {
-        source: NatsError,
-        #[help]
-        remedy: String,
+    Journal {
+        /// The journal.
+        path: PathBuf,
+        /// Why.
+        source: JournalError,
     },
-    #[error("the farm does not keep what it was given")]
-    Blob(#[source] BlobError),
+    /// A record for the simulator is wrong.
+    #[error("cannot use the record `{}`", .path.display())]
+    Record {
+        /// The record.
+        path: PathBuf,
+        /// Why.
+        source: RecordError,
+    },
+    /// A text is no request.
+    #[error("cannot use the request in {origin}")]
+    Request {
+        /// Where it came from, as people call it.
+        origin: String,
+        /// Why.
+        source: RequestError,
+    },
+    /// A field of the request is wrong.
+    #[error("the request cannot be painted")]
+    Invalid(#[from] InvalidField),
+    /// A file cannot be written.
     #[error("cannot write `{}`", .path.display())]
-    Write { path: PathBuf, source: std::io::Error },
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file cannot be read.
     #[error("cannot read `{}`", .path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// What was asked for cannot be.
     #[error("{problem}")]
     Usage {
+        /// What is wrong.
         problem: String,
-        #[help]
+        /// What can be done.
         remedy: String,
     },
+    /// It was tried, and failed.
     #[error("{problem}")]
     Failed {
+        /// What is wrong.
         problem: String,
-        #[help]
+        /// What can be done.
         remedy: String,
     },
 }
 
-impl CliError {
-    /// What was asked for cannot be; as opposed to: it was tried and failed.
-    pub(crate) fn is_usage(&self) -> bool {
-        matches!(self, Self::Usage { .. } | Self::Manifest { .. })
-    }
+/// The place in a text where something is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Excerpt {
+    /// The name of the file.
+    pub name: String,
+    /// All of its text.
+    pub text: String,
+    /// The bytes that are meant.
+    pub span: Range<usize>,
+}
 
-    /// Whether it may succeed when it is tried again: a farm's server that is away comes back.
-    pub(crate) fn may_pass(&self) -> bool {
-        matches!(self, Self::Blob(error) if !error.is_lasting)
-    }
-
-    /// With all that it is due to, in one line.
-    pub(crate) fn told(&self) -> String {
-        let mut text = self.to_string();
-        let mut source = std::error::Error::source(self);
-        while let Some(error) = source {
-            text += &format!(": {error}");
-            source = error.source();
-        }
-        text
-    }
-
-    /// The same with what can be done about it.
-    pub(crate) fn told_with_remedy(&self) -> String {
-        let remedy = self.help().map(|help| format!("; {help}")).unwrap_or_default();
-        format!("{}{remedy}", self.told())
-    }
-
-    pub(crate) fn manifest(error: ManifestError) -> Self {
-        let text = NamedSource::new(error.path.display().to_string(), error.text.clone());
-        let span = error.span.clone().into();
-        Self::Manifest { error: Box::new(error), text, span }
-    }
-
-    pub(crate) fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+impl Error {
+    /// What was asked for cannot be.
+    pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }
     }
 
-    pub(crate) fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+    /// It was tried, and failed.
+    pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Failed { problem: problem.into(), remedy: remedy.into() }
     }
-}
 
-impl From<SceneError> for CliError {
-    fn from(source: SceneError) -> Self {
-        Self::Scene(source)
+    /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Usage { .. } | Self::Manifest(_) | Self::Request { .. } | Self::Invalid(_))
+    }
+
+    /// What can be done about it.
+    pub fn remedy(&self) -> Option<String> {
+        match self {
+            Self::Usage { remedy, .. } | Self::Failed { remedy, .. } => Some(remedy.clone()),
+            Self::Denoise(DenoiseError::NotFound { .. } | DenoiseError::Unfit { .. }) => Some(install_hint()),
+            Self::Denoise(_) => Some("leave out the denoising; what was painted can be gone on with".to_owned()),
+            Self::Request { .. } => Some("`bottega request schema` says what a request may hold".to_owned()),
+            _ => None,
+        }
+    }
+
+    /// The place in a text that it is about.
+    pub fn excerpt(&self) -> Option<Excerpt> {
+        match self {
+            Self::Manifest(error) => Some(Excerpt {
+                name: error.path.display().to_string(),
+                text: error.text.clone(),
+                span: error.span.clone(),
+            }),
+            Self::RulesText { path, text, span, .. } => {
+                Some(Excerpt { name: path.display().to_string(), text: text.to_string(), span: span.clone() })
+            }
+            _ => None,
+        }
+    }
+
+    /// With all that it is due to, in one line.
+    pub fn told(&self) -> String {
+        told(self)
     }
 }
 
-impl From<ImageError> for CliError {
-    fn from(source: ImageError) -> Self {
-        Self::Image(source)
-    }
-}
-
-impl From<RenderError> for CliError {
-    fn from(source: RenderError) -> Self {
-        Self::Prepare(source)
-    }
-}
-
-impl From<EngineError> for CliError {
-    fn from(source: EngineError) -> Self {
-        Self::Engine(source)
-    }
-}
-
-impl From<GpuError> for CliError {
-    fn from(source: GpuError) -> Self {
-        Self::Gpu(source)
-    }
-}
-
-impl From<ServeError> for CliError {
-    fn from(source: ServeError) -> Self {
-        Self::Serve(source)
-    }
+/// An error with all that it is due to, in one line.
+pub fn told(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(error.source(), |error| error.source());
+    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
 }

@@ -3,67 +3,56 @@
 mod list;
 mod name;
 
-use std::{path::Path, process::ExitCode};
+use std::path::Path;
 
-use bottega_farm::StopSwitch;
+pub use self::list::{Frames, FramesError};
+pub(crate) use self::name::{FrameName, NameError};
+use crate::{error::Error, keeping::journal_of, request::Request};
 
-pub(crate) use self::list::Frames;
-use self::name::{FrameName, NameError};
-use crate::{cli::RenderArgs, error::CliError, farm, keeping::journal_of, render};
-
-impl RenderArgs {
-    /// What is asked for one frame: its time, and where its picture goes.
+impl Request {
+    /// The request of one frame of an animation: its time, and where its picture goes.
     ///
     /// # Errors
     /// The name of the output has no place for the number of a frame, or several.
-    pub(crate) fn at_frame(&self, frame: i32) -> Result<Self, CliError> {
-        let mut args = self.clone();
-        args.scene.file.at = Some(frame as f32 / self.fps);
-        if !self.engines.is_builtin() {
-            args.engines.frame = Some(frame);
+    pub fn at_frame(&self, frame: i32) -> Result<Self, Error> {
+        let Some(frames) = &self.frames else { return Ok(self.clone()) };
+        let mut request = self.clone();
+        request.scene.time = Some(frame as f32 / frames.fps);
+        if !request.engine.is_builtin() {
+            request.engine.frame = Some(frame);
         }
-        args.output = frame_name(&self.output)?.of(frame);
-        args.frames = None;
-        // A frame that nobody has begun is begun.
-        args.resume &= journal_of(&args.output).is_file();
-        Ok(args)
+        if let Some(file) = &self.output.file {
+            request.output.file = Some(frame_name(file)?.of(frame));
+        }
+        request.frames = None;
+        Ok(request)
     }
 
-    /// The frames that are to be painted: with `--resume` those of which not all is there.
+    /// The frames that are to be painted; of an animation that is gone on with those of which not all is there.
     ///
     /// # Errors
     /// As of [`Self::at_frame`].
-    pub(crate) fn missing_frames(&self, frames: &Frames) -> Result<Vec<i32>, CliError> {
-        let name = frame_name(&self.output)?;
+    pub fn missing_frames(&self, resume: bool) -> Result<Vec<i32>, Error> {
+        let Some(frames) = &self.frames else { return Ok(Vec::new()) };
+        let Some(file) = &self.output.file else { return Ok(frames.list.iter().collect()) };
+        let name = frame_name(file)?;
         let has = |frame: i32| {
             let output = name.of(frame);
-            self.resume && output.is_file() && !journal_of(&output).is_file()
+            resume && output.is_file() && !journal_of(&output).is_file()
         };
-        Ok(frames.iter().filter(|frame| !has(*frame)).collect())
+        Ok(frames.list.iter().filter(|frame| !has(*frame)).collect())
     }
 }
 
-fn frame_name(output: &Path) -> Result<FrameName, CliError> {
-    FrameName::new(output).map_err(|error| {
-        let remedy = match error {
-            NameError::SeveralPlaces { .. } => "leave one place for it: film.####.exr or film.%04d.exr",
-            NameError::NoPlace { .. } => "a place for the number is written #### or %04d; a percent sign is written %%",
-            NameError::NotUnicode => "give the output a name in Unicode",
-        };
-        CliError::usage(error.to_string(), remedy)
-    })
+fn frame_name(output: &Path) -> Result<FrameName, Error> {
+    FrameName::new(output).map_err(|error| Error::usage(error.to_string(), frame_name_help(&error)))
 }
 
-/// Paints the frames, one after the other; with a farm, all of them at once.
-pub(crate) fn run(args: &RenderArgs, frames: &Frames, stop: &StopSwitch) -> Result<ExitCode, CliError> {
-    if args.farm.is_some() {
-        return farm::animate(args, frames, stop);
+/// What can be done about a name that has no place for a number.
+pub(crate) fn frame_name_help(error: &NameError) -> &'static str {
+    match error {
+        NameError::SeveralPlaces { .. } => "leave one place for it: film.####.exr or film.%04d.exr",
+        NameError::NoPlace { .. } => "a place for the number is written #### or %04d; a percent sign is written %%",
+        NameError::NotUnicode => "give the output a name in Unicode",
     }
-    for frame in args.missing_frames(frames)? {
-        let code = render::one(&args.at_frame(frame)?, stop)?;
-        if stop.is_requested() {
-            return Ok(code);
-        }
-    }
-    Ok(ExitCode::SUCCESS)
 }

@@ -9,42 +9,66 @@ use std::sync::LazyLock;
 /// Hexadecimal digits of the digest of settings.
 const SETTINGS_DIGITS: usize = 8;
 
-const PROVENANCE: (&str, bool, &str, &str) = bottega_build::provenance!();
+/// From which sources something is built, as [`bottega_build::provenance`] tells it: commit, whether they differ from it, their
+/// digest, and the compiler.
+pub type Provenance = (&'static str, bool, &'static str, &'static str);
 
-static IDENTITY: LazyLock<String> = LazyLock::new(|| {
-    let (_, _, sources, compiler) = PROVENANCE;
-    let (number, settings) = (env!("CARGO_PKG_VERSION"), settings(compiler));
-    format!("{number}+{sources}.{settings}")
-});
+/// The crates that know this one change no picture; they are no part of its identity.
+const PROVENANCE: Provenance =
+    bottega_build::provenance!("bottega-cluster", "bottega-web", "bottega-bench", "bottega-cli");
 
-static DESCRIPTION: LazyLock<String> = LazyLock::new(|| with_commit(identity(), &commit()));
+static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
-/// The identity of this build: two that have the same give the same bits.
-pub(crate) fn identity() -> &'static str {
-    &IDENTITY
+/// A build of a crate with all that it is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Build {
+    identity: String,
+    commit: String,
+    description: String,
 }
 
-/// The identity, and for people where the sources come from.
-pub(crate) fn description() -> &'static str {
-    &DESCRIPTION
-}
+impl Build {
+    /// The build of these sources.
+    pub fn new((commit, is_changed, sources, compiler): Provenance) -> Self {
+        let (number, settings) = (env!("CARGO_PKG_VERSION"), settings(compiler));
+        let commit = match (commit, is_changed) {
+            ("", _) => String::new(),
+            (commit, false) => commit.to_owned(),
+            (commit, true) => format!("{commit} with changes"),
+        };
+        let identity = format!("{number}+{sources}.{settings}");
+        let description = with_commit(&identity, &commit);
+        Self { identity, commit, description }
+    }
 
-/// The commit of the sources; empty where it is not known.
-pub(crate) fn commit() -> String {
-    match PROVENANCE {
-        ("", ..) => String::new(),
-        (commit, false, ..) => commit.to_owned(),
-        (commit, true, ..) => format!("{commit} with changes"),
+    /// Its identity: two that have the same give the same bits.
+    pub fn identity(&self) -> &str {
+        &self.identity
+    }
+
+    /// The commit of the sources; empty where it is not known.
+    pub fn commit(&self) -> &str {
+        &self.commit
+    }
+
+    /// The identity, and for people where the sources come from.
+    pub fn description(&self) -> &str {
+        &self.description
     }
 }
 
+/// The identity of this library: two that have the same give the same bits.
+pub fn identity() -> &'static str {
+    BUILD.identity()
+}
+
 /// An identity and a commit, as people are told of a build.
-pub(crate) fn with_commit(identity: &str, commit: &str) -> String {
+pub fn with_commit(identity: &str, commit: &str) -> String {
     if commit.is_empty() { identity.to_owned() } else { format!("{identity} (commit {commit})") }
 }
 
 /// In what two builds differ that are not the same.
-pub(crate) fn difference(one: &str, other: &str) -> &'static str {
+pub fn difference(one: &str, other: &str) -> &'static str {
     let parts = |identity: &str| {
         let (number, build) = identity.split_once('+').unwrap_or((identity, ""));
         let (sources, settings) = build.split_once('.').unwrap_or((build, ""));

@@ -8,62 +8,80 @@ use std::{
 
 use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 
-use crate::{cli::RenderArgs, error::CliError, identity::identity, method::Method, render::filter, scene::Subject};
+use crate::{
+    error::Error,
+    identity::identity,
+    method::Method,
+    request::Request,
+    settings::{directions, filter, guide_agents},
+    subject::Subject,
+};
 
 /// Where a work is kept, and what is kept of it already.
-pub(crate) struct Keeping {
-    pub(crate) path: PathBuf,
-    pub(crate) store: Box<dyn ZoneStore>,
-    pub(crate) kept: Option<Kept>,
+pub struct Keeping {
+    /// The journal.
+    pub path: PathBuf,
+    /// Writes into it.
+    pub store: Box<dyn ZoneStore>,
+    /// What was in it.
+    pub kept: Option<Kept>,
 }
 
 /// The journal of a picture: it is there while the picture is unfinished.
-pub(crate) fn journal_of(output: &Path) -> PathBuf {
+pub fn journal_of(output: &Path) -> PathBuf {
     let mut path = output.as_os_str().to_owned();
     path.push(".bottega-journal");
     PathBuf::from(path)
 }
 
 /// Whether a journal is there, and of the picture that is called so.
-pub(crate) fn is_journal_of(path: &Path, name: &str) -> bool {
+pub fn is_journal_of(path: &Path, name: &str) -> bool {
     let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
     journal.is_some_and(|journal| journal.name == name)
 }
 
 impl Keeping {
+    /// The journal beside the output of a request, if it is written to a file.
+    ///
+    /// # Errors
+    /// The journal cannot be written; or there is nothing to go on with.
+    pub fn of_request(request: &Request, name: &str, resume: bool) -> Result<Option<Self>, Error> {
+        request.output.file.as_deref().map(|file| Self::begin(file, name, resume)).transpose()
+    }
+
     /// Begins the journal of `output`, or goes on with the one that is there.
-    pub(crate) fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, CliError> {
+    pub fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, Error> {
         let path = journal_of(output);
         if resume { Self::resume(path, name) } else { Self::create(path, name) }
     }
 
-    fn create(path: PathBuf, name: &str) -> Result<Self, CliError> {
-        let write = |source| CliError::Write { path: path.clone(), source };
+    fn create(path: PathBuf, name: &str) -> Result<Self, Error> {
+        let write = |source| Error::Write { path: path.clone(), source };
         let file = File::create(&path).map_err(write)?;
         let store = Box::new(JournalWriter::create(file, name).map_err(write)?);
         Ok(Self { path, store, kept: None })
     }
 
-    fn resume(path: PathBuf, name: &str) -> Result<Self, CliError> {
+    fn resume(path: PathBuf, name: &str) -> Result<Self, Error> {
         let file = match OpenOptions::new().read(true).write(true).open(&path) {
             Ok(file) => file,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(CliError::failed(
+                return Err(Error::failed(
                     format!("there is nothing to go on with: no `{}`", path.display()),
                     "leave out --resume to start anew; the journal lies beside the picture while it is unfinished",
                 ));
             }
-            Err(source) => return Err(CliError::Read { path, source }),
+            Err(source) => return Err(Error::Read { path, source }),
         };
         let journal =
-            Journal::read(BufReader::new(&file)).map_err(|source| CliError::Journal { path: path.clone(), source })?;
+            Journal::read(BufReader::new(&file)).map_err(|source| Error::Journal { path: path.clone(), source })?;
         if journal.name != name {
-            return Err(CliError::failed(
+            return Err(Error::failed(
                 format!("`{}` is of another picture: {}", path.display(), difference(&journal.name, name)),
                 "give the same scene and options as then, or leave out --resume to start anew",
             ));
         }
-        let write = |source| CliError::Write { path: path.clone(), source };
+        let write = |source| Error::Write { path: path.clone(), source };
         // What an interrupted write left at the end is cut off.
         file.set_len(journal.sound_bytes).map_err(write)?;
         let mut file = file;
@@ -74,30 +92,30 @@ impl Keeping {
 
 /// What makes the picture what it is: two works with the same name give the same bits. How many agents and threads take
 /// part is not in it, so that another machine may go on.
-pub(crate) fn name_of(args: &RenderArgs, subject: &Subject, settings: &JobSettings) -> String {
-    let method = Method::of(args, subject, settings.tunables.max_depth);
+pub fn name_of(request: &Request, subject: &Subject, settings: &JobSettings) -> String {
+    let method = Method::of(request, subject, settings.tunables.max_depth);
     [
         format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
         format!("camera={}", subject.view.camera),
-        format!("lens={:?}/{:?}", args.scene.lens_radius, args.scene.focus_distance),
+        format!("lens={:?}/{:?}", request.view.lens_radius, request.view.focus_distance),
         format!("size={}x{}", settings.width, settings.height),
         format!("crop={}", settings.crop),
         format!("spp={}", settings.samples),
         format!("max-depth={}", settings.tunables.max_depth),
-        format!("light-samples={}", args.light_samples),
-        format!("seed={}", args.seed),
+        format!("light-samples={}", request.integrator.light_samples),
+        format!("seed={}", request.seed),
         format!("integrator={:?}", method.integrator),
         format!("photons={:?}", method.photons),
-        format!("guiding={}", args.guiding.directions()),
-        format!("agents={:?}", args.guiding.agents()),
-        format!("filter={:?}", filter(args, subject)),
+        format!("guiding={}", directions(&request.guide)),
+        format!("agents={:?}", guide_agents(&request.guide)),
+        format!("filter={:?}", filter(request, subject)),
         format!("optimize={}", settings.optimization),
-        format!("error={:?}", args.error),
-        format!("timed={}", args.time.is_some()),
-        format!("env={:?}", args.scene.env),
-        format!("env-rotate={}", args.scene.env_rotate),
-        format!("env-strength={}", args.scene.env_strength),
+        format!("error={:?}", request.goal.error),
+        format!("timed={}", request.goal.time.is_some()),
+        format!("env={:?}", request.environment.light),
+        format!("env-rotate={}", request.environment.rotate),
+        format!("env-strength={}", request.environment.strength),
         format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
     ]
     .join("; ")
@@ -137,6 +155,6 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let output = folder.path().join("picture.png");
         std::fs::write(folder.path().join("picture.png.bottega-journal"), b"not a journal at all").expect("written");
-        assert!(matches!(Keeping::begin(&output, "", true), Err(CliError::Journal { .. })));
+        assert!(matches!(Keeping::begin(&output, "", true), Err(Error::Journal { .. })));
     }
 }

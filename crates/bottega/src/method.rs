@@ -5,43 +5,47 @@ use bottega_render::PhotonSettings;
 use bottega_scene::{Follows, IntegratorHint, PhotonHints, Scene};
 
 use crate::{
-    cli::{IntegratorArg, RenderArgs},
-    scene::Subject,
+    request::{Choice, IntegratorChoice, Request},
+    settings::{agent_photons, photon_settings},
+    subject::Subject,
 };
 
 /// How a picture is painted.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Method {
-    pub(crate) integrator: IntegratorArg,
+pub struct Method {
+    /// Which integrator.
+    pub integrator: IntegratorChoice,
     /// How photons are used, if the picture is one of photons or of lighting agents.
-    pub(crate) photons: Option<PhotonSettings>,
+    pub photons: Option<PhotonSettings>,
     /// What the user should know, where the file's integrator is replaced.
-    pub(crate) note: Option<String>,
+    pub note: Option<String>,
 }
 
 impl Method {
+    /// The method of a request for a scene.
+    ///
     /// - `bounces`: surfaces that light may come to.
-    pub(crate) fn of(args: &RenderArgs, subject: &Subject, bounces: u32) -> Self {
+    pub fn of(request: &Request, subject: &Subject, bounces: u32) -> Self {
         let hint = subject.hints.integrator.as_ref();
-        let (integrator, hints, reason) = match (args.integrator, hint) {
+        let (integrator, hints, reason) = match (request.integrator.method, hint) {
             (Some(asked), hint) => {
-                let hints = hint.and_then(photon_hints).filter(|_| asked == IntegratorArg::Photon);
+                let hints = hint.and_then(photon_hints).filter(|_| asked == IntegratorChoice::Photon);
                 // What the user asks for is not to be made progressive by the file; what the file says of photons counts.
-                (asked, hints.filter(|_| args.photon_mapping.progressive), None)
+                (asked, hints.filter(|_| request.photons.progressive), None)
             }
-            (None, None) => (IntegratorArg::Path, None, None),
+            (None, None) => (IntegratorChoice::Path, None, None),
             (None, Some(hint)) => chosen(hint, subject),
         };
-        let photons = args.photon_mapping.settings(bounces, hints);
+        let photons = photon_settings(&request.photons, bounces, hints);
         let photons = match integrator {
-            IntegratorArg::Path => None,
-            IntegratorArg::Photon => Some(photons),
-            IntegratorArg::Ala => Some(args.lighting.settings(photons)),
+            IntegratorChoice::Path => None,
+            IntegratorChoice::Photon => Some(photons),
+            IntegratorChoice::Ala => Some(agent_photons(&request.lighting_agents, photons)),
         };
         let name = name(integrator, photons.as_ref());
         let note = hint.filter(|hint| is_replaced(hint)).map(|hint| {
             let at = if hint.place.is_empty() { String::new() } else { format!("{}: ", hint.place) };
-            let why = match (reason, args.integrator) {
+            let why = match (reason, request.integrator.method) {
                 (_, Some(_)) => " as it was asked for",
                 (Some(reason), None) => reason,
                 (None, None) => "",
@@ -51,35 +55,40 @@ impl Method {
         Self { integrator, photons, note }
     }
 
+    /// The word of its integrator.
+    pub fn word(&self) -> &'static str {
+        self.integrator.word()
+    }
+
     /// In words.
-    pub(crate) fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         name(self.integrator, self.photons.as_ref())
     }
 }
 
-fn name(integrator: IntegratorArg, photons: Option<&PhotonSettings>) -> &'static str {
+fn name(integrator: IntegratorChoice, photons: Option<&PhotonSettings>) -> &'static str {
     match (integrator, photons) {
-        (IntegratorArg::Path, _) => "path tracing (--integrator path)",
-        (IntegratorArg::Photon, Some(photons)) if photons.progressive => {
+        (IntegratorChoice::Path, _) => "path tracing (--integrator path)",
+        (IntegratorChoice::Photon, Some(photons)) if photons.progressive => {
             "progressive photons (--integrator photon --progressive)"
         }
-        (IntegratorArg::Photon, _) => "photon mapping (--integrator photon)",
-        (IntegratorArg::Ala, _) => "lighting agents (--integrator ala)",
+        (IntegratorChoice::Photon, _) => "photon mapping (--integrator photon)",
+        (IntegratorChoice::Ala, _) => "lighting agents (--integrator ala)",
     }
 }
 
 /// The counterpart of an integrator, and why it is not another one.
-fn chosen(hint: &IntegratorHint, subject: &Subject) -> (IntegratorArg, Option<PhotonHints>, Option<&'static str>) {
+fn chosen(hint: &IntegratorHint, subject: &Subject) -> (IntegratorChoice, Option<PhotonHints>, Option<&'static str>) {
     const MEDIA: &str = ", since photons do not go through media; caustics may lack light";
     let has_media = subject.prepared.has_media();
     match hint.follows {
-        Follows::Photons(_) | Follows::BothEnds if has_media => (IntegratorArg::Path, None, Some(MEDIA)),
-        Follows::Photons(hints) => (IntegratorArg::Photon, Some(hints), None),
+        Follows::Photons(_) | Follows::BothEnds if has_media => (IntegratorChoice::Path, None, Some(MEDIA)),
+        Follows::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
         Follows::BothEnds if hides_light(subject.scene()) => {
             let reason = ", which finds the light of small lamps over mirrors and through glass, too";
-            (IntegratorArg::Photon, Some(PhotonHints::default()), Some(reason))
+            (IntegratorChoice::Photon, Some(PhotonHints::default()), Some(reason))
         }
-        Follows::BothEnds | Follows::Paths { .. } => (IntegratorArg::Path, None, None),
+        Follows::BothEnds | Follows::Paths { .. } => (IntegratorChoice::Path, None, None),
     }
 }
 

@@ -1,16 +1,15 @@
-//! The picture while it is painted: the file of `--preview`, and what the dashboard shows.
+//! The picture while it is painted: a file that is made anew again and again, and what a watcher is shown.
 
 use std::{
     path::{Path, PathBuf},
-    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
 
 use bottega_engines::Survey;
 use bottega_image::{ImageError, OutputFormat, Picture, Preview, Rect, Tile, ToneMap, check_writable, write_whole};
-use bottega_web::Dashboard;
 
-use crate::error::CliError;
+use crate::{error::Error, session::Watcher};
 
 /// How often the preview is made anew, at most.
 const RENEW_EVERY: Duration = Duration::from_secs(1);
@@ -36,7 +35,7 @@ pub(crate) struct Show {
     frame: Rect,
     preview: Preview,
     file: Option<PathBuf>,
-    dashboard: Option<Dashboard>,
+    watcher: Option<Arc<dyn Watcher>>,
     state: Mutex<State>,
     woken: Condvar,
 }
@@ -48,21 +47,21 @@ struct State {
     has_ended: bool,
 }
 
-/// The file of `--preview`, if it can be written.
-pub(crate) fn check_preview(path: &Path) -> Result<(), CliError> {
+/// The file of a preview, if it can be written.
+pub(crate) fn check_preview(path: &Path) -> Result<(), Error> {
     if check_writable(path)? == OutputFormat::Png {
         return Ok(());
     }
-    Err(CliError::usage(
+    Err(Error::usage(
         format!("`{}` cannot hold a preview: it is no PNG file", path.display()),
         "name a file that ends in .png",
     ))
 }
 
 impl Show {
-    pub(crate) fn new(look: Look, file: Option<PathBuf>, dashboard: Option<Dashboard>) -> Self {
+    pub(crate) fn new(look: Look, file: Option<PathBuf>, watcher: Option<Arc<dyn Watcher>>) -> Self {
         let preview = Preview::new(look.crop, look.exposure, look.tone);
-        Self { frame: look.frame, preview, file, dashboard, state: Mutex::default(), woken: Condvar::new() }
+        Self { frame: look.frame, preview, file, watcher, state: Mutex::default(), woken: Condvar::new() }
     }
 
     /// The first look at the whole picture: from now on there is a color for every pixel.
@@ -120,8 +119,8 @@ impl Show {
         if let Some(file) = &self.file {
             write_whole(file, &png)?;
         }
-        if let Some(dashboard) = &self.dashboard {
-            dashboard.set_preview(png);
+        if let Some(watcher) = &self.watcher {
+            watcher.previewed(png);
         }
         Ok(())
     }

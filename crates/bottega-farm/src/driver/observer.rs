@@ -6,7 +6,7 @@ use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
 
 use super::Progress;
-use crate::{FarmMessage, ImportanceMap, Partition, ZoneRow};
+use crate::{AgentRow, FarmMessage, ImportanceMap, Partition, ZoneRow};
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
@@ -16,6 +16,8 @@ pub trait Observer: Send + Sync {
     fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
     /// A zone's row has changed.
     fn zone_changed(&self, _row: &ZoneRow) {}
+    /// An agent's row has changed: its power, its lanes or its credit.
+    fn agent_changed(&self, _row: &AgentRow) {}
     /// Something was painted.
     fn progress(&self, _progress: &Progress) {}
     /// An agent sends a message.

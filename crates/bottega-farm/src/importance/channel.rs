@@ -4,11 +4,13 @@ use std::{fmt, str::FromStr};
 
 use bottega_engines::{Survey, SurveyPixel};
 use bottega_image::luminance;
+use serde::{Deserialize, Serialize};
 
 use super::saliency::saliency;
 
 /// One quantity that an importance map can be made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Channel {
     /// Traversal steps of a path: nodes and leaves visited by all of its rays.
     Steps,

@@ -216,7 +216,9 @@ impl Master {
     /// An agent's credit, power or lanes are on the Blackboard.
     pub(super) fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
         let (key, ticket) = (self.keys.agent(&row.agent), Ticket(self.number()));
-        let request = StoreRequest::Put { key, value: FarmValue::Agent(Arc::new(row)) };
+        let row = Arc::new(row);
+        actions.push(FarmAction::Effect(FarmEffect::AgentChanged(Arc::clone(&row))));
+        let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
         actions.push(FarmAction::Store { ticket, request });
     }
 }

@@ -12,8 +12,8 @@ use bottega_image::Rect;
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
 use crate::{
-    Choice, FarmContent, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Observer, Partition, Progress,
-    ZoneRow,
+    AgentRow, Choice, FarmContent, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Observer, Partition,
+    Progress, ZoneRow,
 };
 
 /// An engine and an observer in one: it passes on all that it sees, and writes it down.
@@ -178,6 +178,10 @@ impl Observer for Recorder {
     fn zone_changed(&self, row: &ZoneRow) {
         self.log().zones.entry(row.zone).or_insert_with(|| row.clone());
         self.observer.zone_changed(row);
+    }
+
+    fn agent_changed(&self, row: &AgentRow) {
+        self.observer.agent_changed(row);
     }
 
     fn progress(&self, progress: &Progress) {

@@ -250,7 +250,7 @@ impl World<FarmAgent> for Studio {
                 }
             }
             (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
-            (FarmEffect::Analyzed { .. } | FarmEffect::Dismissed { .. }, _)
+            (FarmEffect::Analyzed { .. } | FarmEffect::AgentChanged(_) | FarmEffect::Dismissed { .. }, _)
             | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. } | FarmEffect::Look(_), None) => {}
         }
     }

@@ -138,7 +138,7 @@ impl World<FarmAgent> for Studio {
                 assert!(seen.finished.is_none(), "the work ends once");
                 seen.finished = Some(failed);
             }
-            FarmEffect::Analyzed { .. } => {}
+            FarmEffect::AgentChanged(_) | FarmEffect::Analyzed { .. } => {}
             FarmEffect::Abandon { reason } => panic!("{reason}"),
         }
     }

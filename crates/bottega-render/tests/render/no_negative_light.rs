@@ -36,7 +36,7 @@ const OWN: [&str; 13] = [
     "scenes/cornell-box.glb",
     "scenes/goblets.glb",
     "engines/tests/scenes/room.xml",
-    "crates/bottega/tests/scenes/diffuse-box.glb",
+    "crates/bottega-cli/tests/scenes/diffuse-box.glb",
     "crates/bottega-scene/tests/gltf/data/draco.glb",
     "crates/bottega-scene/tests/pbrt/box.pbrt",
     "crates/bottega-scene/tests/pbrt/smoke.pbrt",

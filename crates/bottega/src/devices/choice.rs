@@ -9,12 +9,15 @@ use bottega_image::{Aov, Layout};
 use bottega_render::{PreparedScene, RenderWork};
 
 use super::costs;
-use crate::{error::CliError, farm::state_folder};
+use crate::{
+    error::{Error, told},
+    state::state_folder,
+};
 
 /// The word for the processors in a list of devices.
 const PROCESSORS: &str = "cpu";
 /// The word for whatever is there.
-const AUTO: &str = "auto";
+pub(crate) const AUTO: &str = "auto";
 
 /// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -25,7 +28,7 @@ const UNITS_PER_PACKET: usize = 4096;
 
 /// Which devices are to paint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) enum DeviceChoice {
+pub enum DeviceChoice {
     /// The processors, and the best GPU if there is one.
     #[default]
     Auto,
@@ -45,22 +48,49 @@ impl DeviceChoice {
     }
 
     /// The same, where pixels must be the same to the last bit on every machine.
-    pub(crate) fn exactly(&self, exact: bool) -> Result<Self, CliError> {
+    pub fn exactly(&self, exact: bool) -> Result<Self, Error> {
         match self {
             _ if !exact => Ok(self.clone()),
-            Self::These { gpus, .. } if !gpus.is_empty() => Err(CliError::usage(
+            Self::These { gpus, .. } if !gpus.is_empty() => Err(Error::usage(
                 format!("`{}` does not paint to the last bit what processors paint", gpus.join(",")),
-                "leave out --exact, or the GPU in --devices",
+                "let no GPU take part, or do without the exactness",
             )),
             _ => Ok(Self::processors()),
         }
     }
 
     /// What of a machine paints for a job of others: where it must be exact the processors alone, if there are any among them.
-    pub(crate) fn for_others(&self, exact: bool) -> Self {
+    pub fn for_others(&self, exact: bool) -> Self {
         match self {
             Self::These { processors: true, .. } if exact => Self::processors(),
             _ => self.clone(),
+        }
+    }
+}
+
+impl DeviceChoice {
+    /// What a list of names chooses.
+    ///
+    /// # Errors
+    /// What is allowed, where it chooses nothing.
+    pub fn of(names: &[String]) -> Result<Self, String> {
+        if names == [AUTO] {
+            return Ok(Self::Auto);
+        }
+        if names.is_empty() || names.iter().any(|name| name.trim().is_empty() || name == AUTO) {
+            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
+        }
+        let gpus = names.iter().filter(|name| *name != PROCESSORS).cloned();
+        Ok(Self::These { processors: names.iter().any(|name| name == PROCESSORS), gpus: gpus.collect() })
+    }
+
+    /// The names that choose this.
+    pub fn names(&self) -> Vec<String> {
+        match self {
+            Self::Auto => vec![AUTO.to_owned()],
+            Self::These { processors, gpus } => {
+                processors.then(|| PROCESSORS.to_owned()).into_iter().chain(gpus.iter().cloned()).collect()
+            }
         }
     }
 }
@@ -69,27 +99,20 @@ impl FromStr for DeviceChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let names: Vec<&str> = text.split(',').map(str::trim).collect();
-        if names == [AUTO] {
-            return Ok(Self::Auto);
-        }
-        if names.iter().any(|name| name.is_empty() || *name == AUTO) {
-            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
-        }
-        let gpus = names.iter().filter(|name| **name != PROCESSORS).map(|name| (*name).to_owned());
-        Ok(Self::These { processors: names.contains(&PROCESSORS), gpus: gpus.collect() })
+        Self::of(&text.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>())
     }
 }
 
 /// Who will paint.
-pub(crate) struct Crew {
+pub struct Crew {
     /// Processors; 0: none.
-    pub(crate) threads: usize,
-    pub(crate) devices: Devices,
+    pub threads: usize,
+    /// The devices beside them, and what their work costs.
+    pub devices: Devices,
     /// Names of the GPUs.
-    pub(crate) gpus: Vec<String>,
+    pub gpus: Vec<String>,
     /// Why others do not, for the user.
-    pub(crate) notes: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 impl Crew {
@@ -99,13 +122,13 @@ impl Crew {
     ///
     /// # Errors
     /// A device that was asked for by name is not there, or cannot, and no processor may instead.
-    pub(crate) fn gather(
+    pub fn gather(
         choice: &DeviceChoice,
         threads: usize,
         scene: &Arc<PreparedScene>,
         layout: &Layout,
         photons: bool,
-    ) -> Result<Self, CliError> {
+    ) -> Result<Self, Error> {
         let lacks = lacks(layout, photons);
         let mut crew = Self { threads, devices: Devices::default(), gpus: Vec::new(), notes: Vec::new() };
         match choice {
@@ -126,7 +149,7 @@ impl Crew {
         Ok(crew)
     }
 
-    fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), CliError> {
+    fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), Error> {
         let lacks = if lacks.is_empty() { Ok(()) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
         match lacks.and_then(|()| open(name.cloned(), scene)) {
             Ok((adapter, lane)) => {
@@ -146,20 +169,20 @@ impl Crew {
     }
 
     /// Who paints, in words.
-    pub(crate) fn names(&self) -> String {
+    pub fn names(&self) -> String {
         names(self.threads, &self.gpus)
     }
 }
 
 /// Processors that paint beside so many GPUs. Where there are many, one for each GPU is left to those who hand out work to it: it
 /// does far more than that one would.
-pub(crate) fn beside_gpus(processors: usize, gpus: usize) -> usize {
+pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
     const MANY: usize = 8;
     if processors < MANY { processors } else { processors.saturating_sub(gpus).max(MANY / 2) }
 }
 
 /// A GPU that paints a scene, and its name; `name`: a part of it.
-pub(super) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(String, Lane<RenderWork>), GpuError> {
+pub(crate) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(String, Lane<RenderWork>), GpuError> {
     let cache = Some(state_folder().join("kernels"));
     let options = PathOptions { adapter: name, timeout: PATIENCE, cache, ..PathOptions::default() };
     let gpu = GpuPaths::new(scene, &options)?;
@@ -169,7 +192,7 @@ pub(super) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(
 
 /// What is asked for that no GPU does, whatever the scene.
 fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
-    let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (--aov cost)".to_owned());
+    let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
     let photons = photons.then(|| "photon mapping".to_owned());
     cost.into_iter().chain(photons).collect()
 }
@@ -197,12 +220,6 @@ fn names(threads: usize, gpus: &[String]) -> String {
     format!("{}{none}", all.join(" and "))
 }
 
-/// An error with what is behind it.
-pub(super) fn told(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(error.source(), |error| error.source());
-    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,6 +233,9 @@ mod tests {
         assert_eq!("cpu".parse(), these(true, &[]));
         assert_eq!("llvmpipe".parse(), these(false, &["llvmpipe"]));
         assert_eq!("cpu, H200".parse(), these(true, &["H200"]));
+        for names in ["auto", "cpu", "llvmpipe", "cpu,H200"] {
+            assert_eq!(names.parse::<DeviceChoice>().unwrap().names().join(","), names);
+        }
         for wrong in ["", "cpu,", "auto,cpu"] {
             assert!(wrong.parse::<DeviceChoice>().is_err(), "{wrong}");
         }

@@ -4,7 +4,7 @@ use std::{fs, path::PathBuf};
 
 use bottega_hra::{CostBook, HraReport};
 
-use crate::farm::state_folder;
+use crate::state::state_folder;
 
 /// What another version has learnt may be of other units.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -14,13 +14,13 @@ fn path() -> PathBuf {
 }
 
 /// What earlier runs have learnt; `None`: nothing that could be used.
-pub(super) fn read() -> Option<CostBook> {
+pub(crate) fn read() -> Option<CostBook> {
     let text = fs::read_to_string(path()).ok()?;
     CostBook::from_json(&text, VERSION).inspect_err(|error| tracing::debug!(%error, "costs are learnt anew")).ok()
 }
 
 /// Keeps what a run has learnt, for all devices that took part in it.
-pub(crate) fn keep(report: &HraReport) {
+pub fn keep(report: &HraReport) {
     let mut book = read().unwrap_or_else(|| CostBook::new(VERSION));
     for resource in &report.resources {
         for &(primitive, cost) in &resource.costs {

@@ -1,77 +1,32 @@
-//! `bottega devices`: what can take part in rendering.
+//! Who paints on this machine: processors and GPUs.
 
-pub(crate) mod bench;
 mod choice;
-pub(crate) mod costs;
+pub mod costs;
 
-use std::{process::ExitCode, sync::Arc, thread};
+use std::{sync::Arc, thread};
 
-use bottega_gpu::{AdapterInfo, AdapterKind, GpuError, GpuOptions, GpuRays};
-use bottega_hra::{HraReport, Incident, Lane, Resource};
+use bottega_hra::{HraReport, Incident, Lane};
 use bottega_render::{PreparedScene, RenderWork};
-use bottega_scene::Scene;
-use serde_json::json;
 
-pub(crate) use self::choice::{Crew, DeviceChoice, beside_gpus};
-use crate::{cli::DevicesArgs, error::CliError};
-
-pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
-    let gpus = bottega_gpu::adapters();
-    // Software is measured where it was asked for by name, as it paints.
-    let is_meant = |gpu: &&AdapterInfo| match &args.gpu {
-        Some(name) => gpu.name.to_lowercase().contains(&name.to_lowercase()),
-        None => gpu.kind != AdapterKind::Software,
-    };
-    let names: Vec<String> = gpus.iter().filter(is_meant).map(|gpu| gpu.name.clone()).collect();
-    if let (Some(wanted), true) = (&args.gpu, names.is_empty()) {
-        let found = gpus.iter().map(|gpu| gpu.name.clone()).collect();
-        return Err(GpuError::UnknownAdapter { wanted: wanted.clone(), found }.into());
-    }
-    let measured = args.bench.then(|| bench::measure(&names)).transpose()?;
-    if args.json {
-        let gpus = gpus.iter().map(|gpu| {
-            let software = gpu.kind == AdapterKind::Software;
-            json!({"name": gpu.name, "driver": gpu.driver, "backend": gpu.backend, "software": software})
-        });
-        let gpus: Vec<_> = gpus.collect();
-        let costs = measured.as_deref().map(bench::as_json);
-        println!("{}", json!({"processors": processors(), "gpus": gpus, "costs": costs}));
-        return Ok(ExitCode::SUCCESS);
-    }
-    println!("{} processors", processors());
-    for gpu in &gpus {
-        let note =
-            if gpu.kind == AdapterKind::Software { "; software: takes part only when asked for by name" } else { "" };
-        println!("{} ({}, {}{note})", gpu.name, gpu.backend, gpu.driver);
-    }
-    if gpus.is_empty() {
-        println!("no GPU: there is no Vulkan driver, or it knows none");
-    }
-    if let Some(measured) = measured {
-        print!("{}", bench::as_text(&measured));
-    }
-    Ok(ExitCode::SUCCESS)
-}
+pub(crate) use self::choice::AUTO;
+pub use self::choice::{Crew, DeviceChoice, beside_gpus};
+use crate::error::Error;
 
 /// Processors that this process may use.
-pub(crate) fn processors() -> usize {
+pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The GPU that was asked for, with the triangles of the scene on it: it answers batches of rays.
-pub(crate) fn gpu(name: Option<&str>, scene: &Scene) -> Result<Vec<Box<dyn Resource<RenderWork>>>, CliError> {
-    let Some(name) = name else { return Ok(Vec::new()) };
-    let options = GpuOptions { adapter: Some(name.to_owned()), ..GpuOptions::default() };
-    Ok(vec![Box::new(GpuRays::new(scene, &options)?)])
-}
-
 /// The GPU that was asked for, with the scene on it: it paints blocks of pixels.
-pub(crate) fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, CliError> {
+///
+/// # Errors
+/// There is none of that name, or it cannot paint the scene.
+pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
     Ok(choice::open(Some(name.to_owned()), scene)?.1)
 }
 
 /// What went wrong with a device, for its user.
-pub(crate) fn incident_line(report: &HraReport, incident: &Incident) -> String {
+pub fn incident_line(report: &HraReport, incident: &Incident) -> String {
     let named = report.resources.iter().find(|resource| resource.id == incident.resource);
     let name = named.map_or_else(|| incident.resource.to_string(), |resource| resource.descriptor.name.clone());
     let times = if incident.count == 1 { String::new() } else { format!(", {} times", incident.count) };

@@ -4,8 +4,9 @@ use bottega_engines::external::Opened;
 use bottega_image::{Aov, AovSet, Layer, Layout, OutputFormat};
 
 use crate::{
-    cli::{GUIDES, LayersArg, RenderArgs},
-    error::CliError,
+    error::Error,
+    request::Request,
+    settings::{ALL_LAYERS, GUIDES},
 };
 
 /// The layers that are asked for of those that the engine announces for the scene: all of them unless somebody says
@@ -13,21 +14,23 @@ use crate::{
 ///
 /// - `title`: the engine, as people call it.
 /// - `is_mixed`: our own engine paints, too. Only layers that it makes as well are had then.
-pub(super) fn layout(args: &RenderArgs, opened: &Opened, title: &str, is_mixed: bool) -> Result<Layout, CliError> {
+pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: bool) -> Result<Layout, Error> {
     let is_shared = |layer: &Layer| {
         let announced = opened.layers.iter().find(|announced| announced.name == layer.name);
         announced.is_some_and(|announced| announced.shared) && layer.as_aov().is_some()
     };
     let there: Vec<Layer> = opened.layers().filter(|layer| !is_mixed || is_shared(layer)).collect();
-    let mut wanted: Vec<&str> = match &args.aov {
-        Some(LayersArg::None) => Vec::new(),
-        Some(LayersArg::Named(names)) => names.iter().map(String::as_str).collect(),
-        Some(LayersArg::All) => there.iter().map(|layer| layer.name.as_str()).collect(),
-        None if OutputFormat::of(&args.output)? == OutputFormat::Png => Vec::new(),
-        None => there.iter().map(|layer| layer.name.as_str()).collect(),
+    let all = || there.iter().map(|layer| layer.name.as_str()).collect();
+    let is_png = || request.output.file.as_deref().map(OutputFormat::of).transpose();
+    let asked = request.film.layers.as_deref();
+    let mut wanted: Vec<&str> = match asked {
+        Some([word]) if word == ALL_LAYERS => all(),
+        Some(names) => names.iter().map(String::as_str).collect(),
+        None if is_png()? == Some(OutputFormat::Png) => Vec::new(),
+        None => all(),
     };
-    let helps = |layer: &&Layer| args.denoise && layer.as_aov().is_some_and(|aov| GUIDES.contains(&aov));
-    if args.aov != Some(LayersArg::None) {
+    let helps = |layer: &&Layer| request.film.denoise && layer.as_aov().is_some_and(|aov| GUIDES.contains(&aov));
+    if asked.is_none_or(|asked| !asked.is_empty()) {
         wanted.extend(there.iter().filter(helps).map(|layer| layer.name.as_str()));
     }
     let mut aovs = AovSet::NONE;
@@ -48,15 +51,15 @@ pub(super) fn layout(args: &RenderArgs, opened: &Opened, title: &str, is_mixed: 
         }
     }
     Layout::with_layers(aovs, layers).map_err(|error| {
-        CliError::failed(format!("the layers of {title} cannot be kept: {error}"), "name fewer of them with --aov")
+        Error::failed(format!("the layers of {title} cannot be kept: {error}"), "ask for fewer of them")
     })
 }
 
-fn lacking(name: &str, there: &[Layer], title: &str, is_mixed: bool) -> CliError {
+fn lacking(name: &str, there: &[Layer], title: &str, is_mixed: bool) -> Error {
     let who = if is_mixed { format!("{title} and the built-in engine both") } else { title.to_owned() };
     let names: Vec<&str> = there.iter().map(|layer| layer.name.as_str()).chain([Aov::SampleCount.name()]).collect();
     let verb = if is_mixed { "do not make the same" } else { "makes no" };
-    CliError::usage(
+    Error::usage(
         format!("{who} {verb} layer `{name}` of this scene"),
         format!("there are {}; other engines make the layers that their scene asks for", names.join(", ")),
     )
@@ -65,10 +68,8 @@ fn lacking(name: &str, there: &[Layer], title: &str, is_mixed: bool) -> CliError
 #[cfg(test)]
 mod tests {
     use bottega_engines::external::{CombineWord, OpenedLayer};
-    use clap::Parser;
 
     use super::*;
-    use crate::cli::{Cli, Command};
 
     fn opened() -> Opened {
         let layer = |name: &str, channels: &str, combine, shared| OpenedLayer {
@@ -86,10 +87,16 @@ mod tests {
         Opened { width: 8, height: 8, layers, ..Opened::default() }
     }
 
-    fn had(output: &str, aov: &[&str], is_mixed: bool) -> Result<String, String> {
-        let words = [&["bottega", "render", "a.blend", "--engine", "x", "-o", output], aov].concat();
-        let Ok(Cli { command: Command::Render(args) }) = Cli::try_parse_from(words) else { panic!("{aov:?}") };
-        let layout = layout(&args, &opened(), "X", is_mixed).map_err(|error| error.to_string())?;
+    fn had(output: &str, layers: Option<&[&str]>, is_mixed: bool) -> Result<String, String> {
+        asked(output, layers, is_mixed, false)
+    }
+
+    fn asked(output: &str, layers: Option<&[&str]>, is_mixed: bool, denoise: bool) -> Result<String, String> {
+        let mut request = Request::new("a.blend");
+        request.output.file = Some(output.into());
+        request.film.denoise = denoise;
+        request.film.layers = layers.map(|layers| layers.iter().map(|layer| (*layer).to_owned()).collect());
+        let layout = layout(&request, &opened(), "X", is_mixed).map_err(|error| error.to_string())?;
         let mut names: Vec<&str> = layout.aovs().iter().map(Aov::name).collect();
         names.extend(layout.layers().iter().map(|layer| layer.name.as_str()));
         Ok(names.join(","))
@@ -98,22 +105,22 @@ mod tests {
     #[test]
     fn all_that_the_scene_asks_for_is_had_unless_somebody_says_otherwise() {
         let all = Ok("albedo,normal,Shadow,depth".to_owned());
-        assert_eq!(had("a.exr", &[], false), all);
-        assert_eq!(had("a.exr", &["--aov", "all"], false), all);
-        assert_eq!(had("a.exr", &["--aov", "none"], false), Ok(String::new()));
-        assert_eq!(had("a.png", &[], false), Ok(String::new()));
-        assert_eq!(had("a.exr", &["--aov", "depth,samples,depth"], false), Ok("samples,depth".to_owned()));
-        assert_eq!(had("a.png", &["--denoise"], false), Ok("albedo,normal".to_owned()));
-        assert_eq!(had("a.exr", &["--denoise", "--aov", "depth"], false), Ok("albedo,normal,depth".to_owned()));
-        assert_eq!(had("a.exr", &["--denoise", "--aov", "none"], false), Ok(String::new()));
-        let lacking = had("a.exr", &["--aov", "uv"], false).unwrap_err();
+        assert_eq!(had("a.exr", None, false), all);
+        assert_eq!(had("a.exr", Some(&["all"]), false), all);
+        assert_eq!(had("a.exr", Some(&[]), false), Ok(String::new()));
+        assert_eq!(had("a.png", None, false), Ok(String::new()));
+        assert_eq!(had("a.exr", Some(&["depth", "samples", "depth"]), false), Ok("samples,depth".to_owned()));
+        assert_eq!(asked("a.png", None, false, true), Ok("albedo,normal".to_owned()));
+        assert_eq!(asked("a.exr", Some(&["depth"]), false, true), Ok("albedo,normal,depth".to_owned()));
+        assert_eq!(asked("a.exr", Some(&[]), false, true), Ok(String::new()));
+        let lacking = had("a.exr", Some(&["uv"]), false).unwrap_err();
         assert!(lacking.contains("X makes no layer `uv`"), "{lacking}");
     }
 
     #[test]
     fn of_two_engines_those_are_had_by_which_both_mean_the_same() {
-        assert_eq!(had("a.exr", &[], true), Ok("normal".to_owned()));
-        assert_eq!(had("a.exr", &["--aov", "normal,samples"], true), Ok("normal,samples".to_owned()));
-        assert!(had("a.exr", &["--aov", "depth"], true).unwrap_err().contains("do not make the same layer `depth`"));
+        assert_eq!(had("a.exr", None, true), Ok("normal".to_owned()));
+        assert_eq!(had("a.exr", Some(&["normal", "samples"]), true), Ok("normal,samples".to_owned()));
+        assert!(had("a.exr", Some(&["depth"]), true).unwrap_err().contains("do not make the same layer `depth`"));
     }
 }

@@ -8,43 +8,43 @@ use std::{
 use bottega_engines::external::Files;
 use bottega_scene::SceneFile;
 
-use super::{attempt::absolute, located};
-use crate::{cli::RenderArgs, error::CliError, method::Method, render::max_depth, scene::Subject};
+use super::{absolute, located};
+use crate::{error::Error, method::Method, request::Request, settings::max_depth, subject::Subject};
 
 /// The files of a scene, and which engine paints it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Material {
+pub struct Material {
     /// Files that the scene refers to.
-    pub(crate) files: Vec<SceneFile>,
+    pub files: Vec<SceneFile>,
     /// The engine of other people that all machines must have; `None`: our own.
-    pub(crate) engine: Option<String>,
-    pub(crate) warnings: Vec<String>,
+    pub engine: Option<String>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
     /// How our own engine paints it.
-    pub(crate) method: Option<String>,
+    pub method: Option<String>,
 }
 
 impl Material {
     /// Of a scene that our own engine has read.
-    pub(crate) fn of(args: &RenderArgs, subject: &Subject) -> Self {
-        let method = Method::of(args, subject, max_depth(args, subject));
+    pub fn of(request: &Request, subject: &Subject) -> Self {
+        let method = Method::of(request, subject, max_depth(request, subject));
         let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
         let method = method.note.clone().unwrap_or_else(|| format!("painted by {}", method.name()));
         Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
     }
 
     /// Reads the scene, or has its engine tell what it refers to.
-    pub(crate) fn gather(args: &RenderArgs) -> Result<Self, CliError> {
-        if args.engines.is_builtin() {
-            return Ok(Self::of(args, &Subject::load(&args.scene)?));
+    pub fn gather(request: &Request) -> Result<Self, Error> {
+        if request.engine.is_builtin() {
+            return Ok(Self::of(request, &Subject::load(request)?));
         }
-        let (name, _) = args.engines.other()?;
-        let engine = located(&args.engines.folders, name)?;
-        let scene = absolute(&args.scene.file.scene)?;
-        let allow_outside = args.scene.file.allow_outside;
-        let outside = if allow_outside { vec![PathBuf::from("/")] } else { args.scene.file.asset_roots.clone() };
+        let (name, _) = request.engine.other()?;
+        let engine = located(&request.engine.manifests, name)?;
+        let scene = absolute(&request.scene.file)?;
+        let allow_outside = request.scene.allow_outside;
+        let outside = if allow_outside { vec![PathBuf::from("/")] } else { request.scene.asset_roots.clone() };
         let found = engine.scene_files(&scene, &outside);
-        let Files { files, missing } =
-            found.map_err(|source| CliError::External { engine: name.to_owned(), source })?;
+        let Files { files, missing } = found.map_err(|source| Error::External { engine: name.to_owned(), source })?;
         let folder = scene.parent().unwrap_or(Path::new("/"));
         let own = scene.file_name().map(PathBuf::from);
         let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();

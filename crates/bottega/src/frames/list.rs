@@ -2,6 +2,9 @@
 
 use std::{collections::BTreeSet, str::FromStr};
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// The largest number of a frame, and of the smallest one its size.
 const NUMBER_MAX: i32 = 1_000_000;
 /// Frames that can be asked for at once.
@@ -12,29 +15,74 @@ const COUNT_MAX: usize = 1_000_000;
 /// Written as a list of numbers and ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or
 /// `1,4,7..9`. Both ends of a range are part of it. A frame that is named twice is painted where it is named first, so
 /// `1..100:10,1..100` paints every tenth frame before the others.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Frames(Vec<i32>);
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "String", into = "String")]
+#[schemars(with = "String")]
+pub struct Frames {
+    text: String,
+    numbers: Vec<i32>,
+}
 
 /// Why a text names no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum FramesError {
+pub enum FramesError {
+    /// Neither a number nor a range.
     #[error(
         "`{found}` is neither a frame nor a range of frames: write 7, 1..24, 1..24:2, -5..5 or a list such as 1,4,7..9"
     )]
-    Part { found: String },
+    Part {
+        /// The text.
+        found: String,
+    },
+    /// No number of a frame.
     #[error("`{found}` is no number of a frame: they are whole numbers from -{most} to {most}", most = NUMBER_MAX)]
-    Number { found: String },
+    Number {
+        /// The text.
+        found: String,
+    },
+    /// A step of 0.
     #[error("`{found}` has a step of 0, and would never come to its end; leave it out for every frame")]
-    NoStep { found: String },
+    NoStep {
+        /// The text.
+        found: String,
+    },
+    /// A step that leads away from the end.
     #[error("`{found}` goes from {first} {there} to {last} in steps that lead away from it; write {right}")]
-    WrongWay { found: String, first: i32, last: i32, there: &'static str, right: String },
+    WrongWay {
+        /// The text.
+        found: String,
+        /// The first frame.
+        first: i32,
+        /// The last frame.
+        last: i32,
+        /// Up or down.
+        there: &'static str,
+        /// How it would be written.
+        right: String,
+    },
+    /// More frames than can be asked for at once.
     #[error("more than {most} frames: ask for fewer at a time", most = COUNT_MAX)]
     TooMany,
 }
 
 impl Frames {
-    pub(crate) fn iter(&self) -> impl Iterator<Item = i32> + use<'_> {
-        self.0.iter().copied()
+    /// The numbers of the frames, in the order in which they are painted.
+    pub fn iter(&self) -> impl Iterator<Item = i32> + use<'_> {
+        self.numbers.iter().copied()
+    }
+}
+
+impl TryFrom<String> for Frames {
+    type Error = FramesError;
+
+    fn try_from(text: String) -> Result<Self, FramesError> {
+        text.parse()
+    }
+}
+
+impl From<Frames> for String {
+    fn from(frames: Frames) -> Self {
+        frames.text
     }
 }
 
@@ -59,7 +107,7 @@ impl FromStr for Frames {
                 return Err(FramesError::TooMany);
             }
         }
-        Ok(Self(frames))
+        Ok(Self { text: text.to_owned(), numbers: frames })
     }
 }
 

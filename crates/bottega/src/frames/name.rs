@@ -13,7 +13,7 @@ const DIGITS_MAX: usize = 64;
 /// a percent sign then). Without either the number stands before the extension. A number below 0 is its sign and then as many
 /// digits as any other (`film.-0012.exr`), as Blender and Maya have it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct FrameName {
+pub(crate) struct FrameName {
     output: PathBuf,
     before: String,
     after: String,
@@ -22,7 +22,7 @@ pub(super) struct FrameName {
 
 /// Why the number of a frame has no place in a name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum NameError {
+pub(crate) enum NameError {
     #[error("`{name}` has several places for the number of a frame")]
     SeveralPlaces { name: String },
     #[error("`{field}` in `{name}` is no place for the number of a frame")]
@@ -39,7 +39,7 @@ struct Field {
 }
 
 impl FrameName {
-    pub(super) fn new(output: &Path) -> Result<Self, NameError> {
+    pub(crate) fn new(output: &Path) -> Result<Self, NameError> {
         let name = output.file_name().unwrap_or_default().to_str().ok_or(NameError::NotUnicode)?;
         let part = |before: &str, after: &str, digits: usize| Self {
             output: output.to_owned(),
@@ -63,7 +63,7 @@ impl FrameName {
     }
 
     /// The file of a frame's picture.
-    pub(super) fn of(&self, frame: i32) -> PathBuf {
+    pub(crate) fn of(&self, frame: i32) -> PathBuf {
         let Self { output, before, after, digits } = self;
         let sign = if frame < 0 { "-" } else { "" };
         output.with_file_name(format!("{before}{sign}{:0digits$}{after}", frame.unsigned_abs()))

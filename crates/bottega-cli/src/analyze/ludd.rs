@@ -1,0 +1,169 @@
+//! Local useful data density of photons and of lighting agents: `bottega analyze --ludd`.
+
+use std::{fmt::Write, fs};
+
+use bottega_image::{Canvas, ColorMap};
+use bottega_render::{
+    AgentSettings, Oracle, PathSettings, PhotonSettings,
+    ala::{Criterion, Density, Ludd, SampleSet, Samples},
+};
+use serde_json::{Value, json};
+
+use super::{Analyzed, draw::Drawn};
+use crate::{cli::AnalyzeArgs, error::CliError};
+
+/// The sets that are compared, with names for files and for people.
+const SETS: [(SampleSet, &str, &str); 3] = [
+    (SampleSet::Photons, "photons", "photons"),
+    (SampleSet::IndirectPhotons, "indirect-photons", "indirect photons"),
+    (SampleSet::Agents, "agents", "lighting agents"),
+];
+/// Their colors in the histogram.
+const COLORS: [&str; 3] = ["#1b6ca8", "#7570b3", "#d95f02"];
+/// Share of the pixels that may be brighter than the brightest color.
+const CLIPPED: f64 = 0.005;
+/// Bars of the histogram; its size and the space around it, in pixels.
+const BARS: usize = 50;
+const SIZE: [f64; 2] = [560.0, 280.0];
+const MARGIN: f64 = 48.0;
+
+/// δ of one set all over the picture.
+struct Found {
+    name: &'static str,
+    label: &'static str,
+    ludd: Ludd,
+}
+
+/// Draws a map of δ for each set, and their histogram. Adds the files, and returns what is to be told.
+pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
+    let found: Vec<Found> = SETS
+        .iter()
+        .map(|&(set, name, label)| Ok(Found { name, label, ludd: sampled(args, subject, set)? }))
+        .collect::<Result<_, CliError>>()?;
+    let white = white(&found);
+    let criteria = args.ludd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let (width, height) = (subject.frame().width(), subject.frame().height());
+    for Found { name, label, ludd } in &found {
+        let values: Vec<f32> =
+            ludd.pixels.iter().map(|pixel| pixel.as_ref().and_then(Density::all).unwrap_or(f32::NAN)).collect();
+        let canvas = Canvas::heat_map(width, height, &values, white, ColorMap::Viridis);
+        let meaning =
+            format!("useful data density of {label} ({criteria}); brightest: {white:.3}, gray: too few of them");
+        drawn.put(&format!("ludd-{name}"), &canvas, &meaning)?;
+    }
+    let file = "ludd-histogram.svg";
+    let path = drawn.folder.join(file);
+    fs::write(&path, histogram(&found, &criteria, white)).map_err(|source| CliError::write(path, source))?;
+    drawn.files.push((file.to_owned(), format!("how often each useful data density is seen, from 0 to {white:.3}")));
+    Ok(json!({
+        "criteria": args.ludd.iter().map(|criterion| criterion.name()).collect::<Vec<_>>(),
+        "radius_share": args.ludd_radius,
+        "white": white,
+        "sets": found.iter().map(|found| told(found, &args.ludd)).collect::<Vec<_>>(),
+    }))
+}
+
+fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Ludd, CliError> {
+    let agents = AgentSettings { cast: args.lighting_agents, oracle: Oracle::Paper, ..AgentSettings::default() };
+    let bounces = subject.settings.tunables.max_depth;
+    let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
+    let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
+    let (scene, view) = (&subject.subject.prepared, subject.subject.view);
+    let samples = Samples::new(scene, view, &settings, set, &args.ludd, args.ludd_radius)?;
+    Ok(samples.over(scene, view)?)
+}
+
+/// δ of all pixels where it is known, ascending.
+fn sorted(pixels: &[Option<Density>], value: impl Fn(&Density) -> Option<f32>) -> Vec<f32> {
+    let mut values: Vec<f32> = pixels.iter().flatten().filter_map(value).collect();
+    values.sort_unstable_by(f32::total_cmp);
+    values
+}
+
+fn quantile(sorted: &[f32], share: f64) -> Option<f32> {
+    sorted.get(((sorted.len() as f64 * share) as usize).min(sorted.len().checked_sub(1)?)).copied()
+}
+
+/// The density of the brightest color, the same for all sets, and greater than 0.
+fn white(found: &[Found]) -> f32 {
+    let most = found.iter().filter_map(|it| quantile(&sorted(&it.ludd.pixels, Density::all), 1.0 - CLIPPED));
+    Some(most.fold(0.0, f32::max)).filter(|&white| white > 0.0).unwrap_or(1.0)
+}
+
+fn mean(values: &[f32]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64)
+}
+
+fn told(found: &Found, criteria: &[Criterion]) -> Value {
+    let pixels = &found.ludd.pixels;
+    let all = sorted(pixels, Density::all);
+    let by_criterion = criteria.iter().map(|&criterion| {
+        let of = |density: &Density| density.by_criterion.iter().find(|(it, _)| *it == criterion)?.1;
+        (criterion.name().to_owned(), json!(mean(&sorted(pixels, of))))
+    });
+    let seen = pixels.iter().flatten().count();
+    let near: f64 = pixels.iter().flatten().map(|density| f64::from(density.sample_count)).sum();
+    json!({
+        "set": found.name,
+        "samples": found.ludd.sample_count,
+        "samples_in_sphere": near / seen.max(1) as f64,
+        "pixels": all.len(),
+        "mean": mean(&all),
+        "median": quantile(&all, 0.5),
+        "tenth": quantile(&all, 0.1),
+        "ninetieth": quantile(&all, 0.9),
+        "mean_by_criterion": by_criterion.collect::<serde_json::Map<_, _>>(),
+    })
+}
+
+/// Share of the pixels by density, a line a set.
+fn histogram(found: &[Found], criteria: &str, white: f32) -> String {
+    let bars: Vec<[f64; BARS]> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
+    let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let [width, height] = SIZE;
+    // Writing into a string cannot fail.
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" font-family=\"sans-serif\" font-size=\"11\">\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
+         <text x=\"{MARGIN}\" y=\"24\" font-size=\"13\">Useful data density: {criteria}</text>\n\
+         <rect x=\"{MARGIN}\" y=\"{MARGIN}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#999\"/>\n",
+        w = width + 2.0 * MARGIN,
+        h = height + 2.0 * MARGIN,
+    );
+    let x = |value: f64| MARGIN + value / f64::from(white) * width;
+    for step in 0..=5 {
+        let value = f64::from(white) * f64::from(step) / 5.0;
+        let y = MARGIN + height + 16.0;
+        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{y}\" text-anchor=\"middle\">{value:.2}</text>", x(value));
+    }
+    let _ = writeln!(svg, "<text x=\"8\" y=\"{}\">{:.0} %</text>", MARGIN + 4.0, 100.0 * top);
+    for (i, ((it, bars), color)) in found.iter().zip(&bars).zip(COLORS).enumerate() {
+        let mut path = String::new();
+        for (bar, share) in bars.iter().enumerate() {
+            let (left, right) = (bar as f64 / BARS as f64 * width, (bar + 1) as f64 / BARS as f64 * width);
+            let y = MARGIN + height * (1.0 - share / top);
+            let _ = write!(path, "{:.1},{y:.1} {:.1},{y:.1} ", MARGIN + left, MARGIN + right);
+        }
+        let _ = write!(
+            svg,
+            "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>\n\
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{color}\">{} ({})</text>\n",
+            MARGIN + width - 8.0,
+            MARGIN + 18.0 + 16.0 * i as f64,
+            it.label,
+            it.ludd.sample_count,
+        );
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// Shares of the values in equal steps from 0 to `white`; the last one has those beyond.
+fn bars(values: &[f32], white: f32) -> [f64; BARS] {
+    let mut bars = [0.0; BARS];
+    for value in values {
+        let bar = ((value / white * BARS as f32) as usize).min(BARS - 1);
+        bars[bar] += 1.0 / values.len() as f64;
+    }
+    bars
+}

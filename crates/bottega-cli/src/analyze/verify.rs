@@ -1,0 +1,262 @@
+//! How well the time of zones is predicted.
+
+use std::{fs, ops::Range, sync::mpsc};
+
+use bottega::text::shown;
+use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
+use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
+use bottega_image::{Rect, Tile};
+use serde_json::{Value, json};
+
+use super::{Analyzed, LEVELS, plot};
+use crate::{cli::AnalyzeArgs, clock::processor_seconds, error::CliError};
+
+/// A zone, what was predicted for it, and what it took.
+pub(super) struct Zone {
+    rect: Rect,
+    /// By the map, in average pixels.
+    pub(super) complexity: f64,
+    /// The shortest times among the even turns, and among the odd ones.
+    seconds: [Seconds; 2],
+    /// The rest of the samples over those of profiling.
+    left_over_taken: f64,
+}
+
+/// Processor time of a zone, in seconds.
+#[derive(Clone, Copy)]
+struct Seconds {
+    /// Of the samples that profiling takes.
+    profile: f64,
+    /// Of the rest.
+    rest: f64,
+}
+
+impl Seconds {
+    const UNKNOWN: Self = Self { profile: f64::INFINITY, rest: f64::INFINITY };
+
+    fn shorter(self, other: Self) -> Self {
+        Self { profile: self.profile.min(other.profile), rest: self.rest.min(other.rest) }
+    }
+}
+
+impl Zone {
+    /// The shortest time of all samples.
+    pub(super) fn measured(&self) -> f64 {
+        let Seconds { profile, rest } = self.seconds[0].shorter(self.seconds[1]);
+        profile + rest
+    }
+
+    /// What profiling in the even turns says of the time of all samples.
+    pub(super) fn profiled(&self) -> f64 {
+        self.seconds[0].profile * (1.0 + self.left_over_taken)
+    }
+}
+
+/// The zones of one level by one function, all painted.
+pub(super) struct Verified {
+    function: ImportanceFunction,
+    pub(super) level: u8,
+    pub(super) zones: Vec<Zone>,
+    /// What the survey saw in each, per path.
+    seen: Vec<SurveyPixel>,
+}
+
+impl Verified {
+    fn all(&self, value: impl Fn(&Zone) -> f64) -> Vec<f64> {
+        self.zones.iter().map(value).collect()
+    }
+
+    /// By the map alone, against the time of all samples.
+    fn by_map(&self) -> Option<Prediction> {
+        Prediction::of(&self.all(|zone| zone.complexity), &self.all(Zone::measured))
+    }
+
+    /// By profiling in the even turns, against the rest of the samples in the odd ones: nothing of the time that was measured
+    /// is in the prediction.
+    fn by_profiling(&self) -> Option<Prediction> {
+        Prediction::of(&self.all(|zone| zone.seconds[0].profile), &self.all(|zone| zone.seconds[1].rest))
+    }
+
+    /// The rest of the samples in the even turns against the same in the odd ones: no prediction can do better.
+    fn repeated(&self) -> Option<Prediction> {
+        Prediction::of(&self.all(|zone| zone.seconds[0].rest), &self.all(|zone| zone.seconds[1].rest))
+    }
+
+    /// By how much the measured time of zones differs from their mean: standard deviation over mean.
+    fn spread(&self) -> f64 {
+        let times = self.all(Zone::measured);
+        let mean = times.iter().sum::<f64>() / times.len() as f64;
+        (times.iter().map(|time| (time - mean).powi(2)).sum::<f64>() / times.len() as f64).sqrt() / mean
+    }
+
+    pub(super) fn report(&self) -> Value {
+        let told = |prediction: Option<Prediction>| {
+            prediction.map(|p| json!({"rank_correlation": p.rank_correlation, "r_squared": p.r_squared}))
+        };
+        let zone = |(zone, seen): (&Zone, &SurveyPixel)| {
+            json!({
+                "rect": [zone.rect.x0, zone.rect.y0, zone.rect.x1, zone.rect.y1],
+                "complexity": zone.complexity,
+                "profile_seconds": zone.seconds.map(|seconds| seconds.profile),
+                "rest_seconds": zone.seconds.map(|seconds| seconds.rest),
+                "left_over_taken": zone.left_over_taken,
+                "per_path": {
+                    "steps": seen.steps,
+                    "vertices": seen.path_length,
+                    "shadow_rays": seen.shadow_rays,
+                    "layered": seen.layered,
+                    "lookups": seen.lookups,
+                    "recursion_levels": seen.recursion_levels,
+                },
+            })
+        };
+        json!({
+            "importance": self.function.to_string(),
+            "level": self.level,
+            "by_map": told(self.by_map()),
+            "after_profiling": told(self.by_profiling()),
+            "measured_again": told(self.repeated()),
+            "spread": self.spread(),
+            "zones": self.zones.iter().zip(&self.seen).map(zone).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Verifies the function asked for, and the paper's beside it, on the levels asked for; draws a diagram of each function.
+pub(super) fn run(
+    args: &AnalyzeArgs,
+    subject: &Analyzed,
+    function: ImportanceFunction,
+) -> Result<Vec<Verified>, CliError> {
+    // What is learnt of the scene before the first sample belongs to no zone.
+    let corner = subject.frame().blocks(16).next().unwrap_or_default();
+    paint(subject, corner, 0..1, None)?;
+    let mut verified = Vec::new();
+    let mut functions = vec![function];
+    functions.extend((function != ImportanceFunction::Paper).then_some(ImportanceFunction::Paper));
+    for &function in &functions {
+        for (level, number) in LEVELS.into_iter().zip(1..).filter(|(_, number)| args.verify.contains(number)) {
+            if !args.scene.json {
+                eprintln!("measuring {function}, level {number}");
+            }
+            verified.push(measure(args, subject, function, (level, number))?);
+        }
+    }
+    for function in functions {
+        let levels: Vec<&Verified> = verified.iter().filter(|verified| verified.function == function).collect();
+        let title = format!("{}: {function}", shown(&args.scene_file));
+        let path = args.output.join(format!("verify-{function}.svg"));
+        fs::write(&path, plot::scatter(&title, &levels)).map_err(|source| CliError::write(path, source))?;
+    }
+    Ok(verified)
+}
+
+fn measure(
+    args: &AnalyzeArgs,
+    subject: &Analyzed,
+    function: ImportanceFunction,
+    (level, number): (Level, u8),
+) -> Result<Verified, CliError> {
+    let analysis = subject.analyze(function, level)?;
+    let samples = subject.settings.samples;
+    let profile = Choice::unchanged(&subject.settings).profile_samples(&Goal::Samples).min(samples - 1);
+    let mut zones: Vec<Zone> = analysis
+        .rows
+        .iter()
+        .map(|row| Zone {
+            rect: row.rect,
+            complexity: row.complexity,
+            seconds: [Seconds::UNKNOWN; 2],
+            left_over_taken: f64::from(samples - profile) / f64::from(profile),
+        })
+        .collect();
+    for turn in 0..usize::from(args.repeat) {
+        for zone in &mut zones {
+            let (tile, profile_seconds) = paint(subject, zone.rect, 0..profile, None)?;
+            let (_, rest) = paint(subject, zone.rect, profile..samples, Some(tile))?;
+            let seconds = &mut zone.seconds[turn % 2];
+            *seconds = seconds.shorter(Seconds { profile: profile_seconds, rest });
+        }
+    }
+    let seen = zones.iter().map(|zone| seen_in(subject, zone.rect)).collect();
+    Ok(Verified { function, level: number, zones, seen })
+}
+
+/// Paints some samples of a rectangle, alone on the engine. Returns the seconds of processors that it took.
+fn paint(subject: &Analyzed, rect: Rect, samples: Range<u32>, tile: Option<Tile>) -> Result<(Tile, f64), CliError> {
+    let (sender, receiver) = mpsc::channel();
+    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+    let task = ZoneTask {
+        rect,
+        samples,
+        tunables: subject.settings.tunables,
+        leaning: Leaning::default(),
+        tile,
+        parts: None,
+        cancel,
+        progress,
+    };
+    let before = processor_seconds();
+    // The receiver outlives the engine's report.
+    subject.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
+    let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
+    let Painted { tile, busy, .. } = receiver.recv().map_err(|_| lost())??;
+    let spent = before.zip(processor_seconds()).map(|(before, after)| after - before);
+    Ok((tile, spent.unwrap_or(busy.as_secs_f64())))
+}
+
+/// Means over the cells of the survey whose centers lie in a zone.
+fn seen_in(subject: &Analyzed, rect: Rect) -> SurveyPixel {
+    let survey = &subject.survey;
+    let frame = subject.frame();
+    let (mut sum, mut count) = (SurveyPixel::default(), 0.0_f32);
+    for (i, pixel) in survey.pixels.iter().enumerate() {
+        let (column, row) = (i as u64 % u64::from(survey.width), i as u64 / u64::from(survey.width));
+        let center =
+            |cell: u64, cells: u32, pixels: u32| ((2 * cell + 1) * u64::from(pixels) / (2 * u64::from(cells))) as u32;
+        let (x, y) = (center(column, survey.width, frame.width()), center(row, survey.height, frame.height()));
+        if rect.contains(x, y) {
+            sum.steps += pixel.steps;
+            sum.path_length += pixel.path_length;
+            sum.shadow_rays += pixel.shadow_rays;
+            sum.layered += pixel.layered;
+            sum.lookups += pixel.lookups;
+            sum.recursion_levels += pixel.recursion_levels;
+            count += 1.0;
+        }
+    }
+    let mean = |sum: f32| sum / count.max(1.0);
+    SurveyPixel {
+        steps: mean(sum.steps),
+        path_length: mean(sum.path_length),
+        shadow_rays: mean(sum.shadow_rays),
+        layered: mean(sum.layered),
+        lookups: mean(sum.lookups),
+        recursion_levels: mean(sum.recursion_levels),
+        ..sum
+    }
+}
+
+/// The figures for people.
+pub(super) fn table(verified: &[Verified]) -> String {
+    let mut text = "rank correlation (and share of variance explained) of predicted and measured time of zones\n\n\
+                    importance  level  zones  spread  by the map       after profiling  measured again\n"
+        .to_owned();
+    let told = |prediction: Option<Prediction>| match prediction {
+        Some(p) => format!("{:.3} ({:.3})", p.rank_correlation, p.r_squared),
+        None => "–".to_owned(),
+    };
+    for row in verified {
+        text += &format!(
+            "{:<10}  {:>5}  {:>5}  {:>5.0}%  {:<15}  {:<15}  {}\n",
+            row.function.to_string(),
+            row.level,
+            row.zones.len(),
+            100.0 * row.spread(),
+            told(row.by_map()),
+            told(row.by_profiling()),
+            told(row.repeated()),
+        );
+    }
+    text + "\nspread: of the measured times, standard deviation over mean. Zones of nearly equal time have no ranks to predict."
+}

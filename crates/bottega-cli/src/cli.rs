@@ -1,0 +1,268 @@
+//! What the command line takes. Everything here is checked before any work begins.
+
+mod choice;
+mod engine;
+mod light;
+mod render;
+mod request;
+mod scene;
+mod values;
+mod words;
+
+use std::path::PathBuf;
+
+use bottega::request::GuideChoice;
+use bottega_cluster::build::build;
+use bottega_render::{AgentSettings, ala::Criterion};
+use clap::{Args, Parser, Subcommand, ValueHint};
+
+use self::values::{parse_criterion, parse_share};
+pub(crate) use self::{
+    choice::choice,
+    render::RenderArgs,
+    request::{RequestCommand, RequestCommandArgs, read as read_request},
+    scene::{ImportArgs, SceneArgs},
+    values::{Size, parse_define, parse_duration, parse_size},
+    words::{line, words},
+};
+use crate::{
+    bench::{AlaArgs, EnginesBenchArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
+    engines::EnginesArgs,
+    farm::{JobsArgs, JoinArgs, MachinesArgs, UpArgs},
+    platform::PlatformArgs,
+    rules::RulesArgs,
+    simulate::args::SimulateArgs,
+};
+
+/// A physically based renderer whose work is shared out by agents.
+#[derive(Debug, Parser)]
+#[command(
+    name = "bottega",
+    version = build().description(),
+    after_help = "Start with:\n  bottega render scene.glb -o picture.png\n  bottega render --help"
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Paint a picture of a scene.
+    Render(Box<RenderArgs>),
+    /// Print, check and read requests: pictures asked for as JSON.
+    Request(RequestCommandArgs),
+    /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
+    Analyze(AnalyzeArgs),
+    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ; or look for seams between zones.
+    Diff(DiffArgs),
+    /// Say what is in a scene file.
+    Info(InfoArgs),
+    /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
+    Simulate(Box<SimulateArgs>),
+    /// Start a farm on this machine: many machines paint one picture.
+    Up(UpArgs),
+    /// Offer this machine to a farm.
+    Join(JoinArgs),
+    /// See and steer what a farm is asked for.
+    Jobs(JobsArgs),
+    /// See and steer the machines of a farm.
+    Machines(MachinesArgs),
+    /// See, check and try the other renderers that can paint.
+    Engines(EnginesArgs),
+    /// Check, evaluate and draw expert rules.
+    Rules(RulesArgs),
+    /// Run a FIPA agent platform, or ask one what it knows.
+    Platform(PlatformArgs),
+    /// Measure this machine and this program.
+    Bench(BenchArgs),
+    /// List the devices that can take part in rendering.
+    Devices(DevicesArgs),
+    /// Print completions for a shell.
+    #[command(
+        after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"
+    )]
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AnalyzeArgs {
+    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene_file: PathBuf,
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
+    /// index.json, which says what is what.
+    #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    pub(crate) output: PathBuf,
+    /// Paint every zone of these levels, again and again, and tell how well its time was predicted: by the map alone, and
+    /// after profiling. One processor does it, unless --threads says otherwise.
+    #[arg(long, value_name = "LEVELS", num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=3), help_heading = "Work")]
+    pub(crate) verify: Vec<u8>,
+    /// How often --verify paints a zone; of its times the shortest counts, because what disturbs only adds.
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "verify", value_parser = clap::value_parser!(u8).range(2..=100), help_heading = "Work")]
+    pub(crate) repeat: u8,
+    /// Samples a pixel of --verify.
+    #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
+    pub(crate) spp: u32,
+    /// Agents that the zones are meant for; default: one for every two processors.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
+    pub(crate) agents: Option<u16>,
+    /// Show how much photons and lighting agents differ from those near them: their local useful data density by these
+    /// criteria: normal,power,direction,irradiance,importance.
+    #[arg(long, value_name = "CRITERIA", value_delimiter = ',', value_parser = parse_criterion, help_heading = "Useful data density")]
+    pub(crate) ludd: Vec<Criterion>,
+    /// How near, as a share of the radius of what the camera sees, or of the scene where that is not much wider.
+    #[arg(long, value_name = "R", default_value_t = 0.05, requires = "ludd", value_parser = parse_share, help_heading = "Useful data density")]
+    pub(crate) ludd_radius: f32,
+    /// Photons that leave the lights.
+    #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
+    pub(crate) photons: u32,
+    /// Lighting agents that the lights cast.
+    #[arg(long, value_name = "N", default_value_t = AgentSettings::default().cast, requires = "ludd", value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Useful data density")]
+    pub(crate) lighting_agents: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DiffArgs {
+    /// The picture to judge: EXR, PNG or HDR.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) picture: PathBuf,
+    /// The picture that it should equal. Only --seams can do without.
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present = "seams")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Say whether the edges of zones can be seen: the zones are those in the index.json that `bottega analyze` writes.
+    #[arg(long, value_name = "INDEX.json", value_hint = ValueHint::FilePath)]
+    pub(crate) seams: Option<PathBuf>,
+    /// The level of partition of --seams.
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, requires = "seams", value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub(crate) level: u8,
+    /// Write where they differ (FLIP, dark: equal, bright: different) as a PNG.
+    #[arg(short, long, value_name = "FILE.png", value_hint = ValueHint::FilePath, requires = "reference")]
+    pub(crate) output: Option<PathBuf>,
+    /// Exit with 1 when the mean FLIP error is above this.
+    #[arg(long, value_name = "FLIP", requires = "reference")]
+    pub(crate) fail_above: Option<f32>,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) scene_file: PathBuf,
+    #[command(flatten)]
+    pub(crate) import: ImportArgs,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) what: BenchCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// Rays per second by kind of ray, and paths per second.
+    Rays {
+        /// Scenes to measure; whose paths a second are measured beside the rays of built-in ones.
+        #[arg(value_hint = ValueHint::FilePath)]
+        scenes: Vec<PathBuf>,
+        /// Repetitions, interleaved; the median is printed.
+        #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]
+        repeat: u16,
+        /// The GPU whose name contains this is measured too, by itself: its rays do not travel.
+        #[arg(long, value_name = "NAME")]
+        gpu: Option<String>,
+        /// Print one JSON object instead of text for people.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
+    Peers(PeersArgs),
+    /// What it costs that bottega has another engine paint in zones, beside the same picture as one window.
+    Engines(EnginesBenchArgs),
+    /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
+    Farm(Box<FarmBenchArgs>),
+    /// The tables of the HRA paper: rays by direct calls, through the allocator, and with a GPU beside the processors.
+    Hra(HraBenchArgs),
+    /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
+    Magarro(MagarroArgs),
+    /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
+    Ala(AlaArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PeersArgs {
+    /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
+    /// that they name, and reference/ref_SCENE.exr.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) folder: PathBuf,
+    /// A scene by name; may be given more than once. Default: all.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) scene: Vec<String>,
+    /// Samples a pixel.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    pub(crate) spp: u32,
+    /// Repetitions, interleaved; medians of the times and means of the errors are printed.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    pub(crate) repeat: u16,
+    /// Only those others whose names begin so (`mitsuba`, `mitsuba llvm`, `cycles`, `luxcore`); may be given more than
+    /// once.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) peer: Vec<String>,
+    /// What our paths learn beforehand; the time for it counts.
+    #[arg(long, value_name = "GUIDE", value_parser = choice::<GuideChoice>(), default_value = "ala")]
+    pub(crate) guide: GuideChoice,
+    /// Numbers of threads to paint with. Default: one, and as many as there are processors.
+    #[arg(long, value_delimiter = ',', value_parser = parse_threads)]
+    pub(crate) threads: Vec<usize>,
+    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    pub(crate) python: String,
+    /// Compare the time of the processors, not of the clock: for a machine that has other work as well.
+    #[arg(long)]
+    pub(crate) processor_time: bool,
+    /// How long one picture of another renderer may take, in seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    pub(crate) timeout: u64,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl PeersArgs {
+    /// Whether another renderer is to be run.
+    pub(crate) fn includes(&self, name: &str) -> bool {
+        self.peer.is_empty() || self.peer.iter().any(|wanted| name.starts_with(wanted.as_str()))
+    }
+}
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.trim().parse() {
+        Ok(threads @ 1..=1024) => Ok(threads),
+        _ => Err("a number from 1 to 1024 is needed".to_owned()),
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DevicesArgs {
+    /// Measure what work costs on each of them, and who would do how much of it; what is learnt is kept for `render`.
+    #[arg(long)]
+    pub(crate) bench: bool,
+    /// Measure the GPUs whose names contain this, software too; default: all that are no software.
+    #[arg(long, value_name = "NAME", requires = "bench")]
+    pub(crate) gpu: Option<String>,
+    /// Print one JSON object instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}

@@ -1,0 +1,254 @@
+//! The options of `bottega render`, and the request that they make.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use bottega::{
+    Request,
+    devices::DeviceChoice,
+    frames::Frames,
+    request::{
+        AGENTS_MAX, DEPTH_MAX, FrameOptions, IntegratorChoice, LIGHT_SAMPLES_MAX, OptimizationChoice, PRIORITY_MAX,
+        PixelFilter, PngEncoding, RulesSource, SAMPLES_MAX, ToneCurve, ZONES_MAX,
+    },
+};
+use bottega_cluster::FarmAddress;
+use bottega_image::Rect;
+use clap::{Args, ValueHint};
+
+use super::{
+    choice::choice,
+    engine::EngineArgs,
+    light::{GuideArgs, LightingAgentArgs, PhotonArgs},
+    request::RequestArgs,
+    scene::{SceneArgs, change, set},
+    values::{LayerNames, parse_error, parse_rate, parse_rect, parse_seconds, parse_stops},
+};
+use crate::{error::CliError, farm::LoginArgs};
+
+#[derive(Clone, Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what --engine reads.
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present_any = ["request", "from"])]
+    scene_file: Option<PathBuf>,
+    /// The picture to write: .exr (linear light, all values) or .png (tone-mapped).
+    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath, required_unless_present_any = ["request", "dry_run"])]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) request: RequestArgs,
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+
+    /// Samples a pixel; default: what the scene file asks for, or 64.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(SAMPLES_MAX)), help_heading = "Quality")]
+    spp: Option<u32>,
+    /// Bounces of light: 0 only what shines itself, 1 direct light, and so on; default: what the scene file asks for, or 16.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(DEPTH_MAX)), help_heading = "Quality")]
+    max_depth: Option<u32>,
+    /// Light samples at each bounce. Default: 1.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(LIGHT_SAMPLES_MAX)), help_heading = "Quality")]
+    light_samples: Option<u32>,
+    /// Give each cell of 32 × 32 pixels samples until its estimated relative error is at most this, such as 0.05; --spp is
+    /// then the most that a pixel gets (default: 4096). Whoever paints it, the picture is the same.
+    #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with = "time", help_heading = "Quality")]
+    error: Option<f64>,
+    /// The best picture in so much time, such as 90, 90s, 10m or 1.5h, from start to written file; --spp is then the most
+    /// that a pixel gets.
+    #[arg(long, value_name = "TIME", value_parser = parse_seconds, help_heading = "Quality")]
+    time: Option<f64>,
+    /// Let the agents' expert rules trade quality for time, zone by zone. Default: off.
+    #[arg(long, value_name = "LEVEL", value_parser = choice::<OptimizationChoice>(), help_heading = "Quality")]
+    optimize: Option<OptimizationChoice>,
+    /// The expert rules, as FCL text; default: path-tracing, which comes with the program, or with --engine NAME those of that
+    /// engine. Give it several times and agents carry them in turn.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
+    rules: Vec<PathBuf>,
+    /// How light is followed; default: what finds the light that the scene file's own integrator finds, or path.
+    #[arg(long, value_name = "METHOD", value_parser = choice::<IntegratorChoice>(), help_heading = "Quality")]
+    integrator: Option<IntegratorChoice>,
+    #[command(flatten)]
+    photons: PhotonArgs,
+    #[command(flatten)]
+    lighting_agents: LightingAgentArgs,
+    #[command(flatten)]
+    guide: GuideArgs,
+    /// How samples are spread over a pixel; default: what the scene file asks for, or blackman-harris.
+    #[arg(long, value_name = "FILTER", value_parser = choice::<PixelFilter>(), help_heading = "Quality")]
+    filter: Option<PixelFilter>,
+    /// Another seed gives other noise; the same seed the same picture, bit for bit. Default: 0.
+    #[arg(long, value_name = "N", help_heading = "Quality")]
+    seed: Option<u64>,
+
+    /// Paint only this part of the picture; each pixel is the same as in the whole. Default: what the scene file asks for.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture")]
+    crop: Option<Rect>,
+    /// More values a pixel, as layers of the EXR file: names with commas between, `all` or `none`. Our own engine has
+    /// albedo,normal,depth,samples,cost, and makes none unless asked. Of other engines all layers come out that the scene asks
+    /// for, unless this says which of them. Of two engines: those that both mean the same by.
+    #[arg(long, value_name = "LIST", help_heading = "Output")]
+    aov: Option<LayerNames>,
+    /// Remove what noise is left in the finished picture, by Intel's Open Image Denoise, which must be installed; BOTTEGA_OIDN
+    /// names its file or folder where it is not found. Albedo and normals are made for it, and are layers of the EXR file then,
+    /// as is the noisy color (`noisy`).
+    #[arg(long, help_heading = "Output")]
+    denoise: bool,
+    /// Brighten (+) or darken (-) a PNG by so many stops.
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = parse_stops, help_heading = "Output")]
+    exposure: Option<f32>,
+    /// How a PNG's highlights are brought into range. Default: agx.
+    #[arg(long, value_name = "CURVE", value_parser = choice::<ToneCurve>(), help_heading = "Output")]
+    tonemap: Option<ToneCurve>,
+    /// How a PNG's values are stored. Default: srgb.
+    #[arg(long, value_name = "ENCODING", value_parser = choice::<PngEncoding>(), help_heading = "Output")]
+    encoding: Option<PngEncoding>,
+    /// Write alpha into a PNG: transparent where the surroundings are seen. Without it, a PNG has alpha where the scene's film
+    /// asks for it (Mitsuba's `pixel_format`). An EXR file always has it.
+    #[arg(long, help_heading = "Output")]
+    alpha: bool,
+    /// Write 16-bit instead of 32-bit values into an EXR file.
+    #[arg(long, help_heading = "Output")]
+    half: bool,
+    /// Write an EXR file in tiles instead of scan lines.
+    #[arg(long, help_heading = "Output")]
+    tiled: bool,
+
+    #[command(flatten)]
+    engine: EngineArgs,
+
+    /// Render Agents that share the work; default: one for every two processors.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(AGENTS_MAX)), help_heading = "Work")]
+    agents: Option<u16>,
+    /// Who paints: `auto` (the processors, and the best GPU if there is one; the default), or a list of `cpu` and parts of GPUs'
+    /// names, see `bottega devices`. A GPU's pixels differ from a processor's in rounding, and a scene that is none for it is
+    /// painted by the processors.
+    #[arg(long, value_name = "LIST", help_heading = "Work")]
+    devices: Option<DeviceChoice>,
+    /// Have every pixel the same to the last bit, whoever paints it: by processors alone, on all machines of a farm.
+    #[arg(long, help_heading = "Work")]
+    exact: bool,
+    /// Paint these frames of an animation: a list of numbers and ranges, such as 1..24, 1..9:2 (every second one), -5..5 or
+    /// 1,4,7..9; both ends of a range are painted. The number of a frame takes the place of `####` or `%04d` in the name of
+    /// the output; one below 0 is `-` and then its digits. With --farm all frames are painted at once, by all machines.
+    #[arg(long, value_name = "FRAMES", allow_hyphen_values = true, conflicts_with_all = ["at", "dashboard", "preview", "trace", "record"], help_heading = "Work")]
+    frames: Option<Frames>,
+    /// Frames a second: frame N shows the scene at N / FPS seconds. Default: 24.
+    #[arg(long, value_name = "FPS", value_parser = parse_rate, help_heading = "Work")]
+    fps: Option<f32>,
+    /// Paint with all machines of a farm: the one that `bottega up` runs on this machine, or the one named.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, conflicts_with_all = ["record", "time"], help_heading = "Work")]
+    pub(crate) farm: Option<Option<FarmAddress>>,
+    /// Only ask the farm for the picture, and do not wait for it: `bottega jobs fetch` has it in the end.
+    #[arg(long, requires = "farm", help_heading = "Work")]
+    pub(crate) detach: bool,
+    /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities. Default: 10.
+    #[arg(long, value_name = "N", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)), help_heading = "Work")]
+    priority: Option<u32>,
+    /// Do not trust the machines of the farm: each zone counts when so many different ones have painted the same: bit for
+    /// bit, or by its look where engines give no two of them the same bits. Of one that was right often only a part is
+    /// compared; one that was wrong is left out, and what was taken on its word is painted again. Zones wait while there are
+    /// fewer machines.
+    #[arg(long, value_name = "K", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Work")]
+    verify: Option<u32>,
+    #[command(flatten)]
+    pub(crate) login: LoginArgs,
+    /// Go on with a picture that was interrupted; of an animation, paint the frames that are not there yet, and go on with one
+    /// that was interrupted.
+    #[arg(long, help_heading = "Work")]
+    pub(crate) resume: bool,
+    /// Serve a live view of the work on this address, such as 127.0.0.1:8080.
+    #[arg(long, value_name = "ADDRESS", help_heading = "Output")]
+    pub(crate) dashboard: Option<SocketAddr>,
+    /// Show the picture in this PNG file while it is painted: coarse and complete at once, then better and better.
+    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath, help_heading = "Output")]
+    pub(crate) preview: Option<PathBuf>,
+    /// Write every message between the agents to this file.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Write down what each zone took, for `bottega simulate`.
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["resume", "error", "time"], help_heading = "Output")]
+    pub(crate) record: Option<PathBuf>,
+    /// Cut the picture into about so many zones; default: by the number of agents.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(ZONES_MAX)), help_heading = "Work")]
+    zones: Option<u32>,
+    /// Say nothing but errors.
+    #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
+    pub(crate) quiet: bool,
+}
+
+impl RenderArgs {
+    /// What is asked for: the request that is read, if one is, with what the options say in its place.
+    ///
+    /// # Errors
+    /// There is no such request, or what is asked for cannot be.
+    pub(crate) fn to_request(&self) -> Result<Request, CliError> {
+        let mut request = match self.request.read()? {
+            Some(request) => request,
+            None => Request::new(self.scene_file.clone().unwrap_or_default()),
+        };
+        self.apply(&mut request)?;
+        let request = self.request.set(request)?;
+        request.validate().map_err(bottega::Error::from)?;
+        if request.output.file.is_none() && !self.request.dry_run {
+            return Err(CliError::usage("where is the picture to go?", "name a file with -o: .exr or .png"));
+        }
+        Ok(request)
+    }
+
+    /// Has a request say what the options say.
+    fn apply(&self, request: &mut Request) -> Result<(), CliError> {
+        change(&mut request.scene.file, self.scene_file.clone());
+        self.scene.apply(request);
+        set(&mut request.film.crop, self.crop.map(|crop| [crop.x0, crop.y0, crop.x1, crop.y1]));
+        set(&mut request.film.filter, self.filter);
+        set(&mut request.film.layers, self.aov.clone().map(|LayerNames(names)| names));
+        request.film.denoise |= self.denoise;
+        set(&mut request.goal.samples, self.spp);
+        if self.error.is_some() || self.time.is_some() {
+            (request.goal.error, request.goal.time) = (self.error, self.time);
+        }
+        let integrator = &mut request.integrator;
+        set(&mut integrator.method, self.integrator);
+        set(&mut integrator.max_depth, self.max_depth);
+        change(&mut integrator.light_samples, self.light_samples);
+        self.photons.apply(&mut request.photons);
+        self.lighting_agents.apply(&mut request.lighting_agents);
+        self.guide.apply(&mut request.guide);
+        self.engine.apply(&mut request.engine);
+        change(&mut request.seed, self.seed);
+        self.apply_work(request);
+        self.apply_output(request);
+        set(&mut request.frames, self.frames.clone().map(FrameOptions::new));
+        match (self.fps, &mut request.frames) {
+            (Some(fps), Some(frames)) => frames.fps = fps,
+            (Some(_), None) => {
+                return Err(CliError::usage("--fps is for --frames", "say which frames, or leave it out"));
+            }
+            (None, _) => {}
+        }
+        Ok(())
+    }
+
+    fn apply_work(&self, request: &mut Request) {
+        let work = &mut request.work;
+        set(&mut work.agents, self.agents);
+        set(&mut work.zones, self.zones);
+        change(&mut work.optimization, self.optimize);
+        if !self.rules.is_empty() {
+            work.rules = self.rules.iter().cloned().map(RulesSource::File).collect();
+        }
+        change(&mut request.devices.names, self.devices.as_ref().map(DeviceChoice::names));
+        request.devices.exact |= self.exact;
+        change(&mut request.farm.priority, self.priority);
+        set(&mut request.farm.verify, self.verify);
+    }
+
+    fn apply_output(&self, request: &mut Request) {
+        let output = &mut request.output;
+        set(&mut output.file, self.output.clone());
+        change(&mut output.exposure, self.exposure);
+        change(&mut output.tonemap, self.tonemap);
+        change(&mut output.encoding, self.encoding);
+        output.alpha |= self.alpha;
+        output.half |= self.half;
+        output.tiled |= self.tiled;
+    }
+}

@@ -1,0 +1,99 @@
+//! Requests that are read: from a file, from standard input, from a picture.
+
+use std::{
+    fs::File,
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use bottega::{Error, Request, picture::request_of, request::REQUEST_BYTES_MAX};
+use clap::{Args, Subcommand, ValueHint};
+
+use super::values::parse_define;
+use crate::error::CliError;
+
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Request")]
+pub(crate) struct RequestArgs {
+    /// Paint what this file asks for: a request as JSON, as --dry-run prints it; `-` is standard input. Options given beside it
+    /// take the place of what it says.
+    #[arg(long = "request", id = "request", value_name = "FILE|-", value_hint = ValueHint::FilePath, conflicts_with = "from")]
+    file: Option<PathBuf>,
+    /// Paint what this picture is of, once more: it holds its request.
+    #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
+    from: Option<PathBuf>,
+    /// Set a field of the request, such as film.size=[640,480] or goal.samples=16; may be repeated.
+    #[arg(long = "set", value_name = "FIELD=VALUE", value_parser = parse_define)]
+    fields: Vec<(String, String)>,
+    /// Print the request that the options make, and paint nothing.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+impl RequestArgs {
+    /// The request that is read, if one is.
+    pub(super) fn read(&self) -> Result<Option<Request>, CliError> {
+        match (&self.file, &self.from) {
+            (Some(file), _) => read(file).map(Some),
+            (None, Some(picture)) => Ok(Some(request_of(picture)?)),
+            (None, None) => Ok(None),
+        }
+    }
+
+    /// The request with the fields that are set.
+    pub(super) fn set(&self, request: Request) -> Result<Request, CliError> {
+        let with = |request: Request, (field, value): &(String, String)| {
+            let origin = format!("--set {field}={value}");
+            request.with(field, value).map_err(|source| Error::Request { origin, source })
+        };
+        Ok(self.fields.iter().try_fold(request, with)?)
+    }
+}
+
+/// Reads a request from a file, or from standard input where the file is `-`.
+pub(crate) fn read(file: &Path) -> Result<Request, CliError> {
+    let is_input = file == Path::new("-");
+    let origin = if is_input { "standard input".to_owned() } else { format!("`{}`", file.display()) };
+    let mut text = Vec::new();
+    // One byte more than may be, so that a text that is too long is known without reading all of it.
+    let most = REQUEST_BYTES_MAX as u64 + 1;
+    let read = if is_input {
+        io::stdin().lock().take(most).read_to_end(&mut text)
+    } else {
+        File::open(file).and_then(|file| file.take(most).read_to_end(&mut text))
+    };
+    read.map_err(|source| Error::Read { path: file.to_owned(), source })?;
+    Ok(Request::from_json(&text).map_err(|source| Error::Request { origin, source })?)
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "For example:\n  bottega render scene.glb -o picture.exr --spp 16 --dry-run > request.json\n  \
+                        bottega request check request.json\n  bottega render --request request.json")]
+pub(crate) struct RequestCommandArgs {
+    #[command(subcommand)]
+    pub(crate) command: RequestCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum RequestCommand {
+    /// Print the JSON Schema of requests: every field, what it means, and what is allowed.
+    Schema,
+    /// Check a request, and print it with every default written out.
+    Check {
+        /// The request, as JSON; `-` is standard input.
+        #[arg(value_name = "FILE|-", value_hint = ValueHint::FilePath)]
+        file: PathBuf,
+    },
+    /// Print the options of `bottega render` that make a request.
+    Options {
+        /// The request, as JSON; `-` is standard input.
+        #[arg(value_name = "FILE|-", value_hint = ValueHint::FilePath)]
+        file: PathBuf,
+    },
+    /// Print the request that a picture holds.
+    Show {
+        /// The picture: .exr or .png.
+        #[arg(value_hint = ValueHint::FilePath)]
+        picture: PathBuf,
+    },
+}

@@ -1,0 +1,160 @@
+//! `bottega diff`: how two pictures differ, in figures and as a heat map; and whether zones have seams.
+
+use std::{fs, path::Path, process::ExitCode};
+
+use bottega_image::{
+    Canvas, ColorMap, FlipOptions, Picture, Rect, Seams, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse, seams,
+};
+use bottega_scene::objects_only::from_json;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use bottega::text::shown;
+
+use crate::{cli::DiffArgs, error::CliError};
+
+#[derive(Serialize)]
+struct Difference {
+    rmse: f64,
+    mae: f64,
+    rel_mse: f64,
+    rel_mse_trimmed: f64,
+    flip: f64,
+    flip_visible_share: f64,
+    mean_ratio: [Option<f64>; 3],
+}
+
+/// Share of the worst pixels that the trimmed relMSE leaves out, so that one firefly does not hide everything else.
+const TRIMMED: f64 = 1e-3;
+
+/// FLIP above which a pixel is seen to be wrong.
+const VISIBLE: f32 = 0.1;
+
+/// Seams are told of when chance would show them less often than this.
+const SIGNIFICANCE: f64 = 1e-3;
+
+pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
+    let picture = read_picture(&args.picture)?;
+    let reference = args.reference.as_deref().map(read_picture).transpose()?;
+    let difference = reference.as_ref().map(|reference| compare(args, &picture, reference)).transpose()?;
+    let seams =
+        args.seams.as_deref().map(|path| find_seams(path, args.level, &picture, reference.as_ref())).transpose()?;
+    if args.json {
+        let mut report = difference.as_ref().map_or_else(|| json!({}), |difference| json!(difference));
+        if let Some(seams) = &seams {
+            report["seams"] = json!({"pieces": seams.pieces, "z": seams.z, "p": seams.p(), "ratio": seams.ratio});
+        }
+        println!("{report}");
+    } else {
+        difference.iter().for_each(tell);
+        seams.iter().for_each(tell_seams);
+    }
+    let is_too_much = |difference: &Difference| args.fail_above.is_some_and(|limit| difference.flip > f64::from(limit));
+    Ok(ExitCode::from(u8::from(difference.as_ref().is_some_and(is_too_much))))
+}
+
+fn compare(args: &DiffArgs, picture: &Picture, reference: &Picture) -> Result<Difference, CliError> {
+    if picture.size() != reference.size() {
+        let (a, b) = (picture.size(), reference.size());
+        return Err(CliError::usage(
+            format!("the pictures differ in size: {}x{} and {}x{}", a.0, a.1, b.0, b.1),
+            "compare pictures of the same size",
+        ));
+    }
+    let flip = flip(reference, picture, &FlipOptions::default())?;
+    if let Some(path) = &args.output {
+        Canvas::heat_map(picture.width, picture.height, &flip.map, 1.0, ColorMap::Inferno).write_png(path)?;
+    }
+    let visible = flip.map.iter().filter(|&&error| error > VISIBLE).count();
+    Ok(Difference {
+        flip_visible_share: visible as f64 / flip.map.len().max(1) as f64,
+        rmse: rmse(reference, picture)?,
+        mae: mae(reference, picture)?,
+        rel_mse: rel_mse(reference, picture)?,
+        rel_mse_trimmed: rel_mse_trimmed(reference, picture, TRIMMED)?,
+        flip: flip.mean,
+        mean_ratio: mean_ratio(picture, reference),
+    })
+}
+
+fn tell(difference: &Difference) {
+    let ratio = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+    println!("FLIP         {:.5}   mean; 0: equal to the eye, above 0.05: plainly different", difference.flip);
+    println!("FLIP > 0.1   {:.3} %   of the pixels", 100.0 * difference.flip_visible_share);
+    println!(
+        "relMSE       {:.3e}   ({:.3e} without the worst 0.1 % of the pixels)",
+        difference.rel_mse, difference.rel_mse_trimmed
+    );
+    println!("RMSE         {:.3e}", difference.rmse);
+    println!("MAE          {:.3e}", difference.mae);
+    println!("mean ratio   {}   red, green, blue", difference.mean_ratio.map(ratio).join(" "));
+}
+
+fn tell_seams(seams: &Seams) {
+    let verdict = match seams.p() {
+        _ if seams.pieces == 0 => "there is nothing to compare",
+        p if p < SIGNIFICANCE => "zones have seams",
+        _ => "no seams can be told from chance",
+    };
+    println!(
+        "seams        z = {:.2} (p = {:.2e}), steps across edges {:.3} times those inside, {} pieces: {verdict}",
+        seams.z,
+        seams.p(),
+        seams.ratio,
+        seams.pieces
+    );
+}
+
+/// The part of an index.json that is needed.
+#[derive(Deserialize)]
+struct Index {
+    size: [u32; 2],
+    levels: Vec<IndexedLevel>,
+}
+
+#[derive(Deserialize)]
+struct IndexedLevel {
+    level: u8,
+    zones: Vec<IndexedZone>,
+}
+
+#[derive(Deserialize)]
+struct IndexedZone {
+    rect: [u32; 4],
+}
+
+fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Picture>) -> Result<Seams, CliError> {
+    let text = fs::read_to_string(path).map_err(|source| CliError::read(path.to_owned(), source))?;
+    let unusable = |problem: String| {
+        CliError::usage(
+            format!("`{}` {problem}", shown(path)),
+            "give the index.json that `bottega analyze` wrote of this picture's scene",
+        )
+    };
+    let index: Index =
+        from_json(text.as_bytes()).map_err(|error| unusable(format!("is no index of zones: {error}")))?;
+    let [width, height] = index.size;
+    if (width, height) != picture.size() {
+        let (w, h) = picture.size();
+        return Err(unusable(format!("has the zones of a picture of {width}x{height}, not of {w}x{h}")));
+    }
+    let zones = index.levels.into_iter().find(|indexed| indexed.level == level);
+    let zones = zones.ok_or_else(|| unusable(format!("has no zones of level {level}")))?.zones;
+    let rects = zones.iter().map(|&IndexedZone { rect: [x0, y0, x1, y1] }| {
+        if x0 > x1 || y0 > y1 {
+            return Err(unusable(format!("has a zone {x0},{y0},{x1},{y1} of negative size")));
+        }
+        Ok(Rect { x0, y0, x1, y1 })
+    });
+    Ok(seams(picture, reference, &rects.collect::<Result<Vec<_>, _>>()?)?)
+}
+
+/// Mean of the one over mean of the other, by channel.
+fn mean_ratio(picture: &Picture, reference: &Picture) -> [Option<f64>; 3] {
+    let sum =
+        |picture: &Picture, channel: usize| picture.data.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
+    [0, 1, 2].map(|channel| {
+        let ratio = sum(picture, channel) / sum(reference, channel);
+        ratio.is_finite().then_some(ratio)
+    })
+}

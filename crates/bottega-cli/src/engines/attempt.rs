@@ -1,0 +1,170 @@
+//! `bottega engines try`: a small picture, whole and in windows.
+
+use std::{
+    fs,
+    process::ExitCode,
+    sync::{Arc, mpsc},
+    time::Instant,
+};
+
+use bottega::{
+    devices::processors,
+    engines::{absolute, located, parameters},
+    text::shown,
+};
+use bottega_engines::{
+    CancelSwitch, Leaning, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    external::{EngineFault, ExternalEngine, ExternalOptions, Located, SceneRequest, Session, manifest::Determinism},
+};
+use bottega_image::{AovSet, ExrOptions, Film, Layout, Metadata, Picture, Rect, Tile, rel_mse, seams, write_exr};
+
+use super::args::TryArgs;
+use crate::error::CliError;
+
+/// Rows and columns of windows.
+const WINDOWS: u32 = 3;
+/// A chance so small is none.
+const SEEN: f64 = 1e-4;
+
+pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {
+    let engine = located(&args.folders, &args.name)?;
+    let failed = |source| bottega::Error::External { engine: args.name.clone(), source };
+    let request = request(args, &engine)?;
+    let begun = Instant::now();
+    let session = Session::open(&engine, &request).map_err(failed)?;
+    let opened = session.opened().clone();
+    println!("opened    {}x{} pixels after {:.2} s", opened.width, opened.height, begun.elapsed().as_secs_f64());
+    let small = |side: u32| (side / 4).max(8.min(side));
+    let size = args.size.map_or((small(opened.width), small(opened.height)), |size| (size.width, size.height));
+    drop(session);
+    let frame = Rect::of_size(size.0, size.1);
+    let request = SceneRequest { size: Some(size), ..request };
+    let trial = |seed| Trial::begin(&engine, &request, seed);
+    let trials = (trial(1).map_err(failed)?, trial(2).map_err(failed)?);
+    let (whole, whole_seconds) = trials.0.paint(&[frame], args.spp)?;
+    let (other, _) = trials.1.paint(&[frame], args.spp)?;
+    let parts: Vec<Rect> = cut(frame);
+    let (windows, windows_seconds) = trials.0.paint(&parts, args.spp)?;
+    let (_, one) = trials.0.paint(&[Rect::new(0, 0, 1.max(frame.x1 / 64), 1.max(frame.y1 / 64))], 1)?;
+    println!("whole     {}x{} pixels, {} samples: {whole_seconds:.2} s", size.0, size.1, args.spp);
+    println!("windows   {}: {windows_seconds:.2} s; a small one of one sample: {one:.3} s", parts.len());
+    compare(&whole.to_picture(), &other.to_picture(), &windows.to_picture(), &parts, &engine)?;
+    if let Some(folder) = &args.output {
+        fs::create_dir_all(folder).map_err(|source| CliError::write(folder.clone(), source))?;
+        for (name, film) in [("full.exr", &whole), ("windows.exr", &windows)] {
+            write_exr(folder.join(name), film, &Metadata::new(), ExrOptions::default())?;
+        }
+        println!("written   {}", shown(folder));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn request(args: &TryArgs, engine: &Located) -> Result<SceneRequest, CliError> {
+    Ok(SceneRequest {
+        scene: absolute(&args.scene)?,
+        size: args.size.map(|size| (size.width, size.height)),
+        frame: None,
+        threads: args.threads.map_or_else(processors, usize::from),
+        view: None,
+        trust: args.trust,
+        parameters: parameters(engine, &args.options.iter().cloned().collect())?,
+        outside: Vec::new(),
+    })
+}
+
+fn cut(frame: Rect) -> Vec<Rect> {
+    let edge = |side: u32, i: u32| side * i / WINDOWS;
+    let cell = |i: u32| {
+        let (column, row) = (i % WINDOWS, i / WINDOWS);
+        Rect::new(edge(frame.x1, column), edge(frame.y1, row), edge(frame.x1, column + 1), edge(frame.y1, row + 1))
+    };
+    (0..WINDOWS * WINDOWS).map(cell).filter(|rect| !rect.is_empty()).collect()
+}
+
+/// An engine with one seed.
+pub(crate) struct Trial {
+    engine: ExternalEngine,
+    frame: Rect,
+}
+
+impl Trial {
+    /// Starts it with the scene at a size.
+    pub(crate) fn begin(located: &Arc<Located>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
+        let session = Session::open(located, request)?;
+        let (width, height) = request.size.unwrap_or_default();
+        let options = ExternalOptions {
+            request: request.clone(),
+            seed,
+            samples: 0,
+            layout: Layout::new(AovSet::NONE),
+            scene_depth: Some(0),
+            scene_light_samples: Some(0),
+            bounds_zones: false,
+            time: None,
+            surveyor: None,
+        };
+        let engine = ExternalEngine::new(Arc::clone(located), options, session)?;
+        Ok(Self { engine, frame: Rect::of_size(width, height) })
+    }
+
+    /// Paints windows, one after the other. The picture, and the seconds that it took.
+    pub(crate) fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, f64), CliError> {
+        let layout = Layout::new(AovSet::NONE);
+        let mut film = Film::new(self.frame, layout);
+        let begun = Instant::now();
+        for &rect in windows {
+            let (sender, answer) = mpsc::channel();
+            let task = ZoneTask {
+                rect,
+                samples: 0..samples,
+                // As the scene says.
+                tunables: Tunables { max_depth: 0, light_samples: 0 },
+                leaning: Leaning::default(),
+                tile: None::<Tile>,
+                parts: None,
+                cancel: CancelSwitch::default(),
+                progress: TaskProgress::default(),
+            };
+            self.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
+            let painted = answer.recv().map_err(|_| CliError::failed("the engine ended", "this is unexpected"))??;
+            film.add_tile(&painted.tile, |_, _| 1.0);
+        }
+        Ok((film, begun.elapsed().as_secs_f64()))
+    }
+}
+
+/// Tells how far the windows are from the whole, beside how far two seeds are apart.
+fn compare(
+    whole: &Picture,
+    other: &Picture,
+    windows: &Picture,
+    parts: &[Rect],
+    engine: &Located,
+) -> Result<(), CliError> {
+    let equal = whole.data.iter().zip(&windows.data).filter(|(a, b)| a == b).count();
+    println!("equal     {equal} of {} pixels have the same bits", whole.data.len());
+    let (apart, noise) = (rel_mse(whole, windows)?, rel_mse(whole, other)?);
+    println!("apart     relMSE {apart:.3e} between whole and windows, {noise:.3e} between two seeds");
+    let mean = |picture: &Picture| {
+        let sum: f64 = picture.data.iter().flatten().map(|value| f64::from(*value)).sum();
+        sum / (3 * picture.data.len()) as f64
+    };
+    println!("mean      {:.5} whole, {:.5} windows, {:.5} another seed", mean(whole), mean(windows), mean(other));
+    // Against another seed, so that the edges of the scene itself do not count.
+    let found = seams(windows, Some(other), parts)?;
+    println!("seams     z = {:.2}, p = {:.3} that there are none", found.z, found.p());
+    let is_exact = engine.manifest().determinism == Determinism::Frame;
+    if is_exact && equal < whole.data.len() {
+        return Err(CliError::failed(
+            "the windows do not have the bits of the whole frame, as the manifest says",
+            "correct `determinism` in the manifest, or the engine's worker",
+        ));
+    }
+    if found.p() < SEEN {
+        return Err(CliError::failed(
+            "the edges of the windows can be seen",
+            "the windows may be off by a pixel, or the pixel filter does not reach across their edges",
+        ));
+    }
+    Ok(())
+}

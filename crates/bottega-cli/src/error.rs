@@ -1,0 +1,158 @@
+//! What can go wrong in the program, told with a remedy.
+
+use std::path::PathBuf;
+
+use bottega::error::Excerpt;
+use bottega_agents::{driver::node::NodeError, file_store::FileStoreError};
+use bottega_engines::EngineError;
+use bottega_farm::simulate::SimulationError;
+use bottega_gpu::GpuError;
+use bottega_image::ImageError;
+use bottega_render::RenderError;
+use bottega_scene::SceneError;
+use bottega_web::ServeError;
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use thiserror::Error;
+
+/// The libraries' errors, and those of the program itself.
+#[derive(Debug, Error)]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Bottega(#[from] bottega::Error),
+    #[error(transparent)]
+    Cluster(#[from] bottega_cluster::Error),
+    #[error("cannot serve the live view")]
+    Serve(#[from] ServeError),
+    #[error("the simulation came to nothing")]
+    Simulation(#[source] SimulationError),
+    #[error("the platform does not run")]
+    Node(#[source] NodeError),
+    #[error("cannot keep the platform in `{}`", .path.display())]
+    State { path: PathBuf, source: FileStoreError },
+}
+
+impl CliError {
+    pub(crate) fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        bottega::Error::usage(problem, remedy).into()
+    }
+
+    pub(crate) fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        bottega::Error::failed(problem, remedy).into()
+    }
+
+    pub(crate) fn write(path: PathBuf, source: std::io::Error) -> Self {
+        bottega::Error::Write { path, source }.into()
+    }
+
+    pub(crate) fn read(path: PathBuf, source: std::io::Error) -> Self {
+        bottega::Error::Read { path, source }.into()
+    }
+
+    /// What was asked for cannot be; as opposed to: it was tried and failed.
+    pub(crate) fn is_usage(&self) -> bool {
+        match self {
+            Self::Bottega(error) => error.is_usage(),
+            Self::Cluster(error) => error.is_usage(),
+            _ => false,
+        }
+    }
+
+    /// What can be done about it.
+    fn remedy(&self) -> Option<String> {
+        match self {
+            Self::Bottega(error) => error.remedy(),
+            Self::Cluster(error) => error.remedy(),
+            _ => None,
+        }
+    }
+
+    /// With all that it is due to, in one line.
+    pub(crate) fn told(&self) -> String {
+        bottega::error::told(self)
+    }
+}
+
+/// An error as it is shown to people: with its causes, its remedy, and the place in a text where there is one.
+#[derive(Debug, Error)]
+#[error("{problem}")]
+struct Shown {
+    problem: String,
+    #[source]
+    causes: Option<Cause>,
+    remedy: Option<String>,
+    text: Option<NamedSource<String>>,
+    label: Option<LabeledSpan>,
+}
+
+/// A cause, and what is behind it.
+#[derive(Debug, Error)]
+#[error("{problem}")]
+struct Cause {
+    problem: String,
+    #[source]
+    behind: Option<Box<Cause>>,
+}
+
+impl Cause {
+    fn of(error: Option<&(dyn std::error::Error + 'static)>) -> Option<Self> {
+        let error = error?;
+        Some(Self { problem: error.to_string(), behind: Self::of(error.source()).map(Box::new) })
+    }
+}
+
+impl Diagnostic for Shown {
+    fn help<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
+        self.remedy.as_ref().map(|remedy| Box::new(remedy) as _)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.text.as_ref().map(|text| text as _)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        self.label.clone().map(|label| Box::new(std::iter::once(label)) as _)
+    }
+}
+
+fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<Excerpt>) -> String {
+    let (text, label) = match excerpt {
+        Some(Excerpt { name, text, span }) => {
+            let label = LabeledSpan::new_with_span(Some("here".to_owned()), span);
+            (Some(NamedSource::new(name, text)), Some(label))
+        }
+        None => (None, None),
+    };
+    let shown = Shown { problem: error.to_string(), causes: Cause::of(error.source()), remedy, text, label };
+    format!("{:?}", miette::Report::new(shown))
+}
+
+/// An error of the program, as it is shown to people.
+pub(crate) fn report(error: &CliError) -> String {
+    let excerpt = match error {
+        CliError::Bottega(error) | CliError::Cluster(bottega_cluster::Error::Bottega(error)) => error.excerpt(),
+        _ => None,
+    };
+    shown(error, error.remedy(), excerpt)
+}
+
+/// An error of a farm, as it is shown to people.
+pub(crate) fn report_of(error: &bottega_cluster::Error) -> String {
+    let excerpt = match error {
+        bottega_cluster::Error::Bottega(error) => error.excerpt(),
+        _ => None,
+    };
+    shown(error, error.remedy(), excerpt)
+}
+
+/// Errors of crates that the library has a word for.
+macro_rules! through_library {
+    ($($source:ty),*) => {
+        $(impl From<$source> for CliError {
+            fn from(source: $source) -> Self {
+                bottega::Error::from(source).into()
+            }
+        })*
+    };
+}
+
+through_library!(SceneError, ImageError, RenderError, EngineError, GpuError);

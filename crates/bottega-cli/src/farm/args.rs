@@ -1,0 +1,83 @@
+//! Options by which a farm is named, and who one is there.
+
+use std::{path::PathBuf, process::Command};
+
+use bottega_cluster::{Credentials, FarmAddress, JobBoard, link};
+use clap::{Args, ValueHint};
+
+use crate::error::CliError;
+
+/// Who one is to servers of others.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "NATS servers of others")]
+pub(crate) struct LoginArgs {
+    /// Credentials for NATS servers that others run: a `.creds` file.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true)]
+    creds: Option<PathBuf>,
+    /// An NKey for them: a file with its seed.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, conflicts_with = "creds")]
+    nkey: Option<PathBuf>,
+    /// Certificates of more authorities than those of the system (PEM).
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true)]
+    tls_ca: Option<PathBuf>,
+    /// The certificate by which the servers know this machine (PEM).
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// Its key (PEM).
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+}
+
+impl LoginArgs {
+    pub(crate) fn credentials(&self) -> Credentials {
+        Credentials {
+            creds: self.creds.clone(),
+            nkey: self.nkey.clone(),
+            tls_ca: self.tls_ca.clone(),
+            tls_own: self.tls_cert.clone().zip(self.tls_key.clone()),
+        }
+    }
+
+    /// Has another process of this program log in as this one does.
+    pub(crate) fn tell(&self, command: &mut Command) {
+        let all = [
+            ("--creds", &self.creds),
+            ("--nkey", &self.nkey),
+            ("--tls-ca", &self.tls_ca),
+            ("--tls-cert", &self.tls_cert),
+            ("--tls-key", &self.tls_key),
+        ];
+        for (name, path) in all {
+            if let Some(path) = path {
+                command.arg(name).arg(path);
+            }
+        }
+    }
+}
+
+/// Which farm is looked at.
+#[derive(Debug, Args)]
+pub(super) struct FarmArgs {
+    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
+    farm: Option<FarmAddress>,
+    /// Print JSON, an object a line, instead of text for people.
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+    #[command(flatten)]
+    login: LoginArgs,
+}
+
+impl FarmArgs {
+    /// Links up with the farm.
+    pub(super) fn board(&self) -> Result<JobBoard, CliError> {
+        Ok(JobBoard { uplink: link(self.farm.as_ref(), &self.login.credentials())?.uplink })
+    }
+}
+
+/// A number of bytes, in gigabytes.
+pub(super) fn parse_gigabytes(text: &str) -> Result<u64, String> {
+    let size = text.parse().ok().filter(|size: &f64| (0.0..=1e6).contains(size));
+    size.map(|gigabytes| (gigabytes * 1e9) as u64)
+        .ok_or_else(|| "a number of gigabytes is needed, such as 20".to_owned())
+}

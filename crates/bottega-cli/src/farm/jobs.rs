@@ -1,0 +1,189 @@
+//! `bottega jobs`: what a farm is asked for, and what becomes of it.
+
+use std::{path::PathBuf, process::ExitCode, time::Duration};
+
+use bottega::{request::PRIORITY_MAX, text::duration};
+use bottega_cluster::{
+    Job, JobBoard, JobState,
+    job::unix_seconds,
+    jobs::{fetch, known, remove, set_priority, steer},
+    machine::Standing,
+    refusals::RefusalWatch,
+    room::{MAKE_ROOM, bytes_said},
+    view::JobView,
+};
+use clap::{Args, Subcommand, ValueHint};
+use serde_json::json;
+
+use super::args::FarmArgs;
+use crate::error::CliError;
+
+/// See and steer the jobs of a farm.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example:\n  bottega jobs list\n  bottega jobs priority 3 30\n  bottega jobs fetch 3 -o picture.exr"
+)]
+pub(crate) struct JobsArgs {
+    #[command(subcommand)]
+    command: JobsCommand,
+    #[command(flatten)]
+    farm: FarmArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum JobsCommand {
+    /// All jobs and how far they are.
+    List,
+    /// One job: who paints it, and how far it is.
+    Show { number: u32 },
+    /// Have nobody paint a job until it is resumed. What is painted is kept.
+    Pause { number: u32 },
+    /// Go on with a job that was paused.
+    Resume { number: u32 },
+    /// Call a job off.
+    Cancel { number: u32 },
+    /// Say how urgent a job is: jobs have machines in proportion to their priorities.
+    Priority {
+        number: u32,
+        #[arg(value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)))]
+        priority: u32,
+    },
+    /// What has happened to a job.
+    Log { number: u32 },
+    /// Write the picture of a job that the farm has finished.
+    Fetch {
+        number: u32,
+        /// Default: as it was asked for.
+        #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+        output: Option<PathBuf>,
+    },
+    /// Forget a job that is over, its picture, and its scene if no other job needs it.
+    Remove { number: u32 },
+}
+
+pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
+    let board = args.farm.board()?;
+    match &args.command {
+        JobsCommand::List => list(&board, args.farm.json),
+        JobsCommand::Show { number } => show(&board, *number, args.farm.json)?,
+        JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, "paused")?,
+        JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, "resumed")?,
+        JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, "called off")?,
+        JobsCommand::Priority { number, priority } => set_priority(&board, *number, *priority)?,
+        JobsCommand::Log { number } => log(&known(&board, *number)?, args.farm.json),
+        JobsCommand::Fetch { number, output } => {
+            println!("{}", fetch(&board, *number, output.clone())?.display());
+        }
+        JobsCommand::Remove { number } => remove(&board, *number)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn list(board: &JobBoard, as_json: bool) {
+    let seats = board.seats();
+    if !as_json {
+        println!(
+            "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:>8}  {:<24} scene",
+            "job", "state", "done", "priority", "machines", "holds", "from"
+        );
+    }
+    let jobs = board.all();
+    let held = board.held(&jobs);
+    for (number, job) in jobs {
+        let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+        let view = JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines);
+        let held = held.get(&number).copied().unwrap_or_default();
+        if as_json {
+            let mut told = json!(view);
+            told["holds_bytes"] = held.all().into();
+            println!("{told}");
+        } else {
+            println!(
+                "{number:>4}  {:<9} {:>4.0}%  {:>8}  {:>8}  {:>8}  {:<24} {}",
+                view.state,
+                100.0 * view.done,
+                job.priority,
+                view.machines,
+                bytes_said(held.all()),
+                job.from,
+                job.scene
+            );
+        }
+    }
+    if !as_json {
+        tell_room(board);
+    }
+    let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
+    if !as_json {
+        for (standing, what) in [(Standing::Active, "wait for work"), (Standing::Suspended, "are suspended")] {
+            match idle(standing) {
+                0 => {}
+                count => println!("{count} machines {what}"),
+            }
+        }
+    }
+}
+
+/// What the farm's server keeps, what is on its way there, and what can be done when that is too much.
+fn tell_room(board: &JobBoard) {
+    for (process, sent) in board.transfers() {
+        println!("{process} sends a scene: {} of {}", bytes_said(sent.sent), bytes_said(sent.bytes));
+    }
+    if let Some(room) = board.room() {
+        println!("the farm's server keeps {} of at most {}", bytes_said(room.used), bytes_said(room.limit));
+        if room.is_scarce() {
+            println!("that is nearly all: {MAKE_ROOM}");
+        }
+    }
+}
+
+fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
+    let job = known(board, number)?;
+    let lead = board.lead(number).unwrap_or_default();
+    let all = board.seats();
+    // A machine that was killed does not say that it has left.
+    let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
+    let view = JobView::of(number, &job, &lead, seats.len());
+    if as_json {
+        println!("{}", json!(view));
+        return Ok(());
+    }
+    println!("job {number}: {} -> {}", job.scene, job.output);
+    println!("asked for by {}, {} ago", job.from, ago(job.submitted));
+    println!(
+        "{}, {:.1} % done, {} of {} zones; priority {}",
+        view.state,
+        100.0 * view.done,
+        lead.zones_done,
+        lead.zones,
+        job.priority
+    );
+    println!("led by {}", lead.leader.as_deref().unwrap_or("nobody"));
+    for seat in seats {
+        println!("  {} ({} processors)", seat.name, seat.threads);
+    }
+    for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
+        println!("  {} is left out: {}", seat.name, refusal.reason);
+    }
+    if let JobState::Failed { reason } = &job.state {
+        println!("it failed: {reason}");
+    }
+    if let JobState::Done { kept: true } = job.state {
+        println!("the farm has the picture: bottega jobs fetch {number}");
+    }
+    Ok(())
+}
+
+fn ago(at: u64) -> String {
+    duration(Duration::from_secs(unix_seconds().saturating_sub(at)))
+}
+
+fn log(job: &Job, as_json: bool) {
+    for line in &job.log {
+        if as_json {
+            println!("{}", json!({ "at": line.at, "text": line.text }));
+        } else {
+            println!("{:>10} ago  {}", ago(line.at), line.text);
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! `bottega join`: this machine paints what the farm is asked for.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use bottega::{StopSwitch, devices::DeviceChoice};
+use bottega_cluster::{
+    FarmAddress, link,
+    worker::{self, JoinOptions, Own, Said},
+};
+use clap::{Args, ValueHint};
+
+use super::args::{LoginArgs, parse_gigabytes};
+use crate::{error::CliError, signals::stop_on_signal};
+
+/// Offer this machine to a farm.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example, with the line that `bottega up` printed:\n  bottega join bottega://WORD@10.0.0.7:4222\n\nor, in the same local network, with the word alone. \
+    The machine paints for the jobs of the farm by their priorities, and leads one where nobody does. Ctrl-C hands back \
+    what it has in hand. `bottega machines` may suspend, resume and end it."
+)]
+pub(crate) struct JoinArgs {
+    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    #[arg(env = "BOTTEGA_FARM", hide_env_values = true)]
+    farm: Option<FarmAddress>,
+    /// Processors to use; default: all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Who paints on this machine: `auto` (the processors, and the best GPU if there is one), or a list of `cpu` and parts of
+    /// GPUs' names. Jobs that ask for `--exact` have processors alone.
+    #[arg(long, value_name = "LIST", default_value = "auto")]
+    devices: DeviceChoice,
+    /// Where scenes are kept; default: a folder of the user's state.
+    #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    cache: Option<PathBuf>,
+    /// How much of them, in gigabytes; what was used longest ago goes first. [default: 20]
+    #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
+    cache_size: Option<u64>,
+    /// Paint until one job is over, and leave.
+    #[arg(long)]
+    once: bool,
+    #[command(flatten)]
+    login: LoginArgs,
+}
+
+pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
+    let link = link(args.farm.as_ref(), &args.login.credentials())?;
+    let stop = StopSwitch::new();
+    stop_on_signal(&stop)?;
+    let how = if link.uplink.is_guest() { "as a guest: " } else { "" };
+    let (servers, version) = (&link.servers, link.uplink.server_version());
+    println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
+    let own = Own { threads: args.threads, devices: args.devices.clone() };
+    let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once };
+    let say = |said: Said<'_>| match said {
+        Said::Line(line) => println!("{line}"),
+        Said::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
+    };
+    worker::join(link, options, &stop, Box::new(say));
+    println!("left the farm");
+    Ok(ExitCode::SUCCESS)
+}

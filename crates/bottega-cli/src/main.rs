@@ -1,0 +1,92 @@
+//! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+// First: `println!` and its like mean what is defined there.
+#[macro_use]
+mod output;
+
+mod analyze;
+mod bench;
+mod cli;
+mod clock;
+mod devices;
+mod diff;
+mod engines;
+mod error;
+mod farm;
+mod info;
+mod platform;
+mod render;
+mod request;
+mod rules;
+mod signals;
+mod simulate;
+mod voice;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+use cli::{Cli, Command};
+use error::CliError;
+use output::Purpose;
+
+/// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
+const LOGGED: &str = "warn,async_nats=off";
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
+        .with_writer(|| output::LogWriter)
+        .with_ansi(output::has_colors())
+        .init();
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(usage) => return output::print_usage(&usage),
+    };
+    output::begin(purpose(&command));
+    bottega::engines::keep_quarantines();
+    output::finish(run(command).unwrap_or_else(|error| report(&error)))
+}
+
+/// What standard output is for.
+fn purpose(command: &Command) -> Purpose {
+    match command {
+        Command::Render(args) if args.scene.json => Purpose::Events,
+        Command::Render(_) | Command::Up(_) | Command::Join(_) => Purpose::Log,
+        Command::Platform(args) => args.purpose(),
+        _ => Purpose::Result,
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode, CliError> {
+    match command {
+        Command::Render(args) => render::run(&args),
+        Command::Request(args) => request::run(&args),
+        Command::Analyze(args) => analyze::run(&args),
+        Command::Diff(args) => diff::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Up(args) => farm::up(&args),
+        Command::Join(args) => farm::join(&args),
+        Command::Jobs(args) => farm::jobs(&args),
+        Command::Machines(args) => farm::machines(&args),
+        Command::Engines(args) => engines::run(&args),
+        Command::Rules(args) => rules::run(&args),
+        Command::Platform(args) => platform::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);
+            print!("{}", String::from_utf8_lossy(&script));
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.
+fn report(error: &CliError) -> ExitCode {
+    let code = if error.is_usage() { 2 } else { 1 };
+    eprintln!("{}", error::report(error));
+    ExitCode::from(code)
+}

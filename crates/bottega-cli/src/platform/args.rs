@@ -1,0 +1,173 @@
+//! What `bottega platform` takes.
+
+use std::{net::SocketAddr, path::PathBuf, time::Duration};
+
+use bottega_agents::wire::Form;
+use clap::{Args, Subcommand, ValueHint};
+
+use bottega_cluster::FarmAddress;
+
+use super::peer::{Peer, parse_peer};
+use crate::{cli::parse_duration, farm::LoginArgs, output::Purpose};
+
+#[derive(Debug, Args)]
+pub(crate) struct PlatformArgs {
+    #[command(subcommand)]
+    pub(crate) command: PlatformCommand,
+}
+
+impl PlatformArgs {
+    /// What standard output is for.
+    pub(crate) fn purpose(&self) -> Purpose {
+        match self.command {
+            PlatformCommand::Serve(_) => Purpose::Log,
+            PlatformCommand::Agents(_) | PlatformCommand::Services(_) => Purpose::Result,
+            PlatformCommand::Trace(_) => Purpose::Stream,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum PlatformCommand {
+    /// Run a FIPA platform: white pages (AMS), yellow pages (DF), message transport over HTTP, until Ctrl-C.
+    Serve(Box<ServeArgs>),
+    /// List the agents that a platform's AMS knows.
+    Agents(AskArgs),
+    /// List the services that a platform's DF knows.
+    Services(ServicesArgs),
+    /// Watch what passes the message transport of a platform on this machine.
+    Trace(TraceArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// The name of the platform: what stands behind @ in the names of its agents.
+    #[arg(long, value_name = "NAME", default_value = "bottega")]
+    pub(crate) name: String,
+    /// Where to listen.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7779")]
+    pub(crate) listen: SocketAddr,
+    /// What others shall connect to, where that is not where it listens.
+    #[arg(long, value_name = "HOST:PORT", value_parser = parse_public)]
+    pub(crate) public: Option<String>,
+    /// Keep all that the platform knows in this file. Several processes over one file serve one platform, and any of
+    /// them may die. Default: in memory.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) state: Option<PathBuf>,
+    /// Search together with the DF of another platform, such as http://host:7779/acc, or NAME=URL where that cannot be
+    /// asked for its name (JADE). May be given several times.
+    #[arg(long, value_name = "URL", value_parser = parse_peer)]
+    pub(crate) federate: Vec<Peer>,
+    /// The longest time for which the DF keeps what is not renewed, such as 1h. Default: for ever.
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub(crate) lease_max: Option<Duration>,
+    /// Show a farm to other platforms, and let them talk to it: each of its machines is an agent, its jobs are one. The
+    /// farm that `bottega up` runs on this machine, or the one named. Of several processes of one platform, one.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
+    pub(crate) farm: Option<Option<FarmAddress>>,
+    #[command(flatten)]
+    pub(crate) login: LoginArgs,
+    /// An agent of another platform that may suspend and end agents of this one, and steer the farm: NAME@PLATFORM. May be
+    /// given several times. Nothing proves that it is the one who speaks: for networks whose members trust each other.
+    #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
+    pub(crate) trust: Vec<String>,
+    /// The representation of messages, string or xml, in which a platform is written to that has not written itself; or
+    /// PLATFORM=FORM for one of them, whatever it writes. May be given several times. Default: string. Answers are in the
+    /// representation of the question, and a platform that has written is written to likewise.
+    #[arg(long, value_name = "FORM", value_parser = parse_first_form)]
+    pub(crate) first_representation: Vec<FirstForm>,
+    /// Print one JSON object a line instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The representation of the first message to a platform; `None`: to all.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FirstForm {
+    pub(crate) platform: Option<String>,
+    pub(crate) form: Form,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AskArgs {
+    /// The platform, such as http://host:7779/acc, or NAME=URL where that cannot be asked for its name (JADE:
+    /// jade=http://host:7778/acc).
+    #[arg(long, value_name = "URL", value_parser = parse_peer, default_value = "http://127.0.0.1:7779/acc")]
+    pub(crate) at: Peer,
+    /// The representation of the message that asks: string, or xml. Platforms answer in the same.
+    #[arg(long, value_name = "FORM", value_parser = parse_form, default_value = "string")]
+    pub(crate) first_representation: Form,
+    /// How long to wait for an answer.
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10s")]
+    pub(crate) wait: Duration,
+    /// Print one JSON object a line instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ServicesArgs {
+    #[command(flatten)]
+    pub(crate) ask: AskArgs,
+    /// Only services of this type.
+    #[arg(long = "type", value_name = "TYPE")]
+    pub(crate) service_type: Option<String>,
+    /// How many hops to other platforms' directories.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) depth: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TraceArgs {
+    /// The platform: one of ours, on this machine.
+    #[arg(long, value_name = "URL", value_parser = parse_peer, default_value = "http://127.0.0.1:7779/acc")]
+    pub(crate) at: Peer,
+    /// Draw a message-sequence diagram, too; it is kept up to date while the trace goes on.
+    #[arg(short, long, value_name = "FILE.svg", value_hint = ValueHint::FilePath)]
+    pub(crate) output: Option<PathBuf>,
+    /// Only conversations whose name contains this.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) conversation: Option<String>,
+    /// End after so many messages. Default: at Ctrl-C, or when the platform ends.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) count: Option<u64>,
+    /// Print one JSON object a line instead of text for people.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn parse_form(text: &str) -> Result<Form, String> {
+    match text {
+        "string" => Ok(Form::String),
+        "xml" => Ok(Form::Xml),
+        _ => Err("string or xml is needed".to_owned()),
+    }
+}
+
+fn parse_first_form(text: &str) -> Result<FirstForm, String> {
+    match text.rsplit_once('=') {
+        Some(("", _)) => Err("a platform is needed before the =".to_owned()),
+        Some((platform, form)) => Ok(FirstForm { platform: Some(platform.to_owned()), form: parse_form(form)? }),
+        None => Ok(FirstForm { platform: None, form: parse_form(text)? }),
+    }
+}
+
+fn parse_agent(text: &str) -> Result<String, String> {
+    match text.split_once('@') {
+        Some((local, platform)) if !local.is_empty() && !platform.is_empty() => Ok(text.to_owned()),
+        _ => Err("the name of an agent, such as boss@jade, is needed".to_owned()),
+    }
+}
+
+fn parse_public(text: &str) -> Result<String, String> {
+    match text.rsplit_once(':') {
+        Some((host, port))
+            if port.parse::<u16>().is_ok()
+                && !host.is_empty()
+                && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b".-[]:".contains(&byte)) =>
+        {
+            Ok(text.to_owned())
+        }
+        _ => Err("a host and a port such as render.example.org:7779 are needed".to_owned()),
+    }
+}

@@ -1,0 +1,285 @@
+//! The jobs of the farm as an agent of the platform: it tells of them, and has them changed.
+
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
+
+use bottega_agents::{
+    ActionOf, Event, EventOf, Performative, StateMachine, Time,
+    gateway::PlainContent,
+    platform::{AmsAgentDescription, DfAgentDescription, Function, ManagementContent, Outcome, SearchConstraints},
+    sl::Term,
+};
+
+use super::{
+    ontology::{
+        JobChange, JobsFunction, Unread, job_term, machine_term, no_such_job, read_jobs_function, read_wish, reason,
+    },
+    page::{Ask, Page, request},
+    progress::Progress,
+    render_agent::{OWNERSHIP, Surroundings, described},
+    talk::{self, Message},
+};
+use bottega_cluster::view::FarmView;
+
+/// Its name on its platform.
+pub(super) const LOCAL_NAME: &str = "jobs";
+/// Its service type.
+pub(super) const SERVICE_TYPE: &str = "bottega-jobs";
+/// The most changes that are under way.
+const CHANGES_MAX: usize = 256;
+/// When machines that are there have said so: who stands in the directories and is not there has gone.
+const SETTLED_AFTER: Duration = Duration::from_secs(5);
+
+/// A change of a job; answered by [`JobsReport::Changed`] with the same ticket.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ChangeJob {
+    pub(super) ticket: u64,
+    pub(super) number: u32,
+    pub(super) change: JobChange,
+}
+
+/// What the farm tells.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum JobsReport {
+    /// So it stands.
+    Farm(Arc<FarmView>),
+    /// Its server does not answer: how it stood may be wrong by now.
+    Silent,
+    /// A change was made, or why not.
+    Changed { ticket: u64, result: Result<(), String> },
+}
+
+pub(super) struct JobsAgent {
+    id: bottega_agents::AgentId,
+    around: Surroundings,
+    /// What stands behind `@`.
+    platform: String,
+    farm: Arc<FarmView>,
+    /// Since when it does not answer.
+    silent: Option<Time>,
+    yellow: Page<DfAgentDescription>,
+    changing: BTreeMap<u64, (Message, Term)>,
+    progress: Progress,
+    next_number: u64,
+    /// When to look for entries of machines that have gone; `None`: it has been done.
+    clean_at: Option<Time>,
+    /// The search for them.
+    search: Option<u64>,
+}
+
+type Actions = Vec<ActionOf<JobsAgent>>;
+
+impl JobsAgent {
+    /// - `farm`: as it stands now.
+    pub(super) fn new(around: Surroundings, platform: String, farm: Arc<FarmView>) -> Self {
+        let id = around.jobs.clone();
+        let mut yellow = Page::absent();
+        let protocols = ["fipa-request", "fipa-subscribe"];
+        yellow.want(Some(described(&id, LOCAL_NAME, SERVICE_TYPE, &protocols, Vec::new())));
+        Self {
+            id,
+            around,
+            platform,
+            farm,
+            silent: None,
+            yellow,
+            changing: BTreeMap::new(),
+            progress: Progress::default(),
+            next_number: 1,
+            clean_at: None,
+            search: None,
+        }
+    }
+
+    fn number(&mut self) -> u64 {
+        self.next_number += 1;
+        self.next_number - 1
+    }
+
+    fn hear(&mut self, now: Time, message: &Message, send: &mut Vec<Message>, actions: &mut Actions) {
+        let Some(wire) = talk::foreign(message) else { return };
+        if message.performative == Performative::Cancel {
+            // What is cancelled, the conversation says.
+            if let Err(why) = self.progress.cancel(message, &self.id, send) {
+                send.push(talk::no(message, &self.id, None, why));
+            }
+            return;
+        }
+        let asked = match message.performative {
+            Performative::Request | Performative::Subscribe => talk::expression(wire),
+            act => Err(talk::unsupported(act)),
+        };
+        let asked = match asked {
+            Ok(asked) => asked,
+            Err(why) => {
+                send.push(talk::no(message, &self.id, None, why));
+                return;
+            }
+        };
+        let heard = match message.performative {
+            Performative::Subscribe => self.subscribe(now, message, &asked, send),
+            _ => self.perform(now, message, &asked, send, actions),
+        };
+        if let Err(why) = heard {
+            send.push(talk::no(message, &self.id, Some(&asked), why));
+        }
+    }
+
+    /// Nobody is told what may be wrong by now. `true`: it is a failure.
+    fn fails_silent(&self, now: Time, message: &Message, asked: &Term, send: &mut Vec<Message>) -> bool {
+        let silent = self.silent.map(|since| talk::silent(message, &self.id, asked, now.since(since)));
+        let fails = silent.is_some();
+        send.extend(silent);
+        fails
+    }
+
+    fn subscribe(&mut self, now: Time, message: &Message, wish: &Term, send: &mut Vec<Message>) -> Result<(), Unread> {
+        let (number, action) = read_wish(wish)?;
+        if self.fails_silent(now, message, wish, send) {
+            return Ok(());
+        }
+        if self.farm.job(number).is_none() {
+            return Err(no_such_job(action));
+        }
+        self.progress.subscribe(message, wish, number, &self.id, send)
+    }
+
+    fn perform(
+        &mut self,
+        now: Time,
+        message: &Message,
+        asked: &Term,
+        send: &mut Vec<Message>,
+        actions: &mut Actions,
+    ) -> Result<(), Unread> {
+        let function = read_jobs_function(asked)?;
+        if self.fails_silent(now, message, asked, send) {
+            return Ok(());
+        }
+        let found = match function {
+            JobsFunction::ListJobs => Term::call("sequence", self.farm.jobs.iter().map(job_term)),
+            JobsFunction::ListMachines => {
+                Term::call("sequence", self.farm.machines.iter().map(|machine| machine_term(machine, None)))
+            }
+            JobsFunction::Describe(number) => job_term(self.farm.job(number).ok_or_else(|| no_such_job(asked))?),
+            JobsFunction::Change(number, change) => return self.change(message, asked, number, change, send, actions),
+        };
+        send.push(talk::result(message, &self.id, asked, found));
+        Ok(())
+    }
+
+    fn change(
+        &mut self,
+        message: &Message,
+        asked: &Term,
+        number: u32,
+        change: JobChange,
+        send: &mut Vec<Message>,
+        actions: &mut Actions,
+    ) -> Result<(), Unread> {
+        if !talk::is_trusted(&self.around.trusted, &message.sender) {
+            return Err(Unread::Refused(reason("unauthorised", [])));
+        }
+        let job = self.farm.job(number).ok_or_else(|| no_such_job(asked))?;
+        if job.is_over {
+            return Err(Unread::Refused(reason("job-is-over", [job.state])));
+        }
+        if self.changing.len() >= CHANGES_MAX {
+            send.push(talk::failure(message, &self.id, asked, "too many ask at the same time"));
+            return Ok(());
+        }
+        send.push(talk::agree(message, &self.id, asked));
+        let ticket = self.number();
+        self.changing.insert(ticket, (message.clone(), asked.clone()));
+        actions.push(bottega_agents::Action::Effect(ChangeJob { ticket, number, change }));
+        Ok(())
+    }
+
+    fn changed(&mut self, ticket: u64, result: Result<(), String>, send: &mut Vec<Message>) {
+        let Some((message, asked)) = self.changing.remove(&ticket) else { return };
+        send.push(match result {
+            Ok(()) => talk::done(&message, &self.id, &asked),
+            Err(why) => talk::failure(&message, &self.id, &asked, &why),
+        });
+    }
+
+    fn told(&mut self, now: Time, message: &Message, content: &ManagementContent, send: &mut Vec<Message>) {
+        self.yellow.hear(now, message);
+        match content {
+            ManagementContent::Undelivered { receiver, .. } => self.progress.lost(now, receiver, &self.id, send),
+            ManagementContent::Done(_, Outcome::Agents(agents)) if self.search == Some(message.in_reply_to) => {
+                self.search = None;
+                self.clean(agents, send);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes out machines that have gone while nobody looked: a platform that was killed leaves its pages behind.
+    fn clean(&mut self, agents: &[AmsAgentDescription], send: &mut Vec<Message>) {
+        for name in agents.iter().filter_map(|agent| agent.name.as_ref()) {
+            let local = name.name.strip_suffix(&format!("@{}", self.platform));
+            let is_there = |machine: &bottega_cluster::view::MachineView| local == Some(&*machine.seat.name);
+            if local.is_none() || self.farm.machines.iter().any(is_there) {
+                continue;
+            }
+            let white = AmsAgentDescription { name: Some(name.clone()), ..Default::default() };
+            let yellow = DfAgentDescription { name: Some(name.clone()), ..Default::default() };
+            let number = self.number();
+            send.push(request(number, &self.id, &self.around.ams, Function::DeregisterAgent(white)));
+            send.push(request(number, &self.id, &self.around.df, Function::Deregister(yellow)));
+        }
+    }
+
+    /// Does what is due.
+    fn tick(&mut self, now: Time, send: &mut Vec<Message>) {
+        if self.clean_at.is_some_and(|at| at <= now) {
+            self.clean_at = None;
+            let number = self.number();
+            self.search = Some(number);
+            let ours = AmsAgentDescription { ownership: Some(OWNERSHIP.to_owned()), ..Default::default() };
+            let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
+            send.push(request(number, &self.id, &self.around.ams, Function::SearchAgents(ours, all)));
+        }
+        let number = self.next_number;
+        if let Some(ask) = self.yellow.next(now, number) {
+            self.next_number += 1;
+            let function = match ask {
+                Ask::Enter(offer) => Function::Register(offer),
+                Ask::Change(offer) => Function::Modify(offer),
+                // It is always wanted.
+                Ask::TakeOut => return,
+            };
+            send.push(request(number, &self.id, &self.around.df, function));
+        }
+    }
+}
+
+impl StateMachine for JobsAgent {
+    type Content = PlainContent;
+    type Value = String;
+    type Effect = ChangeJob;
+    type Completion = JobsReport;
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Actions) {
+        let mut send = Vec::new();
+        match event {
+            Event::Start => self.clean_at = Some(now + SETTLED_AFTER),
+            Event::Message(message) => match &message.content {
+                PlainContent::Management(content) => self.told(now, &message, content, &mut send),
+                PlainContent::Foreign(_) => self.hear(now, &message, &mut send, actions),
+            },
+            Event::Completed(JobsReport::Farm(farm)) => (self.farm, self.silent) = (farm, None),
+            Event::Completed(JobsReport::Silent) => _ = self.silent.get_or_insert(now),
+            Event::Completed(JobsReport::Changed { ticket, result }) => self.changed(ticket, result, &mut send),
+            Event::Deadline | Event::Store { .. } | Event::Presence { .. } => {}
+        }
+        self.tick(now, &mut send);
+        let farm = Arc::clone(&self.farm);
+        self.progress.tell(now, &farm, &self.id, &mut send);
+        actions.extend(send.into_iter().map(talk::send));
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        [self.clean_at, self.yellow.next_deadline(), self.progress.next_deadline()].into_iter().flatten().min()
+    }
+}

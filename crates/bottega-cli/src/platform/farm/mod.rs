@@ -1,0 +1,300 @@
+//! The farm as agents of the platform: its jobs are one agent, each machine that is there is one.
+//!
+//! The agents are state machines; this is where they meet the farm. A thread looks at the notices, tells the agents what
+//! is new, and writes down what they want changed, one thing after the other: so an agent that is told that its change
+//! was made sees it in all that it is told from then on.
+
+mod jobs_agent;
+mod ontology;
+mod page;
+mod progress;
+mod render_agent;
+mod talk;
+#[cfg(test)]
+mod tests;
+
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_agents::{
+    AgentId,
+    driver::node::{Node, Reports},
+};
+use jobs_agent::{ChangeJob, JobsAgent, JobsReport};
+use ontology::JobChange;
+use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
+
+use bottega_cluster::{
+    JobBoard, JobState,
+    jobs::{set_priority, steer},
+    machine::{MachineOrder, Roster},
+    view::{FarmView, JobView, MachineView},
+};
+
+use crate::error::CliError;
+
+/// How often the farm is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Names that no machine can have: they are those of the platform's own agents.
+const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME];
+/// The longest name of a machine.
+const NAME_BYTES_MAX: usize = 200;
+
+/// What is needed of a farm.
+trait Farm: Send + 'static {
+    /// As it stands now; `None`: its server does not answer.
+    fn look(&mut self) -> Option<FarmView>;
+    /// Tells a machine what to do.
+    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
+    /// Changes a job.
+    fn change(&self, number: u32, change: JobChange) -> Result<(), String>;
+}
+
+/// A farm behind its notices.
+struct BoardFarm {
+    board: JobBoard,
+    roster: Roster,
+}
+
+impl Farm for BoardFarm {
+    fn look(&mut self) -> Option<FarmView> {
+        // What was last heard may be wrong by now.
+        self.board.uplink.is_connected().then(|| FarmView::of(&self.board, &mut self.roster))
+    }
+
+    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String> {
+        self.board.tell(machine, order).map_err(|error| error.told())
+    }
+
+    fn change(&self, number: u32, change: JobChange) -> Result<(), String> {
+        let changed = match change {
+            JobChange::Pause => steer(&self.board, number, &JobState::Paused, "paused"),
+            JobChange::Resume => steer(&self.board, number, &JobState::Active, "resumed"),
+            JobChange::Cancel => steer(&self.board, number, &JobState::Cancelled, "called off"),
+            JobChange::Priority(priority) => set_priority(&self.board, number, priority),
+        };
+        changed.map_err(|error| error.told())
+    }
+}
+
+/// The name of the agent of the jobs.
+pub(super) fn jobs_id(platform: &str) -> AgentId {
+    AgentId::new(format!("{}@{platform}", jobs_agent::LOCAL_NAME))
+}
+
+/// What agents want of the farm.
+enum Wish {
+    Give { machine: String, give: GiveOrder },
+    Change(ChangeJob),
+    End,
+}
+
+/// The agents of a farm on a platform; nothing reaches them any more when this is dropped.
+pub(super) struct FarmAgents {
+    wishes: Sender<Wish>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FarmAgents {
+    /// Peoples the platform with the agents of the farm.
+    ///
+    /// - `trusted`: who elsewhere may change things.
+    pub(super) fn begin(
+        node: &Arc<Node>,
+        platform: &str,
+        board: JobBoard,
+        trusted: &[AgentId],
+    ) -> Result<Self, CliError> {
+        Self::over(node, platform, BoardFarm { board, roster: Roster::default() }, trusted)
+    }
+
+    fn over(node: &Arc<Node>, platform: &str, mut farm: impl Farm, trusted: &[AgentId]) -> Result<Self, CliError> {
+        let (wishes, wished) = channel();
+        let address: Arc<[String]> = Arc::new([node.address().to_owned()]);
+        let around = Surroundings {
+            ams: node.ams().clone(),
+            df: node.df().clone(),
+            jobs: AgentId { addresses: Arc::clone(&address), ..jobs_id(platform) },
+            trusted: trusted.into(),
+        };
+        let seen = Arc::new(farm.look().unwrap_or_default());
+        let agent = JobsAgent::new(around.clone(), platform.to_owned(), Arc::clone(&seen));
+        let wish = wishes.clone();
+        let perform = move |change| {
+            // At the end of the link nobody listens.
+            _ = wish.send(Wish::Change(change));
+        };
+        let jobs = node.add_worldly(&around.jobs, agent, perform).map_err(|taken| {
+            CliError::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
+        })?;
+        let (node, platform, wish) = (Arc::clone(node), platform.to_owned(), wishes.clone());
+        let watch = Watch {
+            farm,
+            node,
+            platform,
+            address,
+            around,
+            jobs,
+            seen,
+            is_silent: false,
+            machines: BTreeMap::new(),
+            wishes: wish,
+        };
+        let thread = thread::Builder::new().name("farm".to_owned()).spawn(move || watch.run(&wished));
+        let thread = thread.map_err(|error| {
+            CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+        })?;
+        Ok(Self { wishes, thread: Some(thread) })
+    }
+}
+
+impl Drop for FarmAgents {
+    fn drop(&mut self) {
+        // One that has ended needs not be told.
+        _ = self.wishes.send(Wish::End);
+        if let Some(thread) = self.thread.take() {
+            // A panic in there was reported by the thread itself.
+            _ = thread.join();
+        }
+    }
+}
+
+/// The agent of a machine.
+struct Known {
+    reports: Reports<MachineReport>,
+    /// What it was told; `None`: that the machine has gone.
+    told: Option<(MachineView, Option<Box<JobView>>)>,
+}
+
+struct Watch<F> {
+    farm: F,
+    node: Arc<Node>,
+    platform: String,
+    address: Arc<[String]>,
+    around: Surroundings,
+    jobs: Reports<JobsReport>,
+    seen: Arc<FarmView>,
+    /// Whether the agents were told that the farm does not answer.
+    is_silent: bool,
+    /// By name in small letters: so the platform tells agents apart. `None`: it cannot be an agent.
+    machines: BTreeMap<String, Option<Known>>,
+    wishes: Sender<Wish>,
+}
+
+impl<F: Farm> Watch<F> {
+    fn run(mut self, wished: &Receiver<Wish>) {
+        let mut look_at = Instant::now();
+        loop {
+            if look_at <= Instant::now() {
+                look_at = Instant::now() + LOOK_EVERY;
+                self.look();
+            }
+            match wished.recv_timeout(look_at.saturating_duration_since(Instant::now())) {
+                Ok(Wish::End) | Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Wish::Change(ChangeJob { ticket, number, change })) => {
+                    let result = self.farm.change(number, change);
+                    // Who hears that it is done shall see that it is done.
+                    self.look();
+                    self.jobs.tell(JobsReport::Changed { ticket, result });
+                }
+                Ok(Wish::Give { machine, give: GiveOrder { ticket, order } }) => {
+                    let result = self.farm.give(&machine, &order);
+                    self.look();
+                    if let Some(Some(known)) = self.machines.get(&machine.to_lowercase()) {
+                        known.reports.tell(MachineReport::Given { ticket, result });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Tells the agents what is new.
+    fn look(&mut self) {
+        let Some(now) = self.farm.look() else {
+            self.fall_silent();
+            return;
+        };
+        // Who was told that nobody answers is told all again.
+        let again = std::mem::take(&mut self.is_silent);
+        let mut gone: Vec<String> = self.machines.keys().cloned().collect();
+        for machine in &now.machines {
+            let name = machine.seat.name.to_lowercase();
+            gone.retain(|other| *other != name);
+            let job = machine.seat.job.and_then(|number| now.job(number));
+            self.see(name, (machine.clone(), job.cloned().map(Box::new)), again);
+        }
+        for name in gone {
+            if let Some(Some(known)) = self.machines.get_mut(&name)
+                && known.told.take().is_some()
+            {
+                known.reports.tell(MachineReport::Gone);
+            }
+        }
+        if *self.seen != now || again {
+            self.seen = Arc::new(now);
+            self.jobs.tell(JobsReport::Farm(Arc::clone(&self.seen)));
+        }
+    }
+
+    fn fall_silent(&mut self) {
+        if std::mem::replace(&mut self.is_silent, true) {
+            return;
+        }
+        tracing::warn!("the server of the farm does not answer");
+        self.jobs.tell(JobsReport::Silent);
+        for known in self.machines.values().flatten() {
+            known.reports.tell(MachineReport::Silent);
+        }
+    }
+
+    fn see(&mut self, name: String, seen: (MachineView, Option<Box<JobView>>), again: bool) {
+        match self.machines.get_mut(&name) {
+            Some(None) => {}
+            Some(Some(known)) if known.told.as_ref() == Some(&seen) && !again => {}
+            Some(Some(known)) => {
+                known.told = Some(seen.clone());
+                known.reports.tell(MachineReport::Seen(seen.0, seen.1));
+            }
+            None => {
+                let reports = self.add(&seen.0, seen.1.clone());
+                self.machines.insert(name, reports.map(|reports| Known { reports, told: Some(seen) }));
+            }
+        }
+    }
+
+    /// Makes a machine an agent.
+    fn add(&self, machine: &MachineView, job: Option<Box<JobView>>) -> Option<Reports<MachineReport>> {
+        let name = &machine.seat.name;
+        if !can_be_name(name) {
+            tracing::warn!(name, "a machine whose name cannot be that of an agent");
+            return None;
+        }
+        let id = AgentId { name: format!("{name}@{}", self.platform).into(), addresses: Arc::clone(&self.address) };
+        let agent = RenderAgent::new(id.clone(), self.around.clone(), machine.clone(), job);
+        let (wishes, machine) = (self.wishes.clone(), name.clone());
+        let perform = move |give| {
+            // At the end of the link nobody listens.
+            _ = wishes.send(Wish::Give { machine: machine.clone(), give });
+        };
+        self.node
+            .add_worldly(&id, agent, perform)
+            .inspect_err(|error| tracing::warn!(%error, "a machine that cannot be an agent"))
+            .ok()
+    }
+}
+
+fn can_be_name(name: &str) -> bool {
+    let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._".contains(&byte);
+    !name.is_empty()
+        && name.len() <= NAME_BYTES_MAX
+        && name.bytes().all(fits)
+        && !RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(name))
+}

@@ -1,0 +1,334 @@
+//! The ontology `bottega-farm`: what strangers can ask of a farm, between SL and types.
+//!
+//! Agents are asked by `fipa-request`, in SL0. Those that are asked for a change agree first, and then say that it is done.
+//! Parameters are named; the names of functions, objects and parameters are compared without case, and parameters that are
+//! not known are passed over. In all that follows, `AID` is the agent that is asked.
+//!
+//! `jobs@PLATFORM`, of the service type `bottega-jobs`:
+//!
+//! | function | is answered by |
+//! |---|---|
+//! | `(list-jobs)`, `(list-machines)` | the result, a sequence of jobs, of machines |
+//! | `(describe-job :job 3)` | the result, a job |
+//! | `(pause-job :job 3)`, `(resume-job :job 3)`, `(cancel-job :job 3)` | done |
+//! | `(set-priority :job 3 :priority 30)`, from 1 to 1000 | done |
+//!
+//! each machine, under its name in the farm, of the service type `bottega-render`:
+//!
+//! | function | is answered by |
+//! |---|---|
+//! | `(describe-machine)` | the result, a machine |
+//! | `(suspend-machine)` | done, when it has handed back what it painted; the AMS resumes it |
+//! | `(terminate-machine)` | done, when it has left the farm |
+//!
+//! The objects, with their parameters; what is absent is left out:
+//!
+//! ```text
+//! (job :number 3 :state active :done 0.42 :zones-done 10 :zones 24 :priority 10 :machines 2 :leader atelier-1f00aa
+//!      :from atelier-1f00aa :submitted 1795227948 :scene goblets.glb :output night.exr :kept false)
+//! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0" :paints (job :number 3 …))
+//! ```
+//!
+//! A job's `state` is `active`, `paused`, `done`, `failed` (then there is a `reason`) or `cancelled`; `done` is the share of
+//! its cost that is painted, 0 to 1; `kept` says that `bottega jobs fetch` has its picture. A machine's `state` is `active` or
+//! `suspended`, when it answers `describe-machine` alone and keeps other requests; a machine that is asked itself tells the job that it `paints`, and so how far that is.
+//!
+//! For example, a request and its answers:
+//!
+//! ```text
+//! (request … :receiver (set (agent-identifier :name jobs@bottega …)) :language fipa-sl0 :ontology bottega-farm
+//!  :protocol fipa-request :content "((action (agent-identifier :name jobs@bottega) (pause-job :job 3)))")
+//! (agree  … "((action (agent-identifier :name jobs@bottega) (pause-job :job 3)) true)")
+//! (inform … "((done (action (agent-identifier :name jobs@bottega) (pause-job :job 3))))")
+//! ```
+//!
+//! Who wants to be told how a job gets on subscribes (`fipa-subscribe`, in `fipa-sl`) with `jobs@PLATFORM`; is told at once, then
+//! at each change, twice a second at most; and when the job is over, of its end, and that the conversation is done:
+//!
+//! ```text
+//! (subscribe … "((iota ?x (result (action (agent-identifier :name jobs@bottega) (describe-job :job 3)) ?x)))")
+//! (agree     … "((iota …) true)")
+//! (inform    … "((= (iota …) (job :number 3 :state active :done 0.42 …)))")
+//! (inform    … "((= (iota …) (job :number 3 :state done :done 1 …)))")
+//! (inform    … "((done (iota …)))")
+//! ```
+//!
+//! A `cancel` with the same conversation-id ends it before; a subscriber that cannot be reached for a while is forgotten. A job that
+//! somebody removes from the farm before its end was told is a failure.
+//!
+//! What is not understood: another ontology, another language than SL, another act, what is no SL or no action. What is
+//! refused, with the reason: `(unsupported-function F)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)` (also
+//! of a job that there is not), `(unauthorised)` for a change that the asker may not make, `(job-is-over STATE)`, and
+//! `(takes-no-orders)` of the process that asked for a job and paints with the others until it is done. A farm that does not
+//! answer is a failure: `(internal-error "why")`; so is every question while its server is away, with for how long.
+
+use bottega_agents::sl::Term;
+
+use bottega::request::PRIORITY_MAX;
+use bottega_cluster::view::{JobView, MachineView};
+
+/// The name of the ontology.
+pub(super) const ONTOLOGY: &str = "bottega-farm";
+
+/// Why nothing is done.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Unread {
+    /// It makes no sense; with the reason.
+    NotUnderstood(Term),
+    /// It makes sense, and is refused; with the reason.
+    Refused(Term),
+}
+
+/// What somebody wants changed of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum JobChange {
+    Pause,
+    Resume,
+    Cancel,
+    Priority(u32),
+}
+
+/// What `jobs@PLATFORM` can be asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum JobsFunction {
+    ListJobs,
+    ListMachines,
+    Describe(u32),
+    Change(u32, JobChange),
+}
+
+/// What a machine can be asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MachineFunction {
+    Describe,
+    Suspend,
+    Terminate,
+}
+
+pub(super) fn unrecognised_content() -> Unread {
+    Unread::NotUnderstood(reason("unrecognised-value", ["content"]))
+}
+
+pub(super) fn reason<const N: usize>(word: &str, arguments: [&str; N]) -> Term {
+    Term::call(word, arguments.map(Term::text))
+}
+
+/// A function with named parameters.
+struct Call<'a> {
+    word: &'a str,
+    arguments: &'a [Term],
+}
+
+impl<'a> Call<'a> {
+    /// Reads `(action AID (word :parameter value …))`.
+    fn of(action: &'a Term) -> Result<Self, Unread> {
+        let Some([_, act]) = action.arguments_of("action") else { return Err(unrecognised_content()) };
+        let (word, arguments) = act.as_call().ok_or_else(unrecognised_content)?;
+        Ok(Self { word, arguments })
+    }
+
+    fn is(&self, word: &str) -> bool {
+        self.word.eq_ignore_ascii_case(word)
+    }
+
+    fn unsupported(&self) -> Unread {
+        Unread::Refused(reason("unsupported-function", [self.word]))
+    }
+
+    fn number(&self, parameter: &str) -> Result<u32, Unread> {
+        let mut number = None;
+        for pair in self.arguments.chunks(2) {
+            let [Term::Bare(key), value] = pair else {
+                return Err(Unread::Refused(reason("unexpected-argument-count", [])));
+            };
+            if key.strip_prefix(':').is_some_and(|key| key.eq_ignore_ascii_case(parameter)) {
+                number = Some(value);
+            }
+        }
+        let value = number.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))?;
+        value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
+    }
+
+    fn bad(&self, parameter: &str) -> Unread {
+        Unread::Refused(reason("unrecognised-parameter-value", [self.word, parameter]))
+    }
+}
+
+/// Reads what `jobs@PLATFORM` is asked.
+pub(super) fn read_jobs_function(action: &Term) -> Result<JobsFunction, Unread> {
+    let call = Call::of(action)?;
+    let change = |change| Ok(JobsFunction::Change(call.number("job")?, change));
+    if call.is("list-jobs") {
+        Ok(JobsFunction::ListJobs)
+    } else if call.is("list-machines") {
+        Ok(JobsFunction::ListMachines)
+    } else if call.is("describe-job") {
+        Ok(JobsFunction::Describe(call.number("job")?))
+    } else if call.is("pause-job") {
+        change(JobChange::Pause)
+    } else if call.is("resume-job") {
+        change(JobChange::Resume)
+    } else if call.is("cancel-job") {
+        change(JobChange::Cancel)
+    } else if call.is("set-priority") {
+        let priority = call.number("priority")?;
+        if !(1..=PRIORITY_MAX).contains(&priority) {
+            return Err(call.bad("priority"));
+        }
+        change(JobChange::Priority(priority))
+    } else {
+        Err(call.unsupported())
+    }
+}
+
+/// The refusal of a function of a job that there is not.
+pub(super) fn no_such_job(action: &Term) -> Unread {
+    match Call::of(action) {
+        Ok(call) => call.bad("job"),
+        Err(unread) => unread,
+    }
+}
+
+/// Reads what a machine is asked.
+pub(super) fn read_machine_function(action: &Term) -> Result<MachineFunction, Unread> {
+    let call = Call::of(action)?;
+    if call.is("describe-machine") {
+        Ok(MachineFunction::Describe)
+    } else if call.is("suspend-machine") {
+        Ok(MachineFunction::Suspend)
+    } else if call.is("terminate-machine") {
+        Ok(MachineFunction::Terminate)
+    } else {
+        Err(call.unsupported())
+    }
+}
+
+/// Reads `(iota ?x (result (action AID (describe-job :job N)) ?x))`, of which the variable may have any name. Returns the
+/// action within.
+pub(super) fn read_wish(iota: &Term) -> Result<(u32, &Term), Unread> {
+    let Some([_, result]) = iota.arguments_of("iota") else { return Err(unrecognised_content()) };
+    let Some([action, _]) = result.arguments_of("result") else { return Err(unrecognised_content()) };
+    match read_jobs_function(action)? {
+        JobsFunction::Describe(number) => Ok((number, action)),
+        _ => Err(Call::of(action)?.unsupported()),
+    }
+}
+
+/// An object of named parameters.
+struct Fields(Vec<Term>);
+
+impl Fields {
+    fn put(mut self, key: &str, value: Term) -> Self {
+        self.0.extend([Term::Bare(format!(":{key}")), value]);
+        self
+    }
+
+    fn text(self, key: &str, value: &str) -> Self {
+        self.put(key, Term::text(value))
+    }
+
+    fn text_if(self, key: &str, value: Option<&str>) -> Self {
+        match value {
+            Some(value) => self.text(key, value),
+            None => self,
+        }
+    }
+
+    fn number(self, key: &str, value: &impl ToString) -> Self {
+        self.put(key, Term::Bare(value.to_string()))
+    }
+}
+
+/// A job as an object.
+pub(super) fn job_term(job: &JobView) -> Term {
+    // Other processes write how much is done.
+    let done = if job.done.is_finite() { job.done.clamp(0.0, 1.0) } else { 0.0 };
+    let fields = Fields(vec![Term::text("job")])
+        .number("number", &job.number)
+        .text("state", job.state)
+        .text_if("reason", job.reason.as_deref())
+        .number("done", &((done * 1e4).round() / 1e4))
+        .number("zones-done", &job.zones_done)
+        .number("zones", &job.zones)
+        .number("priority", &job.priority)
+        .number("machines", &job.machines)
+        .text_if("leader", job.leader.as_deref())
+        .text("from", &job.from)
+        .number("submitted", &job.submitted)
+        .text("scene", &job.scene)
+        .text("output", &job.output)
+        .number("kept", &job.kept);
+    Term::List(fields.0)
+}
+
+/// A machine as an object.
+///
+/// - `job`: what it paints, if that is to be told too.
+pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term {
+    let seat = &machine.seat;
+    let fields = Fields(vec![Term::text("machine")])
+        .text("name", &seat.name)
+        .text("state", seat.standing.word())
+        .number("threads", &seat.threads);
+    let fields = match seat.job {
+        Some(job) => fields.number("job", &job),
+        None => fields,
+    };
+    let fields = fields.text("version", &seat.version);
+    let fields = match job {
+        Some(job) => fields.put("paints", job_term(job)),
+        None => fields,
+    };
+    Term::List(fields.0)
+}
+
+/// What is asked of an agent, as it would be asked.
+#[cfg(test)]
+pub(super) fn asked(agent: &bottega_agents::AgentId, function: &str) -> String {
+    use bottega_agents::sl;
+    let aid = Term::call("agent-identifier", [Term::Bare(":name".to_owned()), Term::text(&*agent.name)]);
+    let function = sl::parse_term(function).unwrap();
+    sl::print(&[Term::call("action", [aid, function])])
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_agents::{AgentId, sl};
+
+    use super::*;
+
+    fn read(function: &str) -> Result<JobsFunction, String> {
+        let content = asked(&AgentId::new("jobs@b"), function);
+        read_jobs_function(&sl::parse(&content).unwrap()[0]).map_err(|unread| match unread {
+            Unread::Refused(reason) => sl::print_term(&reason),
+            Unread::NotUnderstood(reason) => format!("not understood: {}", sl::print_term(&reason)),
+        })
+    }
+
+    #[test]
+    fn what_is_asked_is_read_and_what_is_absurd_is_refused_in_the_words_of_the_standard() {
+        assert_eq!(read("(list-jobs)"), Ok(JobsFunction::ListJobs));
+        assert_eq!(read("(List-Machines)"), Ok(JobsFunction::ListMachines));
+        assert_eq!(read("(describe-job :job 3)"), Ok(JobsFunction::Describe(3)));
+        assert_eq!(read("(pause-job :why weather :job 3)"), Ok(JobsFunction::Change(3, JobChange::Pause)));
+        assert_eq!(
+            read("(set-priority :job \"3\" :PRIORITY 1000)"),
+            Ok(JobsFunction::Change(3, JobChange::Priority(1000)))
+        );
+        for (function, reason) in [
+            ("(dance)", "(unsupported-function dance)"),
+            ("(pause-job)", "(missing-parameter pause-job job)"),
+            ("(pause-job 3)", "(unexpected-argument-count)"),
+            ("(pause-job :job)", "(unexpected-argument-count)"),
+            ("(pause-job :job -1)", "(unrecognised-parameter-value pause-job job)"),
+            ("(pause-job :job 99999999999)", "(unrecognised-parameter-value pause-job job)"),
+            ("(pause-job :job (set 1 2))", "(unrecognised-parameter-value pause-job job)"),
+            ("(set-priority :job 3 :priority 0)", "(unrecognised-parameter-value set-priority priority)"),
+            ("(set-priority :job 3 :priority 1001)", "(unrecognised-parameter-value set-priority priority)"),
+            ("(set-priority :job 3 :priority 1e9)", "(unrecognised-parameter-value set-priority priority)"),
+            ("((set))", "not understood: (unrecognised-value content)"),
+        ] {
+            assert_eq!(read(function), Err(reason.to_owned()), "{function}");
+        }
+    }
+}

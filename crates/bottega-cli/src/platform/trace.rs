@@ -1,0 +1,179 @@
+//! `bottega platform trace`: what passes the message transport of a platform, as it passes.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{BufRead, BufReader},
+    process::ExitCode,
+    time::{Duration, Instant},
+};
+
+use bottega_agents::{driver::http::server::TRACE_PATH, gateway::Passage, wire::Calendar};
+use serde::{Deserialize, Serialize};
+
+use super::{args::TraceArgs, diagram};
+use crate::error::CliError;
+
+/// Longer contents are cut, in characters.
+const CONTENT_MAX: usize = 400;
+/// The most messages of a diagram; older ones go.
+const DIAGRAM_MAX: usize = 2000;
+/// How often the diagram is written.
+const DRAW_EVERY: Duration = Duration::from_secs(1);
+/// How long to wait for a message before looking at other things.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A message that passed, as a line of JSON.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Passed {
+    /// When, as FIPA writes it, UTC.
+    pub(crate) at: String,
+    /// `in`, `out`, `dropped`, `lost`.
+    pub(crate) way: String,
+    pub(crate) act: String,
+    pub(crate) from: String,
+    pub(crate) to: String,
+    pub(crate) conversation: String,
+    pub(crate) protocol: String,
+    pub(crate) content: String,
+}
+
+impl Passed {
+    /// `hh:mm:ss.mmm` of the moment.
+    pub(crate) fn clock(&self) -> String {
+        let part = |range: std::ops::Range<usize>| self.at.get(range).unwrap_or("");
+        format!("{}:{}:{}.{}", part(9..11), part(11..13), part(13..15), part(15..18))
+    }
+}
+
+/// What a platform tells of a message that passes.
+pub(super) fn line(passage: &Passage, calendar: Calendar) -> String {
+    let message = &passage.message;
+    let text = |value: &Option<String>| value.clone().unwrap_or_default();
+    let passed = Passed {
+        at: calendar.date(passage.time).as_str().to_owned(),
+        way: passage.way.word().to_owned(),
+        act: message.performative.word().to_owned(),
+        from: message.sender.as_ref().map(ToString::to_string).unwrap_or_default(),
+        to: passage.to.to_string(),
+        conversation: text(&message.conversation_id),
+        protocol: text(&message.protocol),
+        content: text(&message.content).chars().take(CONTENT_MAX).collect(),
+    };
+    // Text and numbers can always be written.
+    serde_json::to_string(&passed).unwrap_or_default()
+}
+
+pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
+    let failed = |what: String| {
+        CliError::failed(
+            format!("cannot watch {}: {what}", args.at.url),
+            "only a platform of ours on this machine can be watched",
+        )
+    };
+    let stream = args.at.get(Some(TRACE_PATH)).map_err(|error| failed(error.to_string()))?;
+    stream.set_read_timeout(Some(LOOK_EVERY)).map_err(|error| failed(error.to_string()))?;
+    let mut lines = Lines { reader: BufReader::new(stream), part: Vec::new() };
+    let mut in_head = true;
+    let mut watch = Watch { args, numbers: BTreeMap::new(), kept: Vec::new(), drawn: None, count: 0 };
+    loop {
+        match lines.next().map_err(|error| failed(error.to_string()))? {
+            Next::End => break,
+            Next::Nothing => {}
+            Next::Line(line) if in_head => {
+                if line.starts_with("HTTP/1.1 ") && !line.starts_with("HTTP/1.1 200") {
+                    return Err(failed(line));
+                }
+                in_head = !line.is_empty();
+                if !in_head && !args.json {
+                    println!("watching {}; Ctrl-C ends it", args.at.url);
+                }
+            }
+            Next::Line(line) => watch.take(&line),
+        }
+        watch.draw(false)?;
+        if args.count.is_some_and(|count| watch.count >= count) {
+            break;
+        }
+    }
+    watch.draw(true)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+struct Watch<'a> {
+    args: &'a TraceArgs,
+    /// Conversations by name, numbered as they come.
+    numbers: BTreeMap<String, usize>,
+    kept: Vec<Passed>,
+    /// When the diagram was last written; the number of messages in it.
+    drawn: Option<(Instant, u64)>,
+    count: u64,
+}
+
+impl Watch<'_> {
+    fn take(&mut self, line: &str) {
+        let Ok(passed) = serde_json::from_str::<Passed>(line) else {
+            // The platform has something to say itself.
+            eprintln!("{line}");
+            return;
+        };
+        if self.args.conversation.as_ref().is_some_and(|wanted| !passed.conversation.contains(wanted)) {
+            return;
+        }
+        self.count += 1;
+        if self.args.json {
+            println!("{line}");
+        } else {
+            let next = self.numbers.len() + 1;
+            let number = *self.numbers.entry(passed.conversation.clone()).or_insert(next);
+            println!("{}", diagram::row(&passed, number));
+        }
+        if self.args.output.is_some() {
+            if self.kept.len() == DIAGRAM_MAX {
+                self.kept.remove(0);
+            }
+            self.kept.push(passed);
+        }
+    }
+
+    fn draw(&mut self, last: bool) -> Result<(), CliError> {
+        let Some(path) = &self.args.output else { return Ok(()) };
+        let due = self.drawn.is_none_or(|(at, count)| (last || at.elapsed() >= DRAW_EVERY) && count != self.count);
+        if due {
+            let written = fs::write(path, diagram::svg(&self.kept));
+            written.map_err(|source| CliError::write(path.clone(), source))?;
+            self.drawn = Some((Instant::now(), self.count));
+        }
+        Ok(())
+    }
+}
+
+enum Next {
+    Line(String),
+    Nothing,
+    End,
+}
+
+/// Lines of a connection that is waited on for a moment at a time.
+struct Lines<R> {
+    reader: R,
+    part: Vec<u8>,
+}
+
+impl<R: BufRead> Lines<R> {
+    fn next(&mut self) -> std::io::Result<Next> {
+        match self.reader.read_until(b'\n', &mut self.part) {
+            Ok(0) => Ok(Next::End),
+            Ok(_) if self.part.ends_with(b"\n") => {
+                let line = String::from_utf8_lossy(&self.part).trim_end().to_owned();
+                self.part.clear();
+                Ok(Next::Line(line))
+            }
+            Ok(_) => Ok(Next::End),
+            Err(error) if matches!(error.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => {
+                Ok(Next::Nothing)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! `bottega request`: requests themselves.
+
+use std::process::ExitCode;
+
+use bottega::{Request, picture::request_of};
+
+use crate::{
+    cli::{RequestCommand, RequestCommandArgs, line, read_request, words},
+    error::CliError,
+};
+
+pub(crate) fn run(args: &RequestCommandArgs) -> Result<ExitCode, CliError> {
+    let request = match &args.command {
+        RequestCommand::Schema => {
+            let schema = serde_json::to_string_pretty(&Request::schema());
+            println!("{}", schema.unwrap_or_default());
+            return Ok(ExitCode::SUCCESS);
+        }
+        RequestCommand::Options { file } => {
+            println!("bottega render {}", line(&words(&read_request(file)?)?));
+            return Ok(ExitCode::SUCCESS);
+        }
+        RequestCommand::Check { file } => read_request(file)?,
+        RequestCommand::Show { picture } => request_of(picture)?,
+    };
+    let json = request.to_json();
+    println!("{}", json.map_err(|source| bottega::Error::Request { origin: "the request".to_owned(), source })?);
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,243 @@
+//! `bottega simulate`: what other agents would have made of a work, in virtual time.
+
+pub(crate) mod args;
+mod gantt;
+
+use std::{
+    fs,
+    io::Read,
+    path::Path,
+    process::ExitCode,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_agents::driver::Faults;
+use bottega_farm::{
+    AdaptationRule, AuctionRule,
+    simulate::{Crew, Outcome, Plan, Record, SyntheticSpread, Workpiece, simulate},
+};
+use serde_json::{Value, json};
+
+use self::args::{AdaptationArg, AuctionArg, SimulateArgs};
+use bottega::text::duration;
+
+use crate::error::CliError;
+
+/// The longest file that is read as a record or as a list of agents.
+const FILE_BYTES_MAX: u64 = 1 << 30;
+/// Agents that are listed one by one.
+const LISTED_MAX: usize = 16;
+/// By how much a replay may differ from what was measured.
+const VALID_WITHIN: f64 = 0.05;
+
+pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
+    let record = args.record.as_deref().map(read_record).transpose()?;
+    let piece = Arc::new(workpiece(args, record.as_ref())?);
+    let mut crew = crew(args, record.as_ref())?;
+    if args.fail > 0.0 {
+        let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).unwrap_or_default();
+        crew.fail_some(args.fail, until, args.seed);
+    }
+    let plan = Plan {
+        faults: Faults { latency_min: args.latency, latency_extra_mean: args.jitter, ..faults(args) },
+        benchmark_error: args.benchmark_error,
+        auction: match args.auction {
+            AuctionArg::Finish => AuctionRule::FinishingTime,
+            AuctionArg::Paper => AuctionRule::Paper,
+        },
+        adaptation: match args.adaptation {
+            AdaptationArg::Median => AdaptationRule::MedianRatio,
+            AdaptationArg::Paper => AdaptationRule::Paper,
+        },
+        prefetch: args.prefetch,
+        verify: args.verify,
+        inexact: args.inexact,
+        trace: args.trace.is_some(),
+        ..Plan::calm(crew, args.seed)
+    };
+    let begun = Instant::now();
+    let outcome = simulate(&piece, &plan).map_err(CliError::Simulation)?;
+    let took = begun.elapsed();
+    let write =
+        |path: &Path, text: &str| fs::write(path, text).map_err(|source| CliError::write(path.to_owned(), source));
+    if let Some(path) = &args.output {
+        write(path, &gantt::svg(&outcome))?;
+    }
+    if let Some(path) = &args.trace {
+        write(path, &outcome.trace)?;
+    }
+    let measured = record.as_ref().filter(|_| args.validate).map(|record| record.total);
+    if args.json {
+        println!("{}", as_json(&outcome, took, measured));
+    } else {
+        print!("{}", as_text(&outcome, took, measured));
+    }
+    let valid = measured.is_none_or(|measured| difference(&outcome, measured).abs() <= VALID_WITHIN);
+    Ok(ExitCode::from(u8::from(!valid)))
+}
+
+fn faults(args: &SimulateArgs) -> Faults {
+    // Whatever is lost is lost to the end: the farm must come through.
+    let until = bottega_agents::Time::since_start(Duration::from_secs(1 << 32));
+    Faults { loss: args.loss, until, ..Faults::NONE }
+}
+
+fn read_text(path: &Path) -> Result<String, CliError> {
+    let failed = |source| CliError::read(path.to_owned(), source);
+    let mut text = String::new();
+    let file = fs::File::open(path).map_err(failed)?;
+    file.take(FILE_BYTES_MAX).read_to_string(&mut text).map_err(failed)?;
+    Ok(text)
+}
+
+pub(crate) fn read_record(path: &Path) -> Result<Record, CliError> {
+    let text = read_text(path)?;
+    Record::from_json(&text).map_err(|source| bottega::Error::Record { path: path.to_owned(), source }.into())
+}
+
+fn workpiece(args: &SimulateArgs, record: Option<&Record>) -> Result<Workpiece, CliError> {
+    let piece = match (record, args.synthetic) {
+        (Some(record), _) => Workpiece::recorded(record, args.zones_scale),
+        (None, zones) => {
+            let spread = SyntheticSpread {
+                zones: args.zone_spread,
+                mean_seconds: args.zone_seconds,
+                ..SyntheticSpread::default()
+            };
+            Workpiece::synthetic(zones.unwrap_or_default(), &spread, args.seed)
+        }
+    };
+    piece.map_err(|error| CliError::usage(error.to_string(), "give other numbers to --synthetic or --zones-scale"))
+}
+
+/// Who paints: as asked for; else as in the record; else one agent.
+fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<Crew, CliError> {
+    if args.agents.is_empty() {
+        let crew = record.map(|record| Crew::sharing(record.agents, record.processors as u32));
+        return Ok(crew.unwrap_or_else(|| Crew::equal(1)));
+    }
+    let mut words = Vec::new();
+    for spec in &args.agents {
+        let path = Path::new(spec);
+        words.push(if path.is_file() { read_text(path)? } else { spec.clone() });
+    }
+    let mut crew: Crew = words.join("\n").parse().map_err(|error: bottega_farm::simulate::CrewError| {
+        CliError::usage(error.to_string(), "see `bottega simulate --help` for what --agents takes")
+    })?;
+    if let Some(processors) = args.shared {
+        let shared = Crew::sharing(crew.agents.len(), processors);
+        crew.machines = shared.machines;
+        crew.agents.iter_mut().for_each(|agent| agent.machine = 0);
+    }
+    Ok(crew)
+}
+
+/// By how much of itself a measured time is missed.
+fn difference(outcome: &Outcome, measured: Duration) -> f64 {
+    outcome.makespan.as_secs_f64() / measured.as_secs_f64().max(1e-12) - 1.0
+}
+
+fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> String {
+    let Outcome { makespan, least, longest_zone, work, zones, messages, .. } = outcome;
+    let agents = &outcome.agents;
+    let mut text = format!(
+        "{} zones, {} of processor time; {} agents\n\
+         makespan        {:.3} s\n\
+         lower bounds    {} s by all speed together, {:.3} s by the dearest zone in one piece\n\
+         efficiency      {:.1} %\n\
+         messages        {messages}, {:.1} a zone\n",
+        zones,
+        duration(*work),
+        agents.len(),
+        makespan.as_secs_f64(),
+        least.map_or("no".to_owned(), |least| format!("{:.3}", least.as_secs_f64())),
+        longest_zone.as_secs_f64(),
+        100.0 * outcome.efficiency(),
+        outcome.messages_per_zone(),
+    );
+    if outcome.failed > 0 {
+        text += &format!("given up        {} zones\n", outcome.failed);
+    }
+    if outcome.wrong > 0 {
+        text += &format!("painted wrong   {} zones of the picture\n", outcome.wrong);
+    }
+    if outcome.lacked_machines {
+        text += "zones waited for more agents, to compare what these paint\n";
+    }
+    for agent in agents {
+        if let Some(reason) = &agent.left_out {
+            text += &format!("left out        {}: {reason}\n", agent.name);
+        }
+    }
+    if agents.len() <= LISTED_MAX {
+        for (agent, share) in agents.iter().zip(busy_shares(outcome)) {
+            let bar = "█".repeat((share * 40.0).round() as usize);
+            text += &format!(
+                "{:<12} speed {:<5} {:>5.1} % busy, {:>3} orders  {bar}\n",
+                agent.name,
+                agent.speed,
+                100.0 * share,
+                agent.orders
+            );
+        }
+    } else {
+        let mut shares = busy_shares(outcome);
+        shares.sort_by(f64::total_cmp);
+        let at = |quantile: f64| 100.0 * shares[((shares.len() - 1) as f64 * quantile) as usize];
+        text += &format!(
+            "busy            {:.1} % at least, {:.1} % a tenth, {:.1} % the median, {:.1} % at most\n",
+            at(0.0),
+            at(0.1),
+            at(0.5),
+            at(1.0)
+        );
+    }
+    if let Some(measured) = measured {
+        text += &format!(
+            "measured        {:.3} s, the replay {:+.1} %; zones took {:.1} % of the processors' time measured\n",
+            measured.as_secs_f64(),
+            100.0 * difference(outcome, measured),
+            100.0 * outcome.work.as_secs_f64()
+                / (measured.as_secs_f64() * agents.iter().map(|agent| agent.lanes).sum::<f64>())
+        );
+    }
+    text + &format!("simulated in    {:.2} s; all that must hold after a run does\n", took.as_secs_f64())
+}
+
+/// Of each agent the share of its processors' time that it was busy.
+fn busy_shares(outcome: &Outcome) -> Vec<f64> {
+    let all = outcome.makespan.as_secs_f64().max(1e-12);
+    outcome.agents.iter().map(|agent| (agent.busy.as_secs_f64() / (all * agent.lanes.max(1e-12))).min(1.0)).collect()
+}
+
+fn as_json(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Value {
+    let agents: Vec<Value> = outcome
+        .agents
+        .iter()
+        .zip(busy_shares(outcome))
+        .map(|(agent, share)| {
+            json!({
+                "name": agent.name, "speed": agent.speed, "processors": agent.lanes, "orders": agent.orders,
+                "busy_seconds": agent.busy.as_secs_f64(), "busy_share": share, "left_out": agent.left_out,
+            })
+        })
+        .collect();
+    json!({
+        "zones": outcome.zones,
+        "zones_failed": outcome.failed,
+        "zones_wrong": outcome.wrong,
+        "lacked_machines": outcome.lacked_machines,
+        "work_seconds": outcome.work.as_secs_f64(),
+        "makespan_seconds": outcome.makespan.as_secs_f64(),
+        "least_seconds": outcome.least.map(|least| least.as_secs_f64()),
+        "longest_zone_seconds": outcome.longest_zone.as_secs_f64(),
+        "efficiency": outcome.efficiency(),
+        "messages": outcome.messages,
+        "messages_per_zone": outcome.messages_per_zone(),
+        "measured_seconds": measured.map(|measured| measured.as_secs_f64()),
+        "difference": measured.map(|measured| difference(outcome, measured)),
+        "simulated_in_seconds": took.as_secs_f64(),
+        "agents": agents,
+    })
+}

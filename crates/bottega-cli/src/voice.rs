@@ -1,0 +1,317 @@
+//! What people and programs are told of a picture: a progress bar, lines of text or JSON, the dashboard, the trace of messages.
+
+use std::{
+    fs::File,
+    io::{BufWriter, Write},
+    path::Path,
+    sync::{Mutex, PoisonError},
+    time::{Duration, Instant},
+};
+
+use bottega::{
+    Watcher,
+    events::{Event, LightingAgents, Progress},
+    text::duration,
+};
+use bottega_agents::Time;
+use bottega_cluster::room::bytes_said;
+use bottega_farm::FarmMessage;
+use bottega_web::Dashboard;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{error::CliError, signals::say_if_ended_at_once};
+
+/// Steps of the progress bar.
+const BAR_STEPS: u64 = 1000;
+/// How often is said how much of a scene is sent, where no progress bar is seen.
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+/// In which form people or programs are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// A progress bar and lines of text on standard error.
+    Text,
+    /// One JSON object a line on standard output.
+    Json,
+    /// Errors only.
+    Quiet,
+}
+
+/// Tells everybody who wants to know.
+pub(crate) struct Voice {
+    form: Form,
+    bar: ProgressBar,
+    dashboard: Option<Dashboard>,
+    trace: Option<Mutex<BufWriter<File>>>,
+    /// Whether nobody waits for what a farm is asked for.
+    is_detached: bool,
+    said: Mutex<Option<Instant>>,
+}
+
+impl Voice {
+    /// - `trace`: a file for every message between the agents.
+    /// - `is_detached`: nobody waits for what a farm is asked for.
+    pub(crate) fn new(
+        form: Form,
+        dashboard: Option<Dashboard>,
+        trace: Option<&Path>,
+        is_detached: bool,
+    ) -> Result<Self, CliError> {
+        let bar = if form == Form::Text { ProgressBar::new(BAR_STEPS) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{bar:40.cyan/dim} {percent:>3}% {msg}") {
+            bar.set_style(style);
+        }
+        let trace = trace
+            .map(|path| File::create(path).map_err(|source| CliError::write(path.to_owned(), source)))
+            .transpose()?
+            .map(|file| Mutex::new(BufWriter::new(file)));
+        let voice = Self { form, bar, dashboard, trace, is_detached, said: Mutex::new(None) };
+        if let Some(dashboard) = &voice.dashboard {
+            voice.say(&format!("live view: http://{}", dashboard.address()));
+        }
+        Ok(voice)
+    }
+
+    /// Says something to people only.
+    fn say(&self, text: &str) {
+        if self.form == Form::Text {
+            self.bar.suspend(|| eprintln!("{text}"));
+        }
+    }
+
+    /// Says what an event means, or shows it.
+    fn show(&self, event: &Event) {
+        match event {
+            Event::Progress(progress) => self.show_progress(progress),
+            Event::Sending { bytes_sent, bytes, seconds_left, .. } => {
+                self.show_sending(*bytes_sent, *bytes, *seconds_left);
+            }
+            Event::Step { name, share } => self.show_share(*share, name.clone()),
+            _ => {
+                if matches!(event, Event::Asked { .. } | Event::Denoised { .. }) {
+                    self.bar.finish_and_clear();
+                }
+                lines(event, self.is_detached).iter().for_each(|line| self.say(line));
+            }
+        }
+    }
+
+    fn show_share(&self, share: f64, message: String) {
+        if self.bar.is_finished() {
+            self.bar.reset();
+        }
+        self.bar.set_position((share * BAR_STEPS as f64) as u64);
+        self.bar.set_message(message);
+    }
+
+    fn show_progress(&self, progress: &Progress) {
+        let message = format!(
+            "zone {} of {}, {:.2} M samples/s, {} so far, {} left",
+            progress.zones_done,
+            progress.zones,
+            progress.samples_per_second / 1e6,
+            length(progress.seconds),
+            progress.seconds_left.map_or("–".to_owned(), length),
+        );
+        self.show_share(progress.share, message);
+    }
+
+    fn show_sending(&self, sent: u64, bytes: u64, seconds_left: Option<f64>) {
+        let share = sent as f64 / bytes.max(1) as f64;
+        let text = format!(
+            "sending the scene: {} of {}, {:.0} %, {} left",
+            bytes_said(sent),
+            bytes_said(bytes),
+            100.0 * share,
+            seconds_left.map_or("–".to_owned(), length)
+        );
+        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.bar.is_hidden() && said.is_none_or(|said| said.elapsed() > SAY_EVERY) {
+            *said = Some(Instant::now());
+            self.say(&text);
+        }
+        self.show_share(share, text);
+    }
+}
+
+impl Watcher for Voice {
+    fn told(&self, event: Event) {
+        match self.form {
+            Form::Text => self.show(&event),
+            Form::Json => println!("{}", event.to_json()),
+            Form::Quiet => {}
+        }
+        if let Event::Asked { job, last_job } = &event {
+            say_if_ended_at_once(Some(parting(*job, *last_job)));
+        }
+        if let Some(dashboard) = &self.dashboard {
+            dashboard.publish(event);
+        }
+    }
+
+    fn message(&self, now: Time, message: &FarmMessage) {
+        let Some(trace) = &self.trace else { return };
+        let mut trace = trace.lock().unwrap_or_else(PoisonError::into_inner);
+        let receivers: Vec<String> = message.receivers.iter().map(ToString::to_string).collect();
+        // A trace that cannot be written is no reason to lose a picture.
+        let _ = writeln!(
+            trace,
+            "{:10.6} {} -> {} {:?} {} #{} {:?}",
+            now.elapsed().as_secs_f64(),
+            message.sender,
+            receivers.join(","),
+            message.performative,
+            message.protocol,
+            message.conversation_id,
+            message.content,
+        );
+    }
+
+    fn previewed(&self, png: Vec<u8>) {
+        if let Some(dashboard) = &self.dashboard {
+            dashboard.set_preview(png);
+        }
+    }
+
+    fn painted(&self) {
+        self.bar.finish_and_clear();
+        if let Some(trace) = &self.trace {
+            // As above.
+            let _ = trace.lock().unwrap_or_else(PoisonError::into_inner).flush();
+        }
+    }
+}
+
+impl Drop for Voice {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+        say_if_ended_at_once(None);
+    }
+}
+
+/// What an event means to people.
+fn lines(event: &Event, is_detached: bool) -> Vec<String> {
+    match event {
+        Event::Started { .. } => vec![started(event)],
+        Event::Note { message } => vec![message.clone()],
+        Event::Warning { message } => vec![format!("warning: {message}")],
+        Event::Asked { job, last_job } => vec![asked(*job, *last_job, is_detached)],
+        Event::Frame { output, done, all } => vec![format!("{output} ({done} of {all})")],
+        Event::Preview { number: 1, seconds } => vec![format!("first preview {} after loading", length(*seconds))],
+        Event::LightingAgents(agents) => lighting_agents(agents).into(),
+        Event::Mixed { engines, seams_z, seams_p } => {
+            let zones: Vec<String> =
+                engines.iter().map(|share| format!("{} by {}", share.zones, share.engine)).collect();
+            vec![format!("passes of zones: {}; seams z = {seams_z:.2}, p = {seams_p:.3}", zones.join(", "))]
+        }
+        Event::Recorded { file } => vec![recorded(file)],
+        Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
+        Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
+        Event::Finished { .. } => finished(event),
+        Event::Interrupted { output, .. } => {
+            vec![format!("stopped; {output} holds what is painted. Go on with the same command and --resume.")]
+        }
+        Event::Analyzed { .. }
+        | Event::Zone(_)
+        | Event::Agent(_)
+        | Event::Progress(_)
+        | Event::Preview { .. }
+        | Event::Sending { .. }
+        | Event::Step { .. } => Vec::new(),
+    }
+}
+
+fn started(event: &Event) -> String {
+    let Event::Started {
+        scene, crop: [x0, y0, x1, y1], samples_per_pixel, agents, triangles, method, painters, ..
+    } = event
+    else {
+        return String::new();
+    };
+    let (width, height) = (x1 - x0, y1 - y0);
+    let Some(triangles) = triangles else {
+        return format!("{scene}: {width}x{height} pixels, {samples_per_pixel} samples each, by {painters}");
+    };
+    let plural = if *agents == 1 { "" } else { "s" };
+    format!(
+        "{scene}: {triangles} triangles; {width}x{height} pixels, {samples_per_pixel} samples each by {method}, \
+         {agents} agent{plural} on {painters}"
+    )
+}
+
+fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
+    match last {
+        Some(last) if last == job => format!("1 frame is job {job} of the farm"),
+        Some(last) => format!("{} frames are jobs {job} to {last} of the farm", last - job + 1),
+        None if is_detached => format!("job {job}: the farm paints it; see `bottega jobs show {job}`"),
+        None => format!("job {job}: the machines of the farm take part"),
+    }
+}
+
+/// What is said where the user ends the process at once.
+fn parting(job: u32, last: Option<u32>) -> String {
+    match last {
+        Some(last) => format!(
+            "jobs {job} to {last} stay with the farm: `bottega jobs list` shows them, `bottega jobs fetch N` has a picture \
+             that is done, `bottega jobs cancel N` calls one off"
+        ),
+        None => format!(
+            "job {job} stays with the farm: `bottega jobs fetch {job}` has its picture when it is done, \
+             `bottega jobs cancel {job}` calls it off"
+        ),
+    }
+}
+
+/// For people: where a record is, and what to do with it.
+pub(crate) fn recorded(file: &str) -> String {
+    format!("recorded in {file}; try: bottega simulate {file} --agents 8")
+}
+
+fn finished(event: &Event) -> Vec<String> {
+    let Event::Finished { output, seconds, samples, utilization, bands, composition, .. } = event else {
+        return Vec::new();
+    };
+    let bands = (*bands > 0.0).then(|| {
+        format!(
+            "interpolation bands: {:.1} % of all painted pixels; composition {:.1} % of the time",
+            100.0 * bands,
+            100.0 * composition,
+        )
+    });
+    let all = format!(
+        "{output} in {}: {:.2} M samples/s, {:.1} % of the processors' time spent painting",
+        length(*seconds),
+        *samples as f64 / seconds / 1e6,
+        100.0 * utilization,
+    );
+    bands.into_iter().chain([all]).collect()
+}
+
+/// What a swarm was like, what it cost and what it spared.
+fn lighting_agents(agents: &LightingAgents) -> [String; 2] {
+    let [geometry, proximity, penumbra, irradiance] = agents.sensors;
+    let (traced, spared) = (agents.shadow_rays_traced, agents.shadow_rays_spared);
+    [
+        format!(
+            "lighting agents: {} cast, {} stored ({} clones), {:.1} MB; cast in {}, {penumbra} penumbra, {irradiance} \
+             irradiance, {geometry} geometry and {proximity} proximity sensors in {}",
+            agents.cast,
+            agents.agents,
+            agents.clones,
+            agents.map_bytes as f64 / 1e6,
+            length(agents.casting_seconds),
+            length(agents.sensing_seconds),
+        ),
+        format!(
+            "shadow rays: {traced} traced, {spared} spared ({:.1} % traced); indirect light: {} times gathered, {} times \
+             interpolated",
+            100.0 * traced as f64 / (traced + spared).max(1) as f64,
+            agents.irradiance_computed,
+            agents.irradiance_interpolated,
+        ),
+    ]
+}
+
+fn length(seconds: f64) -> String {
+    Duration::try_from_secs_f64(seconds).map_or("–".to_owned(), duration)
+}

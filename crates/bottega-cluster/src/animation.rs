@@ -1,0 +1,226 @@
+//! An animation painted by a farm: each frame is a job, so a machine has a frame of its own as long as there are enough,
+//! and the last ones are painted by all together.
+
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+
+use bottega::{
+    Event, Request, StopSwitch, Watcher, denoise, devices::DeviceChoice, engines::Material, session::Reporter,
+    settings::threads, state::state_folder,
+};
+use bottega_image::check_writable;
+
+use crate::{
+    address::FarmAddress,
+    cache::Cache,
+    client::{new_job, order, unfetched, write_picture},
+    error::Error,
+    job::{JobState, Order, for_others},
+    job_board::{JobBoard, ended_badly},
+    link::{Credentials, FarmLink, link},
+    part::Member,
+    patience::patiently,
+    refusals::{RefusalWatch, Refusals},
+    studio::Own,
+    worker::{CACHE_BYTES, Said, Worker},
+};
+
+/// How often is looked for frames that are painted.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A frame that is asked for.
+struct Wanted {
+    frame: i32,
+    /// The number of the work.
+    work: u64,
+    output: PathBuf,
+}
+
+/// Asks a farm for an animation, paints with the others, and has the pictures in the end.
+///
+/// - `farm`: none: the one that runs on this machine.
+/// - `resume`: only those frames are asked for of which not all is there.
+///
+/// # Errors
+/// There is no such farm, or a frame cannot be painted or written.
+pub fn render_frames(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    resume: bool,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<(), Error> {
+    // This machine takes part, and is the one whose user can do something about it.
+    denoise::ready(request)?;
+    let reporter = Arc::new(Reporter::new(watcher));
+    let FarmLink { uplink, name, .. } = link(farm, credentials)?;
+    let board = JobBoard { uplink };
+    let wanted = submit(request, resume, &board, &name, stop, &reporter)?;
+    paint_with_others(request, wanted, board, name, stop, &reporter)
+}
+
+/// Asks a farm for an animation, and does not wait for it.
+///
+/// # Errors
+/// As of [`render_frames`].
+pub fn submit_frames(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    resume: bool,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<(), Error> {
+    let FarmLink { uplink, name, .. } = link(farm, credentials)?;
+    submit(request, resume, &JobBoard { uplink }, &name, stop, &Reporter::new(watcher)).map(drop)
+}
+
+/// Paints frames with the other machines, and collects them, until all are there or the user wants to stop.
+fn paint_with_others(
+    request: &Request,
+    wanted: BTreeMap<u32, Wanted>,
+    board: JobBoard,
+    name: String,
+    stop: &StopSwitch,
+    reporter: &Arc<Reporter>,
+) -> Result<(), Error> {
+    let (threads, refusals) = (threads(request), Refusals::default());
+    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals };
+    let only = wanted.keys().copied().collect();
+    let over = Arc::new(AtomicBool::new(false));
+    let collector = {
+        let (request, reporter) = (request.clone(), Arc::clone(reporter));
+        let (stop, over) = (stop.clone(), Arc::clone(&over));
+        thread::Builder::new().name("frames".to_owned()).spawn(move || {
+            let collected = collect(&request, &board, wanted, &reporter, &stop);
+            over.store(true, Ordering::Relaxed);
+            collected
+        })
+    };
+    let collector = collector
+        .map_err(|error| Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once"))?;
+    let say = {
+        let reporter = Arc::clone(reporter);
+        move |said: Said<'_>| match said {
+            Said::Line(line) => reporter.say(line),
+            Said::Failure(error) => reporter.warn(error.told_with_remedy()),
+        }
+    };
+    let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
+    let devices = DeviceChoice::of(&request.devices.names).unwrap_or_default();
+    let own = Own { threads: request.devices.threads, devices };
+    let mut worker = Worker::new(member, cache, own, Some(only), Box::new(say));
+    while !stop.is_requested() && !over.load(Ordering::Relaxed) {
+        worker.work_once();
+    }
+    worker.leave();
+    match collector.join() {
+        Ok(collected) => collected,
+        // It was told where it happened.
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// Asks for the frames. Whatever is wrong is found out with the first of them.
+fn submit(
+    request: &Request,
+    resume: bool,
+    board: &JobBoard,
+    me: &str,
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<BTreeMap<u32, Wanted>, Error> {
+    board.refuse_guests()?;
+    request.validate().map_err(bottega::Error::from)?;
+    let missing = request.missing_frames(resume)?;
+    let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
+    let first = request.at_frame(first)?;
+    first.output.file.as_deref().map(check_writable).transpose()?;
+    let material = Material::gather(&first)?;
+    for warning in &material.warnings {
+        reporter.warn(warning.clone());
+    }
+    board.sweep();
+    let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
+    let mut wanted = BTreeMap::new();
+    for frame in missing {
+        let of_frame = request.at_frame(frame)?;
+        let mut job = new_job(&of_frame, &material, me);
+        job.scene = format!("{}, frame {frame}", job.scene);
+        let number = board.submit(&job, &Order { request: for_others(&of_frame)?, ..order.clone() })?;
+        let output = of_frame.output.file.unwrap_or_default();
+        wanted.insert(number, Wanted { frame, work: job.work, output });
+    }
+    sent.keep();
+    if let (Some((&first, _)), Some((&last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
+        reporter.tell(Event::Asked { job: first, last_job: Some(last) });
+    }
+    Ok(wanted)
+}
+
+/// Writes the pictures as they come, until all are there or the user wants to stop.
+fn collect(
+    request: &Request,
+    board: &JobBoard,
+    mut wanted: BTreeMap<u32, Wanted>,
+    reporter: &Reporter,
+    stop: &StopSwitch,
+) -> Result<(), Error> {
+    let (all, say) = (wanted.len(), |line: &str| reporter.say(line));
+    let (mut failure, mut watch) = (None, RefusalWatch::default());
+    while !wanted.is_empty() && !stop.is_requested() {
+        let mut over = Vec::new();
+        let seats = board.seats();
+        for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
+            reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
+        }
+        for (&number, Wanted { frame, output, .. }) in &wanted {
+            let Some(job) = board.get(number) else {
+                over.push(number);
+                failure = Some(Error::failed(format!("frame {frame} is gone"), "somebody has removed its job"));
+                continue;
+            };
+            if let Some(error) = ended_badly(number, &job.state) {
+                over.push(number);
+                failure = Some(error);
+            } else if let JobState::Done { .. } = job.state
+                && let Some(picture) = patiently(stop, say, || board.picture(&job))?
+            {
+                if let Err(error) = write_picture(output, &picture) {
+                    failure = Some(unfetched(number, &error));
+                    over.push(number);
+                    continue;
+                }
+                if let Some(lacking) = denoise::lacking(request, output, &picture) {
+                    reporter.warn(lacking);
+                }
+                patiently(stop, say, || board.remove(number))?;
+                over.push(number);
+                let done = all - wanted.len() + over.len();
+                reporter.tell(Event::Frame { output: output.display().to_string(), done, all });
+            }
+        }
+        over.iter().for_each(|number| _ = wanted.remove(number));
+        thread::sleep(LOOK_EVERY);
+    }
+    for &number in wanted.keys() {
+        board.change(number, |job| {
+            job.say("called off by the one who asked");
+            job.state = JobState::Cancelled;
+            true
+        })?;
+    }
+    match failure {
+        Some(error) => Err(error),
+        None => Ok(()),
+    }
+}

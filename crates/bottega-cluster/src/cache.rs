@@ -1,0 +1,151 @@
+//! Scenes that this machine has fetched, up to a size: what was used longest ago goes first.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
+
+use crate::error::Error;
+
+/// A folder with three in it: `files` and `chunks` by their contents, `scenes` as folders of links to files.
+#[derive(Clone, Debug)]
+pub struct Cache {
+    root: PathBuf,
+    bytes_max: u64,
+}
+
+/// Something that can go.
+struct Entry {
+    path: PathBuf,
+    used: SystemTime,
+    bytes: u64,
+}
+
+impl Cache {
+    pub(crate) fn new(root: PathBuf, bytes_max: u64) -> Self {
+        Self { root, bytes_max }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Keeps other processes of this machine from the cache until it is dropped.
+    pub(crate) fn lock(&self) -> Result<fs::File, Error> {
+        let path = self.root.join("lock");
+        let wrong = |source| Error::write(path.clone(), source);
+        fs::create_dir_all(&self.root).map_err(wrong)?;
+        let file = fs::File::create(&path).map_err(wrong)?;
+        file.lock().map_err(wrong)?;
+        Ok(file)
+    }
+
+    /// Lets go of a file, if it is there.
+    pub(crate) fn remove(&self, path: &Path) {
+        if path.starts_with(&self.root) && path.exists() {
+            remove(path);
+        }
+    }
+
+    /// Where a file is, or will be.
+    pub(crate) fn file(&self, hash: &str) -> PathBuf {
+        self.root.join("files").join(hash)
+    }
+
+    /// Where a piece of one is while not all have come.
+    pub(crate) fn chunk(&self, hash: &str) -> PathBuf {
+        self.root.join("chunks").join(hash)
+    }
+
+    /// Where a scene is.
+    pub(crate) fn scene(&self, hash: &str) -> PathBuf {
+        self.root.join("scenes").join(hash)
+    }
+
+    /// Something is in use now.
+    pub(crate) fn touch(path: &Path) {
+        let touched = fs::File::open(path).and_then(|file| file.set_modified(SystemTime::now()));
+        if let Err(error) = touched {
+            tracing::debug!(%error, path = %path.display(), "it counts as used longer ago than it was");
+        }
+    }
+
+    /// Lets go of what was used longest ago until the rest has its size; not of what the scene `but` is made of. Scenes are
+    /// links, so it is files that take room: a scene goes with the first of its files.
+    pub(crate) fn trim(&self, but: &Path, in_use: &[PathBuf]) {
+        let mut entries = self.entries("files").unwrap_or_default();
+        entries.extend(self.entries("chunks").unwrap_or_default());
+        entries.retain(|entry| !in_use.contains(&entry.path));
+        entries.sort_by_key(|entry| entry.used);
+        let used: u64 = in_use.iter().filter_map(|path| Some(fs::metadata(path).ok()?.len())).sum();
+        let mut bytes = used + entries.iter().map(|entry| entry.bytes).sum::<u64>();
+        if bytes <= self.bytes_max {
+            return;
+        }
+        // Room is free only when no scene links to the file any more.
+        for scene in self.entries("scenes").unwrap_or_default() {
+            if scene.path != but {
+                remove(&scene.path);
+            }
+        }
+        for entry in entries {
+            if bytes <= self.bytes_max {
+                return;
+            }
+            remove(&entry.path);
+            bytes -= entry.bytes;
+        }
+    }
+
+    fn entries(&self, folder: &str) -> io::Result<Vec<Entry>> {
+        let mut entries = Vec::new();
+        for entry in fs::read_dir(self.root.join(folder))? {
+            let entry = entry?;
+            let metadata = entry.metadata()?;
+            let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            entries.push(Entry { path: entry.path(), used, bytes: metadata.len() });
+        }
+        Ok(entries)
+    }
+}
+
+fn remove(path: &Path) {
+    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    if let Err(error) = removed {
+        tracing::warn!(%error, path = %path.display(), "the cache keeps more than it should");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn what_was_used_longest_ago_goes_first_and_what_is_in_use_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path().to_owned(), 250);
+        let file = |hash: &str, age: u64| {
+            let path = cache.file(hash);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, [0; 100]).unwrap();
+            let at = SystemTime::now() - Duration::from_secs(age);
+            fs::File::open(&path).unwrap().set_modified(at).unwrap();
+            path
+        };
+        let (oldest, old, young) = (file("a", 300), file("b", 200), file("c", 100));
+        let (scene, other) = (cache.scene("s"), cache.scene("t"));
+        fs::create_dir_all(&scene).unwrap();
+        fs::create_dir_all(&other).unwrap();
+        cache.trim(&scene, std::slice::from_ref(&oldest));
+        assert!(oldest.exists() && !old.exists() && young.exists() && scene.exists() && !other.exists());
+        Cache::touch(&oldest);
+        file("d", 50);
+        cache.trim(&scene, &[]);
+        assert!(oldest.exists() && !young.exists());
+        cache.trim(&scene, &[]);
+        assert!(oldest.exists() && cache.file("d").exists(), "there is room for them");
+    }
+}

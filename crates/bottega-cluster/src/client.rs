@@ -1,0 +1,329 @@
+//! Asks a farm for a picture, paints with the others, and has the picture in the end.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega::{
+    Event, Picture, Request, Session, SessionOptions, StopSwitch, Watcher, denoise,
+    engines::Material,
+    request::EnvironmentLight,
+    session::{Reporter, Tools},
+    settings::threads,
+    text::shown,
+};
+use bottega_farm::{JobError, JobReport};
+
+use crate::{
+    address::FarmAddress,
+    build::build,
+    error::Error,
+    job::{Job, JobState, Order, for_others, unix_seconds},
+    job_board::{JobBoard, ended_badly},
+    link::{Credentials, FarmLink, link},
+    names::fresh_number,
+    part::{Leading, Member, Part, take_part},
+    patience::{meanwhile, patiently},
+    refusals::{RefusalWatch, Refusals},
+    scene_files::SceneFiles,
+    transfer::{self, Sent},
+};
+
+/// How often is looked how a job stands that this process has no part in.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A job that this process asked for.
+pub struct SubmittedJob {
+    member: Member,
+    /// Its number at the farm.
+    pub number: u32,
+    work: u64,
+}
+
+/// A picture that a farm has painted.
+enum Painted {
+    /// With this process as leader, which has the pixels.
+    Here(Box<JobReport>, Option<Leading>),
+    /// With another one: the bytes of the file.
+    Elsewhere(Vec<u8>),
+}
+
+/// What a farm came to.
+pub enum Outcome {
+    /// This process led the job, and has the picture; it is written.
+    Led(Box<Picture>),
+    /// Another machine led it to its end; the picture is written to this file.
+    Fetched(PathBuf),
+}
+
+/// Paints a picture with the machines of a farm, and writes it where the request says.
+///
+/// - `farm`: none: the one that runs on this machine.
+///
+/// # Errors
+/// There is no such farm, the request cannot be painted, or the picture not be written.
+pub fn render(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    options: SessionOptions,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<Outcome, Error> {
+    let session = Session::open_with(request, options)?;
+    let (material, name) = (session.material()?, session.name()?);
+    let reporter = Arc::new(Reporter::new(watcher));
+    let (painting, tools) = session.begin(Arc::clone(&reporter))?;
+    let job = SubmittedJob::submit((farm, credentials), request, &material, Some(&name), stop, &reporter)?;
+    match job.paint(tools, &reporter)? {
+        Painted::Here(report, leading) => {
+            let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
+            let failed = picture.report().failed.len();
+            if let Some(leading) = leading
+                && let Err(error) = job.finish(&leading, failed, &reporter)
+            {
+                reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+            }
+            Ok(Outcome::Led(Box::new(picture.close()?)))
+        }
+        Painted::Elsewhere(picture) => {
+            painting.leave();
+            let output = request.output.file.clone().unwrap_or_default();
+            write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
+            if let Some(lacking) = denoise::lacking(request, &output, &picture) {
+                reporter.warn(lacking);
+            }
+            if let Some(journal) = painting.journal()
+                && let Err(error) = std::fs::remove_file(journal)
+            {
+                reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+            }
+            reporter.tell(Event::Fetched { output: shown(&output) });
+            Ok(Outcome::Fetched(output))
+        }
+    }
+}
+
+/// Asks a farm for a picture, and does not wait for it.
+///
+/// # Errors
+/// As of [`render`].
+pub fn submit(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<u32, Error> {
+    request.validate().map_err(bottega::Error::from)?;
+    let reporter = Reporter::new(watcher);
+    let material = Material::gather(request)?;
+    material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
+    let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;
+    Ok(job.number)
+}
+
+impl SubmittedJob {
+    /// Sends the scene and asks for the picture.
+    ///
+    /// - `journal`: how the picture is called in the journal beside it, where there is one.
+    fn submit(
+        (farm, credentials): (Option<&FarmAddress>, &Credentials),
+        request: &Request,
+        material: &Material,
+        journal: Option<&str>,
+        stop: &StopSwitch,
+        reporter: &Reporter,
+    ) -> Result<Self, Error> {
+        if request.goal.time.is_some() {
+            return Err(Error::usage(
+                "a farm paints until there are samples enough, or the error is small enough; it keeps no time",
+                "leave out the time, or the farm",
+            ));
+        }
+        let FarmLink { uplink, name, .. } = link(farm, credentials)?;
+        let board = JobBoard { uplink };
+        board.refuse_guests()?;
+        board.sweep();
+        let (order, sent) = order(&board, &name, request, material, stop, reporter)?;
+        let order = Order { journal: journal.map(str::to_owned), ..order };
+        let job = new_job(request, material, &name);
+        let number = board.submit(&job, &order)?;
+        sent.keep();
+        reporter.tell(Event::Asked { job: number, last_job: None });
+        let (threads, stop, refusals) = (threads(request), stop.clone(), Refusals::default());
+        let member = Member { board, name, threads, stop, refusals };
+        Ok(Self { member, number, work: job.work })
+    }
+
+    /// Paints with the others until the picture is there, or the user wants to stop. Tells the user which machines have left
+    /// the job out.
+    fn paint(&self, tools: Tools, reporter: &Reporter) -> Result<Painted, Error> {
+        let mut watch = RefusalWatch::default();
+        let tell = || {
+            let seats = self.member.board.seats();
+            for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
+                reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
+            }
+        };
+        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
+    }
+
+    fn paint_with_others(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, Error> {
+        let Member { board, stop, .. } = &self.member;
+        let say = |line: &str| reporter.say(line);
+        let mut said_paused = false;
+        let mut helped = false;
+        loop {
+            let job = board.get(self.number).ok_or_else(|| {
+                Error::failed(format!("job {} is gone", self.number), "somebody has removed it; ask again")
+            })?;
+            if let Some(error) = ended_badly(self.number, &job.state) {
+                return Err(error);
+            }
+            if let JobState::Done { .. } = job.state {
+                let picture = patiently(stop, say, || board.picture(&job))?;
+                return picture.map(Painted::Elsewhere).ok_or_else(|| {
+                    Error::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
+                });
+            }
+            let is_led = board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
+            if job.state == JobState::Paused || helped && is_led {
+                if job.state == JobState::Paused && !std::mem::replace(&mut said_paused, true) {
+                    reporter.say(&format!("paused; go on with `bottega jobs resume {}`", self.number));
+                }
+                if stop.is_requested() {
+                    return Err(self.called_off());
+                }
+                thread::sleep(LOOK_EVERY);
+                continue;
+            }
+            said_paused = false;
+            helped = false;
+            let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
+            match patiently(stop, say, part) {
+                Ok(Part::Led(report, leading)) => return Ok(Painted::Here(report, Some(leading))),
+                Ok(Part::Left(Some(report))) if stop.is_requested() => {
+                    self.call_off();
+                    return Ok(Painted::Here(report, None));
+                }
+                Ok(Part::Left(None)) if stop.is_requested() => return Err(self.called_off()),
+                Ok(Part::Left(_)) => {}
+                Ok(Part::Helped) => helped = true,
+                // Those who were not left out go on.
+                Err(Error::Bottega(bottega::Error::Job(JobError::LeftOut { reason }))) => {
+                    reporter.warn(format!("this machine is left out: {reason}"));
+                    helped = true;
+                }
+                Err(error) if error.may_pass() => return Err(self.called_off()),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// The picture is written here: the job is over.
+    fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
+        let state = match failed {
+            0 => JobState::Done { kept: false },
+            failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
+        };
+        let Member { board, stop, .. } = &self.member;
+        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state))
+    }
+
+    /// The picture could not be written here. Whoever leads the job next will have the farm keep it.
+    fn unwritten(&self, error: &Error) -> Error {
+        let number = self.number;
+        Error::failed(
+            error.told(),
+            format!(
+                "the farm has all that is painted: the next machine that leads job {number} has it keep the picture, and \
+                 `bottega jobs fetch {number} -o FILE` writes it, where there is room; `bottega jobs cancel {number}` calls it off"
+            ),
+        )
+    }
+
+    fn called_off(&self) -> Error {
+        self.call_off();
+        Error::failed("stopped before there was a picture", "ask again")
+    }
+
+    /// Who asked wants it no more.
+    fn call_off(&self) {
+        let off = self.member.board.change(self.number, |job| {
+            let is_over = job.state.is_over();
+            if !is_over {
+                job.say("called off by the one who asked");
+                job.state = JobState::Cancelled;
+            }
+            !is_over
+        });
+        if let Err(error) = off {
+            tracing::warn!(%error, "the job could not be called off");
+        }
+    }
+}
+
+impl Drop for SubmittedJob {
+    fn drop(&mut self) {
+        self.member.board.rise(&self.member.name);
+    }
+}
+
+/// A picture that the farm has and that could not be written here.
+pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
+    let remedy =
+        format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
+    Error::failed(error.told(), remedy)
+}
+
+/// Writes a picture that another process has made. The file is there as a whole or not at all.
+pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|source| Error::write(path.to_owned(), source))?;
+    Ok(bottega_image::write_whole(path, bytes)?)
+}
+
+/// A job that is asked for now.
+pub(crate) fn new_job(request: &Request, material: &Material, from: &str) -> Job {
+    let mut job = Job {
+        version: build().identity().to_owned(),
+        commit: build().commit().to_owned(),
+        work: fresh_number(),
+        scene: shown(&request.scene.file),
+        output: request.output.file.as_deref().map(shown).unwrap_or_default(),
+        from: from.to_owned(),
+        submitted: unix_seconds(),
+        priority: request.farm.priority,
+        state: JobState::Active,
+        log: Vec::new(),
+    };
+    job.say(format!("asked for by {from}"));
+    material.method.iter().for_each(|method| job.say(method.clone()));
+    job
+}
+
+/// What is asked for, as other machines understand it. The scene is sent, and is taken back unless a job comes of it.
+///
+/// - `me`: the process that asks.
+pub(crate) fn order<'a>(
+    board: &'a JobBoard,
+    me: &'a str,
+    request: &Request,
+    material: &Material,
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<(Order, Sent<'a>), Error> {
+    let environment = match &request.environment.light {
+        Some(EnvironmentLight::File(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    let (files, transfer) = SceneFiles::read(&request.scene.file, &material.files, environment)?;
+    let sent = transfer::send(&transfer, board, me, stop, reporter)?;
+    let request = for_others(request)?;
+    request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
+    Ok((Order { request, files, engine: material.engine.clone(), journal: None }, sent))
+}

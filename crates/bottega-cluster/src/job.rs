@@ -1,0 +1,208 @@
+//! What the farm keeps of a job: enough for any of its processes to paint it, or to say how it stands.
+
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+
+use bottega::{
+    Request,
+    devices::DeviceChoice,
+    engines::{agent_rules, choice_rules},
+    request::{DeviceOptions, EnvironmentLight, RulesSource, WorkOptions},
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{error::Error, scene_files::SceneFiles};
+
+/// Lines that a job's log has at most; older ones go.
+const LOG_LINES_MAX: usize = 200;
+/// How a job stands.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "state", rename_all = "lowercase")]
+pub enum JobState {
+    /// Whoever is there paints it.
+    Active,
+    /// Nobody paints it until it is resumed.
+    Paused,
+    /// It is painted.
+    Done {
+        /// Whether the farm has the picture: not where the process that asked for it wrote it itself.
+        kept: bool,
+    },
+    /// It cannot be painted.
+    Failed {
+        /// Why not.
+        reason: String,
+    },
+    /// Somebody called it off.
+    Cancelled,
+}
+
+impl JobState {
+    /// Whether it will not change by itself any more.
+    pub fn is_over(&self) -> bool {
+        !matches!(self, Self::Active | Self::Paused)
+    }
+
+    /// As people read it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Paused => "paused",
+            Self::Done { .. } => "done",
+            Self::Failed { .. } => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogLine {
+    /// Seconds since 1970, by the clock of the machine that wrote it.
+    pub at: u64,
+    /// What.
+    pub text: String,
+}
+
+/// A job as everybody may read it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Job {
+    /// The identity of the build: pictures are the same bits for the same one alone.
+    pub version: String,
+    /// The commit of its sources, for people; empty: unknown.
+    #[serde(default)]
+    pub commit: String,
+    /// The number under which its zones are kept, which no other job has had.
+    pub work: u64,
+    /// The scene, as its asker calls it.
+    pub scene: String,
+    /// The picture, as its asker calls it.
+    pub output: String,
+    /// The process that asked for it.
+    pub from: String,
+    /// Seconds since 1970.
+    pub submitted: u64,
+    /// Its share of the machines is to that of another as their priorities are.
+    pub priority: u32,
+    /// How it stands.
+    #[serde(flatten)]
+    pub state: JobState,
+    /// What has happened to it; the last lines.
+    pub log: Vec<LogLine>,
+}
+
+impl Job {
+    /// Adds a line to the log.
+    pub fn say(&mut self, text: impl Into<String>) {
+        self.log.push(LogLine { at: unix_seconds(), text: text.into() });
+        let old = self.log.len().saturating_sub(LOG_LINES_MAX);
+        self.log.drain(..old);
+    }
+}
+
+/// What a job asks for: a request, and the files that it names by what is in them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// The picture. Its rules are texts; its files are those of `files`, whatever it calls them.
+    #[serde(with = "request_json")]
+    pub request: Request,
+    /// The files of the scene.
+    pub files: SceneFiles,
+    /// The engine of other people that paints it, as all machines must have it; none: our own.
+    #[serde(default)]
+    pub engine: Option<String>,
+    /// How the one who asks calls the picture in the journal beside it, where there is one.
+    #[serde(default)]
+    pub journal: Option<String>,
+}
+
+/// Requests are read as they are everywhere: each field checked, a newer version refused.
+mod request_json {
+    use bottega::Request;
+    use serde::{Deserialize, Deserializer, Serializer, de, ser};
+    use serde_json::Value;
+
+    pub(super) fn serialize<S: Serializer>(request: &Request, serializer: S) -> Result<S::Ok, S::Error> {
+        let value = request.to_value().map_err(ser::Error::custom)?;
+        serde::Serialize::serialize(&value, serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Request, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        Request::from_value(value).map_err(|error| de::Error::custom(bottega::error::told(&error)))
+    }
+}
+
+/// The same request as others may read it: rules as texts, and nothing that concerns this machine alone.
+///
+/// # Errors
+/// A file of rules cannot be read.
+pub fn for_others(request: &Request) -> Result<Request, Error> {
+    let mut request = request.clone();
+    request.work.rules = agent_rules(&request)?.into_iter().map(RulesSource::Text).collect();
+    request.engine.rules = choice_rules(&request)?.map(RulesSource::Text);
+    let WorkOptions { agents, .. } = &mut request.work;
+    *agents = None;
+    let DeviceOptions { threads, names, .. } = &mut request.devices;
+    (*threads, *names) = (None, DeviceChoice::Auto.names());
+    Ok(request)
+}
+
+impl Order {
+    /// What is asked of this machine: the scene is here, and how many processors it has is its own matter.
+    ///
+    /// - `scene`, `environment`: where the files are that were fetched.
+    ///
+    /// # Errors
+    /// The request names files that were not sent.
+    pub(crate) fn on_this_machine(&self, scene: &Path, environment: Option<PathBuf>) -> Result<Request, Error> {
+        let mut request = self.request.clone();
+        self.refuse_files_of_others(environment.is_some())?;
+        request.scene.file = scene.to_owned();
+        // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This
+        // machine's own files are no business of the scene.
+        request.scene.allow_outside = false;
+        request.scene.asset_roots = vec![SceneFiles::root_of(scene)];
+        if let Some(environment) = environment {
+            request.environment.light = Some(EnvironmentLight::File(environment));
+        }
+        (request.devices.threads, request.work.agents) = (None, None);
+        request.devices.names = DeviceChoice::Auto.names();
+        // Whom a machine trusts is for its owner to say.
+        request.engine.trust = false;
+        Ok(request)
+    }
+
+    /// A request may only name what was sent with it: whatever else it names would be a file of this machine.
+    fn refuse_files_of_others(&self, has_environment: bool) -> Result<(), Error> {
+        let is_file = |rules: &RulesSource| matches!(rules, RulesSource::File(_));
+        let named = [
+            ("work.rules", self.request.work.rules.iter().any(is_file)),
+            ("engine.rules", self.request.engine.rules.as_ref().is_some_and(is_file)),
+            (
+                "environment.light",
+                !has_environment && matches!(self.request.environment.light, Some(EnvironmentLight::File(_))),
+            ),
+        ];
+        match named.into_iter().find(|(_, is_named)| *is_named) {
+            None => Ok(()),
+            Some((field, _)) => Err(Error::failed(
+                format!("the job names a file in `{field}` that was not sent with it"),
+                "who asked for it is of another mind, or is not to be trusted",
+            )),
+        }
+    }
+}
+
+/// Seconds since 1970.
+pub fn unix_seconds() -> u64 {
+    since_1970().as_secs()
+}
+
+pub(crate) fn since_1970() -> Duration {
+    // A clock that stands before 1970 has been set by nobody.
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
+}

@@ -1,0 +1,107 @@
+//! Jobs of a farm steered, and their pictures had.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use bottega::keeping::{is_journal_of, journal_of};
+
+use crate::{
+    client::{unfetched, write_picture},
+    error::Error,
+    job::{Job, JobState},
+    job_board::{JobBoard, no_such},
+};
+
+/// A job.
+///
+/// # Errors
+/// There is none of that number.
+pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
+    board.get(number).ok_or_else(|| no_such(number))
+}
+
+/// Pauses, resumes or calls off; what is over stays as it is.
+///
+/// # Errors
+/// The job is over, or the farm does not answer.
+pub fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(), Error> {
+    let before = known(board, number)?.state;
+    if before.is_over() {
+        return Err(Error::failed(
+            format!("job {number} is over: {}", before.word()),
+            "`bottega jobs list` shows those that are not",
+        ));
+    }
+    board.change(number, |job| {
+        let changes = !job.state.is_over() && job.state != *to;
+        if changes {
+            job.say(word);
+            job.state = to.clone();
+        }
+        changes
+    })?;
+    Ok(())
+}
+
+/// Says how urgent a job is.
+///
+/// # Errors
+/// The farm does not answer.
+pub fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), Error> {
+    let change = board.change(number, |job| {
+        job.say(format!("priority {priority}"));
+        job.priority = priority;
+        true
+    });
+    change.map(drop)
+}
+
+/// Writes the picture of a job that the farm has finished. Returns where it is.
+///
+/// - `output`: none: as it was asked for.
+///
+/// # Errors
+/// The farm has no picture of it, or it cannot be written.
+pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<PathBuf, Error> {
+    let job = known(board, number)?;
+    let remedy = match &job.state {
+        JobState::Done { kept: false } => format!("{} wrote it to {}", job.from, job.output),
+        JobState::Done { kept: true } => "somebody has removed it".to_owned(),
+        state => format!("the job is {}: see `bottega jobs show {number}`", state.word()),
+    };
+    let picture = board.picture(&job)?;
+    let picture = picture.ok_or_else(|| Error::failed("the farm has no picture of this job", remedy))?;
+    let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
+    write_picture(&output, &picture).map_err(|error| unfetched(number, &error))?;
+    forget_journal(board, &job, &output);
+    Ok(output)
+}
+
+/// The one who asked may have been killed, and its journal lies beside the picture: the picture is there now. A journal of another
+/// picture stays.
+fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
+    let path = journal_of(output);
+    let Some(name) = board.order(job).ok().and_then(|order| order.journal) else { return };
+    if is_journal_of(&path, &name)
+        && let Err(error) = fs::remove_file(&path)
+    {
+        tracing::warn!("cannot remove {}, which is of no more use: {error}", path.display());
+    }
+}
+
+/// Forgets a job that is over, its picture, and its scene if no other job needs it.
+///
+/// # Errors
+/// The job is not over, or the farm does not answer.
+pub fn remove(board: &JobBoard, number: u32) -> Result<(), Error> {
+    let job = known(board, number)?;
+    if !job.state.is_over() {
+        return Err(Error::failed(
+            format!("job {number} is not over"),
+            format!("call it off first: bottega jobs cancel {number}"),
+        ));
+    }
+    board.remove_with_scene(number)
+}

@@ -1,0 +1,356 @@
+//! The way into a farm: found, let in, linked.
+
+use std::{
+    fs,
+    net::IpAddr,
+    path::{Path, PathBuf},
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega_agents::driver::nats::{Login, MemberKey, NatsError, NatsOptions, NatsUplink, Tls, enrol, newcomer};
+use bottega_farm::FarmCodec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+use crate::{
+    address::{FarmAddress, Group, JoinWord, Keeper, saved_address},
+    discovery,
+    names::{fresh_number, host_name},
+};
+use bottega::state::state_folder;
+
+/// The oldest server that is fit for networks that are not to be trusted.
+const FIT_FOR_ALL: (u64, u64) = (2, 14);
+/// How long one who was just let in is patient with a server that reads its configuration anew.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// The same of one who is turned away and may have no right to come in: whose word is wrong, whom the farm has forgotten.
+const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
+/// Between tries, at first and at most.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+
+/// Who one is to NATS servers that others run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Credentials {
+    /// A `.creds` file.
+    pub creds: Option<PathBuf>,
+    /// A file with the seed of an NKey.
+    pub nkey: Option<PathBuf>,
+    /// Certificates of more authorities than those of the system (PEM).
+    pub tls_ca: Option<PathBuf>,
+    /// The certificate by which the servers know this machine, and its key (PEM).
+    pub tls_own: Option<(PathBuf, PathBuf)>,
+}
+
+/// A process in a farm.
+pub struct FarmLink {
+    /// The link.
+    pub uplink: Arc<NatsUplink<FarmCodec>>,
+    /// Its name, which no other process has.
+    pub name: String,
+    /// Where the servers are.
+    pub servers: String,
+}
+
+/// What a farm calls this machine, and what it knows it by.
+#[derive(Serialize, Deserialize)]
+struct Membership {
+    member: String,
+    seed: String,
+}
+
+/// What one who wants to be let in says, and hears.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Request {
+    pub(crate) key: String,
+    pub(crate) host: String,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Answer {
+    pub(crate) member: Option<String>,
+    pub(crate) refused: Option<String>,
+}
+
+/// Links up with the farm that was named, or else the one of this machine.
+pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<FarmLink, Error> {
+    let mut address = farm.cloned().map_or_else(saved_address, Ok)?;
+    if let (Keeper::Up(word), true) = (&address.keeper, address.servers.is_empty()) {
+        address.servers = vec![discovery::find(word.pin)?];
+    }
+    let linked = match &address.keeper {
+        Keeper::Up(word) if credentials.is_empty() => with_word(&address, word)?,
+        Keeper::Up(_) => {
+            return Err(Error::usage(
+                "the word of a farm that `bottega up` runs says all",
+                "leave out --creds, --nkey and --tls-…",
+            ));
+        }
+        Keeper::Other { login: written, tls, .. } => {
+            let member = format!("{}-{:06x}", host_name(), fresh_number() & 0xff_ffff);
+            let options = NatsOptions {
+                login: credentials.login(written)?,
+                tls: credentials.tls(*tls),
+                ..options(&address, &member)
+            };
+            connect(&options).map_err(told).map(|uplink| (uplink, member))?
+        }
+    };
+    let (uplink, name) = linked;
+    warn_of_age(&uplink.server_version(), &address.servers);
+    Ok(FarmLink { uplink: Arc::new(uplink), name, servers: address.servers.join(", ") })
+}
+
+fn options(address: &FarmAddress, member: &str) -> NatsOptions {
+    let servers = address.servers.iter().map(|server| format!("nats://{server}")).collect();
+    NatsOptions { servers, farm: address.farm.clone(), member: member.to_owned(), ..NatsOptions::default() }
+}
+
+fn connect(options: &NatsOptions) -> Result<NatsUplink<FarmCodec>, NatsError> {
+    NatsUplink::connect(options, FarmCodec)
+}
+
+/// What of the options concerns a farm that `bottega up` runs.
+pub(crate) fn pinned(address: &FarmAddress, word: &JoinWord, member: &str) -> NatsOptions {
+    let tls = Tls { is_required: true, pin: Some(word.pin), ..Tls::default() };
+    NatsOptions { tls, is_guest: word.group == Group::Guest, ..options(address, member) }
+}
+
+/// As a member: what this machine was once let in as, or else now.
+fn with_word(address: &FarmAddress, word: &JoinWord) -> Result<(NatsUplink<FarmCodec>, String), Error> {
+    let file = state_folder().join("members").join(format!("{}-{}.json", word.pin, word.group.word()));
+    let known = membership(&file);
+    if let Some(known) = &known
+        && let Some(linked) = as_known(address, word, known)
+    {
+        return linked;
+    }
+    let membership = {
+        // Processes of one machine that come at the same moment are one member.
+        let _alone = lock(&file)?;
+        match self::membership(&file) {
+            Some(other) if known.is_none_or(|known| known.seed != other.seed) => other,
+            _ => {
+                let new = let_in(address, word)?;
+                write_secret(&file, &serde_json::to_vec(&new).unwrap_or_default())?;
+                new
+            }
+        }
+    };
+    let attempt = || as_member(address, word, &membership);
+    let linked = persist(PATIENCE, NatsError::may_pass, attempt).map_err(reloading)?;
+    Ok((linked, process_name(&membership.member)))
+}
+
+/// As the member that this machine was let in as. `None`: the farm does not know it any more.
+fn as_known(
+    address: &FarmAddress,
+    word: &JoinWord,
+    known: &Membership,
+) -> Option<Result<(NatsUplink<FarmCodec>, String), Error>> {
+    let attempt = || as_member(address, word, known);
+    let is_reloading =
+        |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
+    match persist(PATIENCE_OF_REFUSED, is_reloading, attempt) {
+        Err(error) if error.is_refusal() => None,
+        Err(error) => Some(Err(told(error))),
+        Ok(uplink) => Some(Ok((uplink, process_name(&known.member)))),
+    }
+}
+
+fn membership(file: &Path) -> Option<Membership> {
+    serde_json::from_slice(&fs::read(file).ok()?).ok()
+}
+
+/// Keeps other processes of this machine from a file until it is dropped.
+fn lock(file: &Path) -> Result<fs::File, Error> {
+    let path = file.with_extension("lock");
+    private_folder(file.parent().unwrap_or(Path::new(".")))?;
+    let locked = fs::File::create(&path).and_then(|lock| lock.lock().map(|()| lock));
+    locked.map_err(|source| Error::write(path, source))
+}
+
+/// Tries until it is done or goes wrong for good, for some time, and less and less often.
+fn persist<T>(
+    patience: Duration,
+    may_pass: impl Fn(&NatsError) -> bool,
+    mut attempt: impl FnMut() -> Result<T, NatsError>,
+) -> Result<T, NatsError> {
+    let (begun, mut pause) = (Instant::now(), FIRST_PAUSE);
+    loop {
+        match attempt() {
+            Err(error) if may_pass(&error) && begun.elapsed() < patience => {
+                tracing::debug!(%error, "trying again");
+                // Those who came together do not come together again.
+                let share = 0.5 + (fresh_number() % 1024) as f64 / 1024.0;
+                thread::sleep(pause.mul_f64(share));
+                pause = LONGEST_PAUSE.min(2 * pause);
+            }
+            result => return result,
+        }
+    }
+}
+
+fn as_member(
+    address: &FarmAddress,
+    word: &JoinWord,
+    membership: &Membership,
+) -> Result<NatsUplink<FarmCodec>, NatsError> {
+    let login = Login::NKey(membership.seed.clone());
+    connect(&NatsOptions { login, ..pinned(address, word, &membership.member) })
+}
+
+/// Asks to become a member.
+fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, Error> {
+    let key = MemberKey::new();
+    let request = Request { key: key.public(), host: host_name() };
+    let request = serde_json::to_vec(&request).unwrap_or_default();
+    let group = word.group.word();
+    let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
+    let begun = Instant::now();
+    // A wrong word stays wrong; a right one is turned away, too, while the server reads its configuration anew.
+    let may_pass = |error: &NatsError| match error {
+        NatsError::NobodyAnswers { .. } => true,
+        error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
+    };
+    let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(told)?;
+    let answer: Option<Answer> = serde_json::from_slice(&answer).ok();
+    let refused = |reason: String| {
+        Error::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")
+    };
+    match (answer, key.seed()) {
+        (Some(Answer { member: Some(member), .. }), Some(seed)) => Ok(Membership { member, seed }),
+        (Some(Answer { refused: Some(reason), .. }), _) => Err(refused(reason)),
+        _ => Err(refused("its answer is not understood".to_owned())),
+    }
+}
+
+/// The name of this process among those of its machine.
+fn process_name(member: &str) -> String {
+    format!("{member}.{:08x}", fresh_number() & 0xffff_ffff)
+}
+
+/// What is wrong with a link of one who was let in a moment ago.
+fn reloading(source: NatsError) -> Error {
+    if !source.may_pass() {
+        return told(source);
+    }
+    let remedy = format!(
+        "the farm has let this machine in, and for {} s its server has not taken it: it reads its configuration anew while \
+         machines are let in. Try again in a moment; see what `bottega up` says",
+        PATIENCE.as_secs()
+    );
+    Error::Farm { source, remedy }
+}
+
+fn told(source: NatsError) -> Error {
+    let remedy = match &source {
+        NatsError::NobodyAnswers { .. } => {
+            "the NATS server is there and `bottega up` is not, or it has no time: see whether it runs, and try again"
+        }
+        NatsError::Connect { .. } => "is `bottega up` running there, and is this the line that it printed?",
+        NatsError::Version { .. } => "install a newer nats-server, see `bottega up --help`",
+        NatsError::Credentials { .. } => "give the file that the keeper of the servers gave you",
+        _ => "see what `bottega up` printed",
+    };
+    Error::Farm { source, remedy: remedy.to_owned() }
+}
+
+/// Writes a file that nobody else may read.
+pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let wrong = |source| Error::write(path.to_owned(), source);
+    private_folder(path.parent().unwrap_or(Path::new(".")))?;
+    let part = path.with_extension(format!("part-{}", std::process::id()));
+    fs::write(&part, bytes).map_err(wrong)?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        fs::set_permissions(&part, fs::Permissions::from_mode(0o600)).map_err(wrong)?;
+    }
+    fs::rename(&part, path).map_err(wrong)
+}
+
+/// A folder that nobody else may read.
+pub(crate) fn private_folder(folder: &Path) -> Result<(), Error> {
+    let wrong = |source| Error::write(folder.to_owned(), source);
+    fs::create_dir_all(folder).map_err(wrong)?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        fs::set_permissions(folder, fs::Permissions::from_mode(0o700)).map_err(wrong)?;
+    }
+    Ok(())
+}
+
+impl Credentials {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn login(&self, written: &Login) -> Result<Login, Error> {
+        if let Some(path) = &self.creds {
+            return Ok(Login::Credentials(path.clone()));
+        }
+        let Some(path) = &self.nkey else { return Ok(written.clone()) };
+        let text = fs::read_to_string(path).map_err(|source| Error::read(path.clone(), source))?;
+        let seed = text.lines().map(str::trim).find(|line| line.starts_with("SU"));
+        seed.map(|seed| Login::NKey(seed.to_owned())).ok_or_else(|| {
+            Error::failed(
+                format!("`{}` holds no seed of a user's NKey", path.display()),
+                "it is a line that begins with SU; `nk -gen user` makes one",
+            )
+        })
+    }
+
+    fn tls(&self, is_required: bool) -> Tls {
+        let is_required = is_required || self.tls_ca.is_some() || self.tls_own.is_some();
+        Tls { is_required, pin: None, authorities: self.tls_ca.clone(), own: self.tls_own.clone() }
+    }
+}
+
+/// Old servers have known holes, and the whole world may try those that it can reach.
+fn warn_of_age(version: &str, servers: &[String]) {
+    let mut numbers = version.split('.').map_while(|part| part.parse::<u64>().ok());
+    let is_old = numbers.next().zip(numbers.next()).is_some_and(|version| version < FIT_FOR_ALL);
+    if is_old && !servers.iter().all(|server| is_near(server)) {
+        let (major, minor) = FIT_FOR_ALL;
+        tracing::warn!(
+            "the NATS server is of version {version}: on networks that are not yours alone have {major}.{minor} or newer"
+        );
+    }
+}
+
+/// Whether a server is on this machine or in a private network.
+fn is_near(server: &str) -> bool {
+    let host = server.rsplit_once(':').map_or(server, |(host, _)| host);
+    match host.trim_matches(['[', ']']).parse() {
+        Ok(IpAddr::V4(ip)) => ip.is_loopback() || ip.is_private() || ip.is_link_local(),
+        Ok(IpAddr::V6(ip)) => ip.is_loopback() || ip.is_unique_local() || ip.is_unicast_link_local(),
+        Err(_) => host == "localhost" || host.ends_with(".local"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_near_is_known_by_its_address() {
+        for near in [
+            "127.0.0.1:4222",
+            "10.1.2.3:4222",
+            "192.168.0.9:1",
+            "localhost:4222",
+            "[::1]:4222",
+            "[fd00::1]:1",
+            "x.local:1",
+        ] {
+            assert!(is_near(near), "{near}");
+        }
+        for far in ["8.8.8.8:4222", "nats.example.com:4222", "[2001:db8::1]:4222"] {
+            assert!(!is_near(far), "{far}");
+        }
+    }
+}

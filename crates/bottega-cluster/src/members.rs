@@ -1,0 +1,221 @@
+//! Who is a member of a farm that `bottega up` runs, and what the server is told of them.
+
+use std::{fmt::Write, fs, path::PathBuf};
+
+use bottega_agents::driver::nats::{MemberKey, Rights, is_public_key};
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+use crate::{
+    address::{FARM, Group},
+    link::{Answer, Request, write_secret},
+    names::plain,
+};
+
+/// Members that a farm has at most.
+const MEMBERS_MAX: usize = 1 << 14;
+/// Letters of a key that stand in a name.
+const KEY_LETTERS: usize = 8;
+
+/// A machine that was let in.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Member {
+    /// What its agents are called after.
+    name: String,
+    /// Its public NKey.
+    key: String,
+    is_guest: bool,
+}
+
+/// Secrets and members of a farm, in a file that nobody else may read.
+#[derive(Debug, Serialize, Deserialize)]
+struct Roll {
+    /// The words by which one becomes a member.
+    trusted: String,
+    guest: String,
+    /// The key of `bottega up` itself.
+    seed: String,
+    key: String,
+    /// The certificate of the server and its key, PEM.
+    certificate: String,
+    certificate_key: String,
+    members: Vec<Member>,
+}
+
+/// The members of a farm.
+pub(crate) struct Members {
+    path: PathBuf,
+    roll: Roll,
+}
+
+impl Members {
+    /// Those of an earlier start, or none yet.
+    pub(crate) fn open(path: PathBuf) -> Result<Self, Error> {
+        match fs::read(&path) {
+            Ok(text) => {
+                let roll = serde_json::from_slice(&text).map_err(|error| {
+                    Error::failed(
+                        format!("`{}` is damaged: {error}", path.display()),
+                        "remove it: everybody must join anew then, by the new line",
+                    )
+                })?;
+                Ok(Self { path, roll })
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                let members = Self { path, roll: Roll::new()? };
+                members.save()?;
+                Ok(members)
+            }
+            Err(source) => Err(Error::read(path, source)),
+        }
+    }
+
+    fn save(&self) -> Result<(), Error> {
+        write_secret(&self.path, &serde_json::to_vec_pretty(&self.roll).unwrap_or_default())
+    }
+
+    pub(crate) fn secret(&self, group: Group) -> &str {
+        match group {
+            Group::Trusted => &self.roll.trusted,
+            Group::Guest => &self.roll.guest,
+        }
+    }
+
+    /// How many there are. None ever goes.
+    pub(crate) fn count(&self) -> usize {
+        self.roll.members.len()
+    }
+
+    /// By which `bottega up` itself is known.
+    pub(crate) fn seed(&self) -> &str {
+        &self.roll.seed
+    }
+
+    /// Of the server, with its key.
+    pub(crate) fn certificate(&self) -> (&str, &str) {
+        (&self.roll.certificate, &self.roll.certificate_key)
+    }
+
+    /// Lets one in who knows the word of a group. What it sends is not believed.
+    pub(crate) fn answer(&mut self, group: Group, request: &[u8]) -> Answer {
+        let refuse = |reason: &str| Answer { member: None, refused: Some(reason.to_owned()) };
+        let Ok(Request { key, host }) = serde_json::from_slice(request) else {
+            return refuse("it says nothing sensible");
+        };
+        if !is_public_key(&key) {
+            return refuse("its key is none");
+        }
+        if let Some(known) = self.roll.members.iter().find(|member| member.key == key) {
+            return Answer { member: Some(known.name.clone()), refused: None };
+        }
+        if self.roll.members.len() >= MEMBERS_MAX {
+            return refuse("there are too many members");
+        }
+        // The first letter of a key is that of all keys.
+        let name = format!("{}-{}", plain(&host), key[1..=KEY_LETTERS].to_lowercase());
+        if self.roll.members.iter().any(|member| member.name == name) {
+            return refuse("another one has its name");
+        }
+        self.roll.members.push(Member { name: name.clone(), key, is_guest: group == Group::Guest });
+        match self.save() {
+            Ok(()) => Answer { member: Some(name), refused: None },
+            Err(error) => {
+                self.roll.members.pop();
+                refuse(&format!("the farm cannot note it: {error}"))
+            }
+        }
+    }
+
+    /// All who may talk to the server, as its configuration has it.
+    pub(crate) fn users(&self) -> String {
+        let mut users = format!("    {{ nkey: {} }}\n", self.roll.key);
+        for group in Group::ALL {
+            let rights = permissions(&Rights::of_newcomer(group.word()));
+            let (word, secret) = (group.word(), self.secret(group));
+            // Writing to a string does not fail.
+            _ = writeln!(users, "    {{ user: {word}, password: \"{secret}\", permissions: {rights} }}");
+        }
+        for Member { name, key, is_guest } in &self.roll.members {
+            let rights = is_guest.then(|| format!(", permissions: {}", permissions(&Rights::of_guest(FARM, name))));
+            _ = writeln!(users, "    {{ nkey: {key}{} }}", rights.unwrap_or_default());
+        }
+        users
+    }
+}
+
+/// What one is allowed, as the server's configuration has it.
+fn permissions(rights: &Rights) -> String {
+    let list = |subjects: &[String]| subjects.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>().join(", ");
+    format!("{{ publish: [{}], subscribe: [{}] }}", list(&rights.publish), list(&rights.subscribe))
+}
+
+impl Roll {
+    fn new() -> Result<Self, Error> {
+        let unexpected = |what: String| Error::failed(what, "this is unexpected; report it");
+        let secret = || {
+            let mut bytes = [0; 16];
+            getrandom::fill(&mut bytes)
+                .map_err(|error| unexpected(format!("the system gives no random numbers: {error}")))?;
+            Ok::<_, Error>(bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>())
+        };
+        let key = MemberKey::new();
+        let seed = key.seed().ok_or_else(|| unexpected("a new key has no seed".to_owned()))?;
+        let made = rcgen::generate_simple_self_signed(vec!["bottega".to_owned()])
+            .map_err(|error| unexpected(format!("no certificate could be made: {error}")))?;
+        Ok(Self {
+            trusted: secret()?,
+            guest: secret()?,
+            seed,
+            key: key.public(),
+            certificate: made.cert.pem(),
+            certificate_key: made.signing_key.serialize_pem(),
+            members: Vec::new(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn request(key: &str, host: &str) -> Vec<u8> {
+        serde_json::to_vec(&Request { key: key.to_owned(), host: host.to_owned() }).unwrap()
+    }
+
+    #[test]
+    fn who_was_let_in_is_a_member_after_a_new_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("members.json");
+        let mut members = Members::open(path.clone()).unwrap();
+        let key = MemberKey::new().public();
+        let name = members.answer(Group::Guest, &request(&key, "paint.example.com")).member.unwrap();
+        assert!(name.starts_with("paint-"));
+        let mut again = Members::open(path).unwrap();
+        assert_eq!(again.users(), members.users());
+        let answer = again.answer(Group::Trusted, &request(&key, "x"));
+        assert_eq!(answer.member, Some(name.clone()), "it stays what it is");
+        assert!(again.users().contains(&format!("from.{name}.*")));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+        #[test]
+        fn nothing_that_one_sends_gets_into_the_configuration(
+            bytes in prop::collection::vec(any::<u8>(), 0..80),
+            text in "\\PC{0,60}",
+        ) {
+            let folder = tempfile::tempdir().unwrap();
+            let mut members = Members::open(folder.path().join("m")).unwrap();
+            let before = members.users();
+            prop_assert!(members.answer(Group::Guest, &bytes).member.is_none());
+            prop_assert!(members.answer(Group::Guest, &request(&text, "h")).member.is_none());
+            prop_assert_eq!(&members.users(), &before);
+            let key = MemberKey::new().public();
+            let name = members.answer(Group::Guest, &request(&key, &text)).member.unwrap();
+            prop_assert!(name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-'));
+        }
+    }
+}

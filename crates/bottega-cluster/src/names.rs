@@ -1,0 +1,32 @@
+//! Names and numbers that nobody else has.
+
+use std::{env, process};
+
+use crate::job::since_1970;
+
+/// Characters of a host's name that are used.
+const HOST_CHARS: usize = 24;
+
+/// The name of this machine, of letters, digits and hyphens.
+pub fn host_name() -> String {
+    let host = std::fs::read_to_string("/etc/hostname").ok();
+    let host = host.as_deref().map(str::trim).filter(|host| !host.is_empty()).map(str::to_owned);
+    let host = host.or_else(|| env::var("HOSTNAME").ok()).or_else(|| env::var("COMPUTERNAME").ok());
+    plain(host.as_deref().unwrap_or_default())
+}
+
+/// The part of a name before its first full stop, as far as it is of letters, digits and hyphens.
+pub(crate) fn plain(host: &str) -> String {
+    let first = host.split('.').next().unwrap_or_default();
+    let plain: String = first.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').take(HOST_CHARS).collect();
+    if plain.is_empty() { "machine".to_owned() } else { plain }
+}
+
+/// A number of this moment, in this process, on this machine.
+pub(crate) fn fresh_number() -> u64 {
+    let machine = std::fs::read("/etc/machine-id").unwrap_or_default();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&machine).update(&since_1970().as_nanos().to_le_bytes()).update(&process::id().to_le_bytes());
+    let bytes = hasher.finalize();
+    u64::from_le_bytes(bytes.as_bytes()[..8].try_into().unwrap_or_default()) >> 1
+}

@@ -1,0 +1,76 @@
+//! A NATS server as `bottega up` has one, which nobody knows but this program: for what is measured.
+
+use std::{
+    net::{SocketAddr, TcpListener},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsThread, NatsUplink};
+use bottega_farm::FarmCodec;
+
+use crate::error::Error;
+use crate::{
+    address::{FarmAddress, Group, JoinWord},
+    link::pinned,
+    members::Members,
+    server::{Server, Setup, program},
+    up,
+};
+
+/// A server. It ends with this.
+pub struct OwnServer {
+    _server: Server,
+    /// The way in.
+    pub entry: Entry,
+}
+
+/// By what processes of this program find the way in: they read the folder of the server's secrets.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// The folder of its secrets.
+    pub folder: PathBuf,
+    /// Where it listens.
+    pub address: SocketAddr,
+}
+
+impl OwnServer {
+    /// - `asked`: the program of the server; `None`: the system's.
+    /// - `folder`: where it keeps what it keeps.
+    pub fn start(asked: Option<&Path>, folder: &Path) -> Result<Self, Error> {
+        let program = program(asked)?;
+        let entry = Entry { folder: folder.to_owned(), address: free_address()? };
+        let setup = Setup { folder: folder.to_owned(), listen: entry.address, store_bytes: None };
+        let config = setup.write(&entry.members()?)?;
+        let (server, _) = up::begin(&program, &config, &setup, &entry.options("bench")?)?;
+        Ok(Self { _server: server, entry })
+    }
+}
+
+impl Entry {
+    /// A link of its own for a member of this name, on a thread that others may have too.
+    pub fn link(&self, thread: &Arc<NatsThread>, member: &str) -> Result<NatsUplink<FarmCodec>, Error> {
+        let linked = NatsUplink::connect_on(thread, &self.options(member)?, FarmCodec);
+        let remedy = "are there more agents than this machine may have files open? see ulimit -n".to_owned();
+        linked.map_err(|source| Error::Farm { source, remedy })
+    }
+
+    fn members(&self) -> Result<Members, Error> {
+        Members::open(self.folder.join("members.json"))
+    }
+
+    fn options(&self, member: &str) -> Result<NatsOptions, Error> {
+        let members = self.members()?;
+        let secret = members.secret(Group::Trusted).to_owned();
+        let word = JoinWord { group: Group::Trusted, secret, pin: up::pin(&members)? };
+        let address = FarmAddress::of_up(self.address.to_string(), word.clone());
+        Ok(NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&address, &word, member) })
+    }
+}
+
+/// A port of this machine where nobody listens now.
+fn free_address() -> Result<SocketAddr, Error> {
+    TcpListener::bind("127.0.0.1:0")
+        .and_then(|listener| listener.local_addr())
+        .map_err(|error| Error::failed(format!("no port is free: {error}"), "let fewer programs run at once"))
+}

@@ -1,0 +1,403 @@
+//! The part of this process in a job: it leads if nobody does, and else paints for the one who leads.
+
+use std::{
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{RenderEngine, Survey};
+use bottega_farm::{
+    AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, Observer, Partition, Progress,
+    StopSwitch, WorkId, ZoneRow,
+};
+
+use crate::{
+    job::{Job, JobState},
+    job_board::{JobBoard, Lead, Lease, RENEW_EVERY, Seat},
+    refusals::{RefusalWatch, Refusals},
+    together::{self, Together},
+};
+use bottega::session::Tools;
+
+use crate::error::Error;
+
+/// How often is looked whether somebody wants something else.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Lines that wait to be written into the log of a job at most.
+const LOG_WAITING_MAX: usize = 64;
+
+/// A process at a farm.
+#[derive(Clone)]
+pub(crate) struct Member {
+    pub board: JobBoard,
+    pub name: String,
+    pub threads: usize,
+    /// The user wants to stop.
+    pub stop: StopSwitch,
+    /// Jobs that this machine does not paint.
+    pub refusals: Refusals,
+}
+
+impl Member {
+    /// Its seat, while it paints a job or waits for one.
+    pub(crate) fn seat(&self, job: Option<u32>) -> Seat {
+        let (is_guest, refusals) = (self.board.uplink.is_guest(), self.refusals.last());
+        Seat { is_guest, refusals, ..Seat::new(&self.name, self.threads, job) }
+    }
+}
+
+/// How a part in a job ended.
+pub(crate) enum Part {
+    /// This process led the job to its end. It leads on until the picture is safe.
+    Led(Box<JobReport>, Leading),
+    /// The one who leads has let this process go: all is painted.
+    Helped,
+    /// Before the end: the user, or somebody who has a say in it, wanted something else.
+    Left(Option<Box<JobReport>>),
+}
+
+/// Takes part in a job until it is painted or somebody wants otherwise.
+///
+/// - `elsewhere`: whether this process is wanted elsewhere; asked now and then.
+pub(crate) fn take_part(
+    member: &Member,
+    number: u32,
+    job: &Job,
+    tools: &mut Tools,
+    elsewhere: impl Fn() -> bool + Send + 'static,
+) -> Result<Part, Error> {
+    let Member { board, name, .. } = member;
+    // It may take longer than a lease.
+    learn_from_others(board, job, &*tools.engine)?;
+    let lease = board.claim(number, name)?;
+    let leads = lease.is_some();
+    let asked = job.from == *name;
+    if leads {
+        board.log(number, &format!("{name} leads"));
+    }
+    let this = StopSwitch::new();
+    let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default(), log: Mutex::default() });
+    let guard = Guard {
+        member: member.clone(),
+        number,
+        work: job.work,
+        asked,
+        lease,
+        has_claimed: false,
+        this: this.clone(),
+        told: Arc::clone(&told),
+        learner: Some(Arc::clone(&tools.engine)),
+        elsewhere: Box::new(elsewhere),
+        over: Arc::default(),
+        is_silent: false,
+        watch: RefusalWatch::default(),
+    };
+    let watch = Watch::begin(guard)?;
+    let begun = Instant::now();
+    prepare_together(member, number, job, tools, &this);
+    let prepared = begun.elapsed();
+    if this.is_requested() {
+        return Ok(Part::Left(None));
+    }
+    let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
+    let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
+    if leads {
+        let (store, kept) = (tools.store.take(), tools.kept.take());
+        let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
+        let mut report = Box::new(report.map_err(Error::job)?);
+        report.times.total += prepared;
+        report.times.preparation += prepared;
+        return Ok(if report.stopped {
+            Part::Left(Some(report))
+        } else {
+            Part::Led(report, Leading { _watch: watch, link })
+        });
+    }
+    let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(Error::job)?;
+    Ok(if helped { Part::Helped } else { Part::Left(None) })
+}
+
+/// The same with less time, if there is only so much.
+fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
+    /// There is no picture in no time.
+    const LEAST: Duration = Duration::from_millis(1);
+    let goal = match settings.goal {
+        Goal::Time(time) => Goal::Time(time.saturating_sub(spent).max(LEAST)),
+        goal => goal,
+    };
+    JobSettings { goal, ..settings.clone() }
+}
+
+/// Makes what all zones need with the other machines of the job, as far as it can be shared out.
+fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this: &StopSwitch) {
+    let Member { board, name, .. } = member;
+    // One who may only paint is trusted in nothing else, and where machines are compared none is.
+    if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
+        return;
+    }
+    let together = Together::new(board, name, job.work, this);
+    if let Err(error) = tools.engine.prepare_with(&together) {
+        tracing::debug!(%error, "it is made when it is needed");
+    }
+    let [here, all] = together.shares();
+    if all > 0 {
+        board.log(number, &format!("{name} did {here} of {all} parts of the work before the first zone"));
+    }
+}
+
+/// Takes what the engine of another machine has learnt of the picture, where there is something.
+fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> Result<(), Error> {
+    // It knows it already.
+    if engine.learnt().is_some() {
+        return Ok(());
+    }
+    if let Some(bytes) = board.learnt(job.work)?
+        && let Err(error) = engine.learn_from(&bytes)
+    {
+        tracing::warn!(%error, "it is learnt anew");
+    }
+    Ok(())
+}
+
+/// The lead of a job that is painted, held until it is dropped.
+pub(crate) struct Leading {
+    _watch: Watch,
+    link: Link,
+}
+
+impl Leading {
+    /// The picture is safe: the job is over, and what was kept for it goes.
+    pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), Error> {
+        board.change(number, |job| {
+            job.say(match state {
+                JobState::Failed { reason } => format!("failed: {reason}"),
+                state => state.word().to_owned(),
+            });
+            job.state = state.clone();
+            true
+        })?;
+        self.link.forget();
+        board.forget_learnt(self.link.work.0);
+        together::forget(board, self.link.work.0);
+        Ok(())
+    }
+}
+
+/// Looks after a part in a job: renews what is to be renewed, and ends the part when it is over.
+struct Watch {
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    fn begin(guard: Guard) -> Result<Self, Error> {
+        let over = Arc::clone(&guard.over);
+        let thread = thread::Builder::new().name("watch".to_owned()).spawn(move || guard.run()).map_err(|error| {
+            Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+        })?;
+        Ok(Self { over, thread: Some(thread) })
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic in there was reported by the thread itself.
+            _ = thread.join();
+        }
+    }
+}
+
+struct Guard {
+    member: Member,
+    number: u32,
+    work: u64,
+    /// It is this process that asked for the job.
+    asked: bool,
+    lease: Option<Lease>,
+    /// Whether it has taken the lead of one who has gone: this process will lead when its agents have left.
+    has_claimed: bool,
+    this: StopSwitch,
+    told: Arc<Told>,
+    /// Has learnt, or will have, what others need not learn again; until they are told.
+    learner: Option<Arc<dyn RenderEngine>>,
+    elsewhere: Box<dyn Fn() -> bool + Send>,
+    over: Arc<AtomicBool>,
+    /// The farm did not answer the last time.
+    is_silent: bool,
+    /// What guests say that do not paint the job: they cannot write it into its log.
+    watch: RefusalWatch,
+}
+
+impl Guard {
+    fn run(mut self) {
+        let mut renewed: Option<Instant> = None;
+        while !self.over.load(Ordering::Relaxed) {
+            if renewed.is_none_or(|at| at.elapsed() >= RENEW_EVERY) {
+                renewed = Some(Instant::now());
+                self.renew();
+                self.keep_log();
+            }
+            if !self.this.is_requested() && self.is_to_leave() {
+                self.this.request();
+            }
+            self.teach();
+            thread::sleep(LOOK_EVERY);
+        }
+        self.lay_down();
+    }
+
+    fn is_to_leave(&mut self) -> bool {
+        let Member { board, stop, .. } = &self.member;
+        let is_active = board.get(self.number).is_some_and(|job| job.state == JobState::Active);
+        stop.is_requested() || !is_active || (self.elsewhere)() || self.claims()
+    }
+
+    /// One who helps may see the lead become free. Whoever is first takes it; the others paint on, and report to the one
+    /// who leads then.
+    fn claims(&mut self) -> bool {
+        let Member { board, name, .. } = &self.member;
+        let is_led = || board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
+        if self.lease.is_some() || is_led() {
+            return false;
+        }
+        match board.claim(self.number, name) {
+            Ok(lease) => self.lease = lease,
+            Err(error) => tracing::debug!(%error, "the lead was not taken"),
+        }
+        self.has_claimed = self.lease.is_some();
+        self.has_claimed
+    }
+
+    /// Tells others what the engine has learnt, once.
+    fn teach(&mut self) {
+        if self.lease.is_none() {
+            return;
+        }
+        let Some(bytes) = self.learner.as_ref().and_then(|learner| learner.learnt()) else { return };
+        self.learner = None;
+        let (board, work) = (self.member.board.clone(), self.work);
+        // It may take longer than a lease.
+        let sent = thread::Builder::new().name("teach".to_owned()).spawn(move || board.teach(work, &bytes));
+        if let Err(error) = sent {
+            tracing::debug!(%error, "others will learn themselves");
+        }
+    }
+
+    fn renew(&mut self) {
+        let Member { board, name, .. } = &self.member;
+        board.sit(&Seat { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
+        let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
+        let Some(lease) = &mut self.lease else { return };
+        let renewed = board.renew(lease, &lead);
+        let was_silent = std::mem::replace(&mut self.is_silent, renewed.is_err());
+        match renewed {
+            Ok(true) if was_silent => tracing::warn!("the farm answers again"),
+            Ok(true) => {}
+            Ok(false) => {
+                tracing::warn!(job = self.number, "another process leads the job now");
+                self.lease = None;
+                self.this.request();
+            }
+            Err(error) if !was_silent => tracing::warn!(%error, "the farm does not answer: waiting for it"),
+            Err(_) => {}
+        }
+    }
+
+    /// The leader writes into the job's log who was left out, and why.
+    fn keep_log(&mut self) {
+        if self.lease.is_none() {
+            return;
+        }
+        let board = &self.member.board;
+        let mut lines = std::mem::take(&mut *self.told.log.lock().unwrap_or_else(PoisonError::into_inner));
+        let seats = board.seats();
+        let news = self.watch.news(&seats, |work| work == self.work).into_iter();
+        lines.extend(
+            news.filter(|(seat, _)| seat.is_guest)
+                .map(|(seat, refusal)| format!("{} is left out: {}", seat.name, refusal.reason)),
+        );
+        let is_known = |line: &str| board.get(self.number).is_some_and(|job| job.log.iter().any(|it| it.text == line));
+        for line in lines.iter().filter(|line| !is_known(line)) {
+            board.log(self.number, line);
+        }
+    }
+
+    /// Nobody need wait until the lease is over; but who has claimed it will lead.
+    fn lay_down(&mut self) {
+        if let Some(lease) = self.lease.as_mut().filter(|_| !self.has_claimed || self.member.stop.is_requested())
+            && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.told.lead() })
+        {
+            tracing::debug!(%error, "the lead was not laid down");
+        }
+    }
+}
+
+/// An observer that remembers how far the job is, and what is to be written into its log.
+struct Told {
+    inner: Arc<dyn Observer>,
+    lead: Mutex<Lead>,
+    log: Mutex<Vec<String>>,
+}
+
+impl Told {
+    fn lead(&self) -> Lead {
+        self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Observer for Told {
+    fn surveyed(&self, survey: &Arc<Survey>) {
+        self.inner.surveyed(survey);
+    }
+
+    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        self.inner.analyzed(map, partition);
+    }
+
+    fn zone_changed(&self, row: &ZoneRow) {
+        self.inner.zone_changed(row);
+    }
+
+    fn agent_changed(&self, row: &AgentRow) {
+        self.inner.agent_changed(row);
+    }
+
+    fn progress(&self, progress: &Progress) {
+        let Progress { zones_done, zones, cost_done, .. } = *progress;
+        *self.lead.lock().unwrap_or_else(PoisonError::into_inner) =
+            Lead { leader: None, done: cost_done, zones_done, zones };
+        self.inner.progress(progress);
+    }
+
+    fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.inner.message(now, message);
+    }
+
+    fn heard(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.inner.heard(now, message);
+    }
+
+    fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        if log.len() < LOG_WAITING_MAX {
+            log.push(format!("{agent} is left out: {reason}"));
+        }
+        drop(log);
+        self.inner.left_out(agent, reason);
+    }
+
+    fn too_few(&self, present: usize, needed: usize) {
+        self.inner.too_few(present, needed);
+    }
+
+    fn not_kept(&self, error: &std::io::Error) {
+        self.inner.not_kept(error);
+    }
+}

@@ -1,0 +1,103 @@
+//! Jobs that a machine does not paint, and why. It says so on its seat, where those who asked for them read it: a guest may write
+//! nowhere else.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use serde::{Deserialize, Serialize};
+
+use crate::job_board::Seat;
+
+/// Refusals that stand on a seat at most; older ones go.
+const REFUSALS_MAX: usize = 16;
+/// Characters of a reason that others are told at most.
+const REASON_CHARS_MAX: usize = 400;
+
+/// A job that a machine does not paint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The number of the job.
+    pub job: u32,
+    /// The number of its work, which no other job has had.
+    pub work: u64,
+    /// Why.
+    pub reason: String,
+}
+
+/// What this machine does not paint; shared by those who speak for it.
+#[derive(Clone, Debug, Default)]
+pub struct Refusals(Arc<Mutex<BTreeMap<u64, Refusal>>>);
+
+impl Refusals {
+    pub(crate) fn add(&self, refusal: Refusal) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(refusal.work, refusal);
+    }
+
+    /// Whether a work is among them.
+    pub(crate) fn has(&self, work: u64) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&work)
+    }
+
+    /// What stands on the seat: the refusals of the last jobs.
+    pub(crate) fn last(&self) -> Vec<Refusal> {
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last: Vec<Refusal> = all.values().cloned().collect();
+        last.sort_by_key(|refusal| refusal.job);
+        last.split_off(last.len().saturating_sub(REFUSALS_MAX))
+    }
+}
+
+/// Tells each refusal of a machine once.
+#[derive(Debug, Default)]
+pub struct RefusalWatch(BTreeSet<(String, u64)>);
+
+impl RefusalWatch {
+    /// What machines have refused since the last call: of the works that are asked for.
+    pub fn news<'a>(&mut self, seats: &'a [Seat], is_asked_for: impl Fn(u64) -> bool) -> Vec<(&'a Seat, Refusal)> {
+        let mut news = Vec::new();
+        for seat in seats {
+            for refusal in seat.refusals.iter().take(REFUSALS_MAX).filter(|refusal| is_asked_for(refusal.work)) {
+                if self.0.insert((seat.name.clone(), refusal.work)) {
+                    news.push((seat, Refusal { reason: legible(&refusal.reason), ..refusal.clone() }));
+                }
+            }
+        }
+        news
+    }
+}
+
+/// A text of somebody who is not trusted, as one line of some length.
+fn legible(text: &str) -> String {
+    text.chars().take(REASON_CHARS_MAX).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(job: u32, reason: &str) -> Refusal {
+        Refusal { job, work: u64::from(job) + 100, reason: reason.to_owned() }
+    }
+
+    #[test]
+    fn each_refusal_is_told_once_and_in_one_line() {
+        let mut seat = Seat::new("m", 1, None);
+        seat.refusals = vec![refusal(1, "no\u{1b}[31m\nroom"), refusal(2, "x")];
+        let (mut watch, seats) = (RefusalWatch::default(), [seat]);
+        let news = watch.news(&seats, |work| work == 101);
+        assert_eq!(news.iter().map(|(_, it)| &*it.reason).collect::<Vec<_>>(), ["no [31m room"]);
+        assert!(watch.news(&seats, |work| work == 101).is_empty());
+        assert_eq!(watch.news(&seats, |_| true).len(), 1);
+    }
+
+    #[test]
+    fn the_last_ones_stand_on_the_seat() {
+        let refusals = Refusals::default();
+        (1..=40).for_each(|job| refusals.add(refusal(job, "x")));
+        let last = refusals.last();
+        assert_eq!((last.len(), last[0].job, last[REFUSALS_MAX - 1].job), (REFUSALS_MAX, 25, 40));
+        assert!(refusals.has(101) && !refusals.has(7));
+    }
+}

@@ -1,0 +1,180 @@
+//! The files of a scene, by their contents: sent once, kept by each machine that got them.
+
+use std::{
+    fs,
+    path::{Component, Path, PathBuf},
+};
+
+use bottega_agents::driver::nats::NatsBlobs;
+use bottega_scene::SceneFile;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+use crate::{
+    cache::Cache,
+    chunks::{self, Contents},
+    transfer::Transfer,
+};
+
+/// Files of a scene at most.
+const FILES_MAX: usize = 1 << 16;
+
+/// A file of a scene: its name in the scene's folder, and what is in it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SentFile {
+    /// Relative to the folder of the scene; may lead out of it by `..`.
+    name: String,
+    contents: Contents,
+}
+
+/// All files of a scene.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SceneFiles {
+    /// The scene file first.
+    files: Vec<SentFile>,
+    /// The picture that lights it, if it is no file of the scene.
+    environment: Option<SentFile>,
+}
+
+impl SceneFiles {
+    /// Reads the files, and says what is to be sent of them.
+    pub(crate) fn read(
+        scene: &Path,
+        files: &[SceneFile],
+        environment: Option<&Path>,
+    ) -> Result<(Self, Transfer), Error> {
+        let mut transfer = Transfer::default();
+        let mut add = |name: String, path: &Path| Ok::<_, Error>(SentFile { name, contents: transfer.add(path)? });
+        let name = scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let mut read = vec![add(name, scene)?];
+        for file in files {
+            if Path::new(&file.name).is_absolute() {
+                return Err(Error::failed(
+                    format!("the scene refers to `{}` by an absolute path", file.name),
+                    "other machines have no such file: copy it beside the scene and refer to it by a relative path",
+                ));
+            }
+            read.push(add(file.name.clone(), &file.path)?);
+        }
+        let environment = environment.map(|path| {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            add(name, path)
+        });
+        let environment = environment.transpose()?;
+        Ok((Self { files: read, environment }, transfer))
+    }
+
+    /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
+    pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
+        if self.files.is_empty() || self.files.len() > FILES_MAX {
+            return Err(Error::failed("the work names no scene, or too many files", "who leads it is of another mind"));
+        }
+        let all = || self.files.iter().chain(&self.environment);
+        let mut hasher = blake3::Hasher::new();
+        all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.contents.hash).as_bytes()));
+        // As deep as references lead out of the scene's folder, so that none leads out of this one.
+        let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
+        let root = cache.scene(hasher.finalize().to_hex().as_str());
+        let folder = (0..depth).fold(root.clone(), |folder, _| folder.join(INNER));
+        // Other processes of this machine may fetch the same.
+        let _alone = cache.lock()?;
+        for file in all() {
+            let path = file.below(&root, &folder)?;
+            if !chunks::holds(&path, &file.contents) {
+                cache.remove(&path);
+                chunks::fetch(&file.name, &file.contents, cache, store)?;
+                place(&cache.file(&file.contents.hash), &path)?;
+            }
+            Cache::touch(&path);
+        }
+        let in_use: Vec<PathBuf> = all().map(|file| cache.file(&file.contents.hash)).collect();
+        cache.trim(&root, &in_use);
+        let scene = self.files[0].below(&root, &folder)?;
+        let environment = self.environment.as_ref().map(|file| file.below(&root, &folder)).transpose()?;
+        Ok((scene, environment))
+    }
+}
+
+/// A folder in a folder, for each that a reference leads out of.
+const INNER: &str = "in";
+
+impl SceneFiles {
+    /// The folder below which all files of a scene are that was fetched.
+    pub(crate) fn root_of(scene: &Path) -> PathBuf {
+        let mut folders = scene.ancestors().skip(1);
+        folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
+    }
+
+    /// The names of all pieces in the store.
+    pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
+        self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())
+    }
+}
+
+fn leading_out(name: &str) -> usize {
+    Path::new(name).components().take_while(|part| *part == Component::ParentDir).count()
+}
+
+impl SentFile {
+    /// Where the file goes; nowhere but below `root`, whatever its name.
+    fn below(&self, root: &Path, folder: &Path) -> Result<PathBuf, Error> {
+        let mut path = folder.to_owned();
+        for part in Path::new(&self.name).components() {
+            match part {
+                Component::Normal(part) => path.push(part),
+                Component::ParentDir => _ = path.pop(),
+                Component::CurDir => {}
+                Component::RootDir | Component::Prefix(_) => path = PathBuf::new(),
+            }
+            if !path.starts_with(root) {
+                return Err(Error::failed(
+                    format!("a file of the scene is called `{}`, which leads out of its folder", self.name),
+                    "who leads the work is of another mind, or is not to be trusted",
+                ));
+            }
+        }
+        Ok(path)
+    }
+}
+
+/// Writes a file that is there as a whole or not at all.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let wrong = |source| Error::write(path.to_owned(), source);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(wrong)?;
+    let part = path.with_extension(format!("part-{}", std::process::id()));
+    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(wrong)
+}
+
+/// Puts a kept file into a scene's folder, without a copy where the file system can.
+fn place(kept: &Path, path: &Path) -> Result<(), Error> {
+    let wrong = |source| Error::write(path.to_owned(), source);
+    fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(wrong)?;
+    fs::hard_link(kept, path).or_else(|_| fs::copy(kept, path).map(|_| ())).map_err(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_below_the_root_may_be_read() {
+        for (scene, root) in
+            [("/cache/scenes/1/in/in/a.glb", "/cache/scenes/1"), ("/cache/scenes/1/a.glb", "/cache/scenes/1")]
+        {
+            assert_eq!(SceneFiles::root_of(Path::new(scene)), Path::new(root));
+        }
+    }
+
+    #[test]
+    fn no_file_leads_out_of_the_folder_of_its_scene() {
+        let (root, folder) = (Path::new("/cache/scenes/1"), Path::new("/cache/scenes/1/in"));
+        let contents: Contents = serde_json::from_str(r#"{"hash":"","chunks":[]}"#).unwrap();
+        let file = |name: &str| SentFile { name: name.to_owned(), contents: contents.clone() }.below(root, folder);
+        assert_eq!(file("a/b.ply").unwrap(), Path::new("/cache/scenes/1/in/a/b.ply"));
+        assert_eq!(file("../b.ply").unwrap(), Path::new("/cache/scenes/1/b.ply"));
+        for wrong in ["../../b.ply", "/etc/passwd", "../../../etc/passwd", "a/../../../x"] {
+            assert!(file(wrong).is_err(), "{wrong}");
+        }
+    }
+}

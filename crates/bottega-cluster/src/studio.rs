@@ -1,0 +1,107 @@
+//! A job made ready on this machine: its scene fetched and loaded, its engine at hand.
+
+use std::{fs, path::Path};
+
+use bottega::{
+    Request, Session,
+    devices::DeviceChoice,
+    identity::{difference, with_commit},
+    session::{Part, Tools},
+};
+use bottega_farm::JobReport;
+use bottega_image::{Film, Metadata};
+
+use crate::{
+    build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, part::Member, scene_files::SceneFiles,
+};
+
+/// A job made ready.
+pub(crate) struct Studio {
+    /// Which.
+    pub(crate) work: u64,
+    session: Session,
+}
+
+/// What of this machine paints.
+#[derive(Clone, Debug, Default)]
+pub struct Own {
+    /// Processors to use; `None`: all.
+    pub threads: Option<u16>,
+    /// Which devices.
+    pub devices: DeviceChoice,
+}
+
+impl Own {
+    /// Has a request be painted by this.
+    fn apply(&self, request: &mut Request) {
+        request.devices.threads = self.threads;
+        request.devices.names = self.devices.for_others(request.devices.exact).names();
+    }
+}
+
+impl Studio {
+    /// Fetches what this machine lacks of a job's scene, and loads it.
+    pub(crate) fn open(member: &Member, job: &Job, cache: &Cache, own: &Own) -> Result<Self, Error> {
+        if job.version != build().identity() {
+            return Err(other_build(job));
+        }
+        let order = member.board.order(job)?;
+        let (scene, environment) = order.files.fetch(cache, member.board.uplink.blobs())?;
+        let mut request = order.on_this_machine(&scene, environment)?;
+        own.apply(&mut request);
+        let turn = member.name.bytes().map(usize::from).sum::<usize>();
+        let files = SceneFiles::root_of(&scene);
+        let part = Part { asked: &order.request, files: &files, engine: order.engine.as_deref(), turn };
+        Ok(Self { work: job.work, session: Session::for_others(&request, part)? })
+    }
+
+    /// What painting takes.
+    pub(crate) fn tools(&self) -> Tools {
+        self.session.tools()
+    }
+
+    pub(crate) fn samples_done(&self) -> u64 {
+        self.session.samples_done()
+    }
+
+    /// Denoises a picture that is painted, if that was asked for and can be done here. What the picture says of itself.
+    pub(crate) fn finish(&self, board: &JobBoard, number: u32, report: &mut JobReport) -> Metadata {
+        let (metadata, denoised) = self.session.finish_for_others(report);
+        if let Err(error) = denoised {
+            board.log(number, &format!("the picture keeps its noise: {}", error.told()));
+        }
+        metadata
+    }
+
+    /// Has the farm keep the picture, as the file that was asked for.
+    pub(crate) fn keep_picture(
+        &self,
+        board: &JobBoard,
+        job: &Job,
+        (film, metadata): (&Film, &Metadata),
+        cache: &Cache,
+    ) -> Result<(), Error> {
+        let name = Path::new(&job.output).extension().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
+        let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
+        let written = || {
+            self.session.write_to(&path, film, metadata)?;
+            let bytes = fs::read(&path).map_err(|source| Error::read(path.clone(), source))?;
+            board.keep_picture(job, &bytes)
+        };
+        let written = written();
+        // It was only on its way.
+        if let Err(error) = fs::remove_file(&path) {
+            tracing::debug!(%error, "the picture's file was not removed");
+        }
+        written
+    }
+}
+
+/// What is wrong with a job of another build.
+fn other_build(job: &Job) -> Error {
+    let (there, here) = (with_commit(&job.version, &job.commit), build().description());
+    Error::failed(
+        format!("the job is for version {there}, this is {here}: {}", difference(&job.version, build().identity())),
+        format!("install bottega {there} here, or {here} there: only the same build gives the same bits"),
+    )
+}

@@ -1,0 +1,318 @@
+//! A farm on this machine, with a NATS server as a child of this process.
+
+use std::{
+    fs,
+    io::Write,
+    net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket},
+    path::{Path, PathBuf},
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega::state::state_folder;
+use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Pin};
+use bottega_farm::{FarmCodec, StopSwitch};
+use rustls::pki_types::{CertificateDer, pem::PemObject};
+
+use crate::error::Error;
+use crate::{
+    address::{FarmAddress, Group, JoinWord, address_file},
+    admission::Admission,
+    discovery::Beacon,
+    job_board::JobBoard,
+    keeper::Keeper,
+    link::{pinned, private_folder, write_secret},
+    members::Members,
+    room::{bytes_below, bytes_said, disk, fitting_limit},
+    server::{Server, Setup, program, signal},
+};
+
+/// How long a server may take to begin.
+const BEGIN_TRIES: u32 = 100;
+const BETWEEN_TRIES: Duration = Duration::from_millis(100);
+/// Where a farm listens if nobody says.
+const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 4222);
+/// The file that the process holds which has a farm.
+const LOCK: &str = "up.lock";
+
+/// What a farm is begun with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UpOptions {
+    /// Where to listen; none: 0.0.0.0:4222.
+    pub listen: Option<SocketAddr>,
+    /// Where works and pixels are kept; none: a folder of the user's state.
+    pub state: Option<PathBuf>,
+    /// How much is kept there at most, in bytes; none: what its disk has, but for a twentieth.
+    pub store_bytes: Option<u64>,
+    /// The program of the NATS server; none: `nats-server`, where systems put it.
+    pub server: Option<PathBuf>,
+    /// Whether the local network is not told where the farm is (mDNS).
+    pub hidden: bool,
+}
+
+/// A farm on this machine.
+pub enum Farm {
+    /// This process has it.
+    Here(Box<Host>),
+    /// Another process of this user has it, and nothing is changed.
+    Elsewhere {
+        /// Its number.
+        process: String,
+        /// Where it listens.
+        listen: SocketAddr,
+        /// By what others join it.
+        invitation: Box<Invitation>,
+    },
+}
+
+/// By what others join a farm.
+#[derive(Clone, Debug)]
+pub struct Invitation {
+    /// For machines that may do everything.
+    pub trusted: FarmAddress,
+    /// For machines that may paint, and no more.
+    pub guest: FarmAddress,
+}
+
+/// The process that has a farm: the farm is up for as long as it [keeps it up](Self::keep_up).
+pub struct Host {
+    /// By what others join it.
+    pub invitation: Invitation,
+    keeper: Keeper,
+    board: JobBoard,
+    /// How the farm is found from this machine.
+    here: String,
+    beacon: Option<Beacon>,
+    _alone: fs::File,
+}
+
+impl Farm {
+    /// Begins a farm, with a NATS server as a child of this process.
+    ///
+    /// # Errors
+    /// There is no server program, its folder or address cannot be used, or another farm is there already.
+    pub fn up(asked: &UpOptions) -> Result<Self, Error> {
+        let folder = asked.state.clone().unwrap_or_else(|| state_folder().join("server"));
+        let Some(alone) = lock(&folder)? else { return up_already(asked, folder) };
+        let program = program(asked.server.as_deref())?;
+        let members = Members::open(folder.join("members.json"))?;
+        let listen = asked.listen.unwrap_or(LISTEN);
+        let words = words(&members)?;
+        let options = |listen| options(&members, listen, &words[0]);
+        let mut setup = Setup { folder, listen, store_bytes: None };
+        setup.store_bytes = store_bytes(asked, &setup, &program, &options)?;
+        let config = setup.write(&members)?;
+        let (server, uplink) = begin(&program, &config, &setup, &options(listen))?;
+        let board = JobBoard { uplink: Arc::new(uplink) };
+        let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
+        let keeper = Keeper::new(server, &program, config, &setup, board.clone());
+        let admission = Admission::new(members, setup, program.clone());
+        let groups = Group::ALL.map(Group::word);
+        board.uplink.answer_newcomers(&groups, move |group, request| admission.answer(group, request));
+        write_secret(&address_file(), here.as_bytes())?;
+        let beacon = (!asked.hidden && !listen.ip().is_loopback()).then(|| Beacon::light(words[0].pin, listen.port()));
+        let beacon = beacon.and_then(|beacon| {
+            beacon.inspect_err(|error| tracing::warn!(%error, "the local network is not told where the farm is")).ok()
+        });
+        let invitation = Invitation::new(listen, &words);
+        Ok(Self::Here(Box::new(Host { invitation, keeper, board, here, beacon, _alone: alone })))
+    }
+}
+
+impl Host {
+    /// The version of the NATS server.
+    pub fn server_version(&self) -> String {
+        self.board.uplink.server_version().to_string()
+    }
+
+    /// How much room the server has, in words.
+    pub fn room_said(&self) -> String {
+        self.keeper.room_said()
+    }
+
+    /// Keeps the farm up until the user wants to stop.
+    ///
+    /// # Errors
+    /// The server does not run, and cannot be begun again.
+    pub fn keep_up(mut self, stop: &StopSwitch) -> Result<(), Error> {
+        self.keeper.keep_up(stop)?;
+        drop(self.beacon);
+        // Another one may have begun in another folder.
+        if fs::read_to_string(address_file()).is_ok_and(|text| text == self.here)
+            && let Err(error) = fs::remove_file(address_file())
+        {
+            tracing::debug!(%error, "the address was not removed");
+        }
+        Ok(())
+    }
+}
+
+impl Invitation {
+    fn new(listen: SocketAddr, [trusted, guest]: &[JoinWord; 2]) -> Self {
+        let there = reachable_there(listen);
+        let [trusted, guest] = [trusted, guest].map(|word| FarmAddress::of_up(there.clone(), word.clone()));
+        Self { trusted, guest }
+    }
+}
+
+/// Keeps other processes of this program from a folder until it is dropped, or this process dies. `None`: one has it.
+fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
+    private_folder(folder)?;
+    let path = folder.join(LOCK);
+    let wrong = |source| Error::write(path.clone(), source);
+    let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(wrong)?;
+    match file.try_lock() {
+        Ok(()) => {
+            // Whoever comes later is told who it is.
+            let told = file.set_len(0).and_then(|()| (&file).write_all(std::process::id().to_string().as_bytes()));
+            told.map_err(wrong)?;
+            Ok(Some(file))
+        }
+        Err(fs::TryLockError::WouldBlock) => Ok(None),
+        Err(fs::TryLockError::Error(error)) => Err(wrong(error)),
+    }
+}
+
+/// Another process of this user has the farm: it is left alone.
+fn up_already(args: &UpOptions, folder: PathBuf) -> Result<Farm, Error> {
+    let process = fs::read_to_string(folder.join(LOCK)).unwrap_or_default();
+    let file = folder.join("members.json");
+    if !file.is_file() {
+        let problem = format!("process {process} is about to start a farm in {}", folder.display());
+        return Err(Error::failed(problem, "try again in a moment"));
+    }
+    let members = Members::open(file)?;
+    let setup = Setup { folder, listen: args.listen.unwrap_or(LISTEN), store_bytes: None };
+    let listen = setup.configured().map_or(setup.listen, |configured| configured.listen);
+    if args.listen.is_some_and(|asked| asked != listen) {
+        return Err(Error::failed(
+            format!("a farm is up already in {}, at {listen}: process {process}", setup.folder.display()),
+            "end that one first, or have another one in another folder: --state",
+        ));
+    }
+    let invitation = Box::new(Invitation::new(listen, &words(&members)?));
+    Ok(Farm::Elsewhere { process, listen, invitation })
+}
+
+/// The words by which one becomes a member.
+fn words(members: &Members) -> Result<[JoinWord; 2], Error> {
+    let pin = pin(members)?;
+    Ok(Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin }))
+}
+
+fn options(members: &Members, listen: SocketAddr, word: &JoinWord) -> NatsOptions {
+    let here = FarmAddress::of_up(reachable_here(listen), word.clone());
+    NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&here, word, "up") }
+}
+
+/// What the server may keep; `None`: it decides that itself. A server that was left behind goes on as it is, unless something
+/// else is asked for than what it has: then it is ended.
+fn store_bytes(
+    args: &UpOptions,
+    setup: &Setup,
+    program: &Path,
+    options: &dyn Fn(SocketAddr) -> NatsOptions,
+) -> Result<Option<u64>, Error> {
+    let asked = args.store_bytes;
+    if let (Some(before), Some(number)) = (setup.configured(), setup.running())
+        // Nobody else's has this certificate.
+        && let Ok(uplink) = NatsUplink::connect(&options(before.listen), FarmCodec)
+    {
+        let is_as_asked = before.listen == setup.listen && asked.is_none_or(|asked| before.store_bytes == Some(asked));
+        if is_as_asked {
+            return Ok(before.store_bytes);
+        }
+        tracing::warn!("the server that was left behind at {} is ended", before.listen);
+        end_of_other(program, number, &uplink);
+    }
+    let folder = setup.store();
+    let (used, disk) = (bytes_below(&folder), disk(&setup.folder));
+    let limit = asked.or_else(|| disk.map(|disk| fitting_limit(used, disk)));
+    if let (Some(asked), Some((free, _))) = (asked, disk)
+        && asked > used + free
+    {
+        let free = bytes_said(used + free);
+        tracing::warn!("--store-size is more than there is room for: the disk of {} has {free}", folder.display());
+    }
+    Ok(limit)
+}
+
+/// How the server is known.
+pub(crate) fn pin(members: &Members) -> Result<Pin, Error> {
+    let certificate = CertificateDer::from_pem_slice(members.certificate().0.as_bytes());
+    let certificate = certificate.map_err(|error| {
+        Error::failed(
+            format!("the certificate of the farm is damaged: {error:?}"),
+            "remove members.json from its folder: everybody must join anew then",
+        )
+    })?;
+    Ok(Pin::of(&certificate))
+}
+
+/// A server, and a link to it: the one that is there already, if it is ours, or else a new one.
+pub(crate) fn begin(
+    program: &Path,
+    config: &Path,
+    setup: &Setup,
+    options: &NatsOptions,
+) -> Result<(Server, NatsUplink<FarmCodec>), Error> {
+    if let Some(number) = setup.running()
+        && let Ok(uplink) = NatsUplink::connect(options, FarmCodec)
+    {
+        // Nobody else's has this certificate.
+        signal(program, "reload", number);
+        return Ok((Server::adopt(program, number), uplink));
+    }
+    let mut server = Server::start(program, config)?;
+    for last in (0..BEGIN_TRIES).rev() {
+        if server.ended()?.is_some() {
+            return Err(Error::failed(
+                format!("the NATS server ended at once: {}", server.last_words(&setup.log())),
+                "is another one running at the same address? choose another with --listen",
+            ));
+        }
+        match NatsUplink::connect(options, FarmCodec) {
+            Ok(uplink) => return Ok((server, uplink)),
+            Err(source) if last == 0 => {
+                let remedy = format!("see {}", setup.log().display());
+                return Err(Error::Farm { source, remedy });
+            }
+            Err(_) => thread::sleep(BETWEEN_TRIES),
+        }
+    }
+    Err(Error::failed("the NATS server does not answer", "see its log"))
+}
+
+/// Ends a server that was left behind: two cannot have the same folder.
+fn end_of_other(program: &Path, number: u32, uplink: &NatsUplink<FarmCodec>) {
+    signal(program, "quit", number);
+    for _ in 0..BEGIN_TRIES {
+        if !uplink.is_connected() {
+            return;
+        }
+        thread::sleep(BETWEEN_TRIES);
+    }
+}
+
+/// The farm's address for this machine.
+fn reachable_here(listen: SocketAddr) -> String {
+    let host = if listen.ip().is_unspecified() { IpAddr::from([127, 0, 0, 1]) } else { listen.ip() };
+    SocketAddr::new(host, listen.port()).to_string()
+}
+
+/// The farm's address for others: that of the interface which leads outwards, or, where none does, of any that others see.
+fn reachable_there(listen: SocketAddr) -> String {
+    let outwards = || {
+        let socket = UdpSocket::bind("0.0.0.0:0").ok()?;
+        // Nothing is sent: connecting only chooses an interface.
+        socket.connect("192.0.2.1:9").ok()?;
+        socket.local_addr().ok().map(|address| address.ip())
+    };
+    let any = || if_addrs::get_if_addrs().ok()?.into_iter().find(|it| it.ip().is_ipv4() && !it.is_loopback());
+    let host = || outwards().or_else(|| any().map(|it| it.ip()));
+    match listen.ip() {
+        ip if ip.is_unspecified() => SocketAddr::new(host().unwrap_or(ip), listen.port()).to_string(),
+        _ => listen.to_string(),
+    }
+}

@@ -1,0 +1,186 @@
+//! What a farm keeps, and lets go of: of jobs that are over, of pieces of scenes that no job needs, of machines that were killed.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    thread,
+    time::Duration,
+};
+
+use bottega_agents::driver::nats::Blob;
+
+use crate::error::Error;
+use crate::{
+    chunks,
+    job::{Job, JobState},
+    job_board::JobBoard,
+    together,
+    transfer::Announcement,
+};
+
+/// How long is looked whether somebody who sends a scene is there: he says so once a second.
+const LOOK_FOR: Duration = Duration::from_millis(2500);
+/// What was put there and belongs to nothing is let go after this time: it is no part of what somebody is sending.
+const STRAY_AFTER: Duration = Duration::from_secs(600);
+/// After so long the seat of a machine is taken away that does not renew it.
+const SEAT_LEFT: Duration = Duration::from_secs(15);
+
+/// What a job holds of the farm's room, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Held {
+    /// Pieces of its scene, which other jobs may need too.
+    pub scene: u64,
+    /// Its picture, what it asks for, and about what is painted.
+    pub own: u64,
+}
+
+impl Held {
+    pub fn all(self) -> u64 {
+        self.scene + self.own
+    }
+}
+
+impl JobBoard {
+    /// Lets go of what nobody will ask for: zones of jobs that are over, and after a day their scenes.
+    pub fn sweep(&self) {
+        self.sweep_zones();
+        // What a job needs whose order cannot be read just now is not known.
+        let Some(needed) = self.needed() else { return };
+        self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed));
+        self.uplink.blobs().forget_strays(STRAY_AFTER);
+    }
+
+    fn sweep_zones(&self) {
+        let jobs = self.all();
+        let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
+        let work = |folder: &str| folder.strip_prefix("work-")?.parse().ok();
+        for folder in self.uplink.tiles().folders() {
+            if work(&folder).is_some_and(|work| !is_live(work)) {
+                self.uplink.tiles().forget(&folder);
+            }
+        }
+        for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
+            self.forget_zones(job.work);
+            self.forget_learnt(job.work);
+        }
+        together::works(self).into_iter().filter(|&work| !is_live(work)).for_each(|work| together::forget(self, work));
+    }
+
+    /// Lets go at once of all that no job needs: somebody has no room.
+    ///
+    /// - `is_wanted`: pieces that he is about to need.
+    pub(crate) fn make_room(&self, me: &str, is_wanted: impl Fn(&str) -> bool) {
+        self.sweep_zones();
+        self.forget_pieces(me, |name| !is_wanted(name));
+        self.uplink.blobs().forget_strays(STRAY_AFTER);
+    }
+
+    /// Lets pieces go that no job needs; none while somebody else sends a scene, who may count on them.
+    ///
+    /// - `me`: the process that wants it.
+    pub(crate) fn forget_pieces(&self, me: &str, which: impl Fn(&str) -> bool) {
+        if self.others_send(me) {
+            return;
+        }
+        let Some(needed) = self.needed() else { return };
+        self.uplink
+            .blobs()
+            .forget_all(|name, _| name.starts_with(chunks::PREFIX) && which(name) && !needed.contains(name));
+    }
+
+    /// Forgets a job and all that was kept for it: its scene, too, as far as no other job needs it.
+    pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
+        let order = self.get(number).and_then(|job| self.order(&job).ok());
+        self.remove(number)?;
+        let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
+        // Nobody sends under no name.
+        self.forget_pieces("", |name| pieces.contains(name));
+        Ok(())
+    }
+
+    /// The pieces that jobs need which are not over; `None`: it is not known.
+    fn needed(&self) -> Option<BTreeSet<String>> {
+        let jobs = self.all();
+        let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
+        let orders = live.map(|(_, job)| self.order(job)).collect::<Result<Vec<_>, _>>().ok()?;
+        Some(orders.iter().flat_map(|order| order.files.blobs()).collect())
+    }
+
+    /// Says that a process sends a scene. That it cannot be said stops nobody.
+    pub(crate) fn announce(&self, me: &str, what: &Announcement) {
+        if let Err(error) = self.put_notice(&transfer_name(me), what) {
+            tracing::debug!(%error, "it is not told that a scene is sent");
+        }
+    }
+
+    pub(crate) fn stop_announcing(&self, me: &str) {
+        if let Err(error) = self.uplink.notices().remove(&transfer_name(me)) {
+            tracing::debug!(%error, "it is not told that no scene is sent any more");
+        }
+    }
+
+    /// Whether another process sends a scene just now. One that was killed does not say that it does not.
+    fn others_send(&self, me: &str) -> bool {
+        let look = || {
+            let all = self.uplink.notices().all("transfer/").into_iter();
+            let others = all.filter(|notice| notice.name != transfer_name(me));
+            others.map(|notice| (notice.name, notice.revision)).collect::<BTreeMap<_, _>>()
+        };
+        let before = look();
+        if before.is_empty() {
+            return false;
+        }
+        thread::sleep(LOOK_FOR);
+        let now = look();
+        for (name, revision) in &before {
+            if now.get(name) == Some(revision)
+                && let Err(error) = self.uplink.notices().remove(name)
+            {
+                tracing::debug!(%error, "a notice was not taken down");
+            }
+        }
+        now.iter().any(|(name, revision)| before.get(name) != Some(revision))
+    }
+
+    /// Scenes that are being sent, by the processes that do it.
+    pub fn transfers(&self) -> Vec<(String, Announcement)> {
+        let all = self.uplink.notices().all("transfer/").into_iter();
+        let read = all.filter_map(|notice| {
+            let process = notice.name.strip_prefix("transfer/")?.to_owned();
+            Some((process, serde_json::from_slice(&notice.text).ok()?))
+        });
+        read.collect()
+    }
+
+    /// What each job holds, by its number.
+    pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, Held> {
+        let blobs = self.uplink.blobs().list();
+        let sizes: BTreeMap<&str, u64> = blobs.iter().map(|Blob { name, bytes, .. }| (&**name, *bytes)).collect();
+        let tiles = self.uplink.tiles().bytes_by_folder();
+        let held = |job: &Job| {
+            // What it asks for cannot be read: of its scene nothing is known.
+            let pieces: BTreeSet<String> =
+                self.order(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
+            let scene = pieces.iter().filter_map(|name| sizes.get(&**name)).sum();
+            let prefix = format!("job-{}/", job.work);
+            let own: u64 =
+                sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum();
+            let painted = tiles.get(&format!("work-{}", job.work)).copied().unwrap_or_default();
+            Held { scene, own: own + painted }
+        };
+        jobs.iter().map(|(number, job)| (*number, held(job))).collect()
+    }
+
+    /// Takes the seats of machines away that were killed.
+    pub(crate) fn clear_seats(&self) {
+        let seats = self.uplink.notices().all("seat/").into_iter();
+        for notice in seats.filter(|notice| notice.unchanged > SEAT_LEFT) {
+            if let Err(error) = self.uplink.notices().remove(&notice.name) {
+                tracing::debug!(%error, "a seat was not taken away");
+            }
+        }
+    }
+}
+
+fn transfer_name(process: &str) -> String {
+    format!("transfer/{process}")
+}

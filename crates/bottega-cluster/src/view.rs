@@ -1,0 +1,111 @@
+//! How jobs and machines stand, for those who look on.
+
+use serde::Serialize;
+
+use crate::{
+    job::{Job, JobState},
+    job_board::{JobBoard, Lead, Seat},
+    machine::{Roster, Standing},
+};
+
+/// A job as others are told of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JobView {
+    /// Its number.
+    #[serde(rename = "job")]
+    pub number: u32,
+    /// `active`, `paused`, `done`, `failed` or `cancelled`.
+    pub state: &'static str,
+    /// Why it failed.
+    pub reason: Option<String>,
+    /// Predicted share of all cost that is done, 0..=1.
+    pub done: f64,
+    /// Zones painted.
+    pub zones_done: usize,
+    /// All zones.
+    pub zones: usize,
+    /// How urgent it is.
+    pub priority: u32,
+    /// How many paint it.
+    pub machines: usize,
+    /// Who leads it.
+    pub leader: Option<String>,
+    /// Who asked for it.
+    pub from: String,
+    /// Seconds since 1970.
+    pub submitted: u64,
+    /// The scene, as its asker calls it.
+    pub scene: String,
+    /// The picture, as its asker calls it.
+    pub output: String,
+    /// The farm has the picture.
+    pub kept: bool,
+    /// Whether it will not change by itself any more.
+    #[serde(skip)]
+    pub is_over: bool,
+}
+
+impl JobView {
+    /// A job, as others look at it.
+    pub fn of(number: u32, job: &Job, lead: &Lead, machines: usize) -> Self {
+        let is_done = matches!(job.state, JobState::Done { .. });
+        Self {
+            number,
+            state: job.state.word(),
+            reason: match &job.state {
+                JobState::Failed { reason } => Some(reason.clone()),
+                _ => None,
+            },
+            done: if is_done { 1.0 } else { lead.done },
+            zones_done: lead.zones_done,
+            zones: lead.zones,
+            priority: job.priority,
+            // A machine that was killed does not say that it has left.
+            machines: if job.state.is_over() { 0 } else { machines },
+            leader: lead.leader.clone(),
+            from: job.from.clone(),
+            submitted: job.submitted,
+            scene: job.scene.clone(),
+            output: job.output.clone(),
+            kept: matches!(job.state, JobState::Done { kept: true }),
+            is_over: job.state.is_over(),
+        }
+    }
+}
+
+/// A machine as others are told of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MachineView {
+    /// What it says of itself.
+    pub seat: Seat,
+    /// What it is told.
+    pub ordered: Standing,
+}
+
+/// All of a farm at a moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FarmView {
+    /// By number.
+    pub jobs: Vec<JobView>,
+    /// The machines that are there.
+    pub machines: Vec<MachineView>,
+}
+
+impl FarmView {
+    /// The farm as it is now.
+    pub fn of(board: &JobBoard, roster: &mut Roster) -> Self {
+        let seats = roster.look(board.seated());
+        let jobs = board.all().into_iter().map(|(number, job)| {
+            let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+            JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
+        });
+        let jobs = jobs.collect();
+        let machine = |seat: Seat| MachineView { ordered: board.order_to(&seat.name).standing, seat };
+        Self { jobs, machines: seats.into_iter().map(machine).collect() }
+    }
+
+    /// A job by its number.
+    pub fn job(&self, number: u32) -> Option<&JobView> {
+        self.jobs.iter().find(|job| job.number == number)
+    }
+}

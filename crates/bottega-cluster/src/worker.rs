@@ -1,0 +1,262 @@
+//! A machine that paints for a farm: takes part in the job that needs it most, and leads it where nobody does.
+
+use std::{
+    collections::BTreeSet,
+    path::PathBuf,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::{StopSwitch, devices::processors, state::state_folder};
+
+pub use crate::studio::Own;
+use crate::{
+    cache::Cache,
+    error::Error,
+    job::{Job, JobState},
+    job_board::{JobBoard, RENEW_EVERY, Seat},
+    link::FarmLink,
+    machine::{MachineOrder, Standing},
+    part::{Member, Part, take_part},
+    patience::{meanwhile, patiently},
+    refusals::{Refusal, Refusals},
+    shares::{Wanting, choose, should_move},
+    studio::Studio,
+};
+
+/// What a machine that paints for a farm says to its user.
+pub enum Said<'a> {
+    /// What it does.
+    Line(&'a str),
+    /// Why it does not paint a job.
+    Failure(&'a Error),
+}
+
+/// What of this machine is offered to a farm.
+#[derive(Clone, Debug, Default)]
+pub struct JoinOptions {
+    /// What paints.
+    pub own: Own,
+    /// Where scenes are kept; none: a folder of the user's state.
+    pub cache: Option<PathBuf>,
+    /// How much of them, in bytes; what was used longest ago goes first. None: 20 GiB.
+    pub cache_bytes: Option<u64>,
+    /// Whether it leaves when one job is over.
+    pub once: bool,
+}
+
+/// Paints for a farm until the user wants to stop, or somebody has this machine leave.
+///
+/// - `say`: tells the user what it does.
+pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(Said<'_>)>) {
+    let FarmLink { uplink, name, .. } = link;
+    let JoinOptions { own, cache, cache_bytes, once } = options;
+    let threads = own.threads.map_or_else(processors, usize::from);
+    let member =
+        Member { board: JobBoard { uplink }, name, threads, stop: stop.clone(), refusals: Refusals::default() };
+    let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
+    let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
+    let mut worker = Worker::new(member, cache, own, None, say);
+    worker.work(once);
+    worker.leave();
+}
+
+/// Bytes of scenes that a machine keeps where nobody says.
+pub(crate) const CACHE_BYTES: u64 = 20 << 30;
+/// How often is looked for work.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// A machine stays with a job for so long before it looks at others: loading a scene is not for nothing.
+const STAYS: Duration = Duration::from_secs(5);
+
+/// A machine that paints for a farm.
+pub(crate) struct Worker {
+    member: Member,
+    cache: Cache,
+    own: Own,
+    /// The job that was painted last: its scene stays loaded.
+    studio: Option<Studio>,
+    /// The only ones that it may; then it is the process that asked for them, and takes no orders.
+    only: Option<BTreeSet<u32>>,
+    /// A job that is painted, and whose picture somebody else makes safe.
+    helped: Option<u32>,
+    say: Box<dyn Fn(Said<'_>)>,
+}
+
+impl Worker {
+    /// - `cache`: where scenes are kept.
+    /// - `own`: what of this machine paints.
+    /// - `only`: paint these jobs and no others.
+    /// - `say`: tells the user what it does.
+    pub(crate) fn new(
+        member: Member,
+        cache: Cache,
+        own: Own,
+        only: Option<BTreeSet<u32>>,
+        say: Box<dyn Fn(Said<'_>)>,
+    ) -> Self {
+        Self { member, cache, own, studio: None, only, helped: None, say }
+    }
+
+    /// Says that it has gone.
+    pub(crate) fn leave(&self) {
+        self.member.board.rise(&self.member.name);
+    }
+
+    /// Does what it is told, until the user wants to stop or somebody has it leave.
+    ///
+    /// - `once`: no longer than until a job is over.
+    pub(crate) fn work(&mut self, once: bool) {
+        let mut before = Standing::Active;
+        while !self.member.stop.is_requested() {
+            let MachineOrder { standing, by } = self.member.board.order_to(&self.member.name);
+            if before != standing {
+                match standing {
+                    Standing::Active => (self.say)(Said::Line(&format!("resumed by {by}; waiting for work"))),
+                    Standing::Suspended => (self.say)(Said::Line(&format!("suspended by {by}"))),
+                    Standing::Terminated => (self.say)(Said::Line(&format!("told to leave by {by}"))),
+                }
+            }
+            before = standing;
+            if standing == Standing::Suspended {
+                self.rest();
+            } else if standing == Standing::Terminated || self.work_once() && once {
+                return;
+            }
+        }
+    }
+
+    /// Takes no work for a moment, or until it is told otherwise.
+    fn rest(&mut self) {
+        // Memory, too, is for others now.
+        self.studio = None;
+        let Member { board, name, stop, .. } = &self.member;
+        board.sit(&Seat { standing: Standing::Suspended, ..self.member.seat(None) });
+        let begun = Instant::now();
+        while begun.elapsed() < RENEW_EVERY
+            && !stop.is_requested()
+            && board.order_to(name).standing == Standing::Suspended
+        {
+            thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// Whether it is told anything else than to paint.
+    fn is_called_off(&self) -> impl Fn() -> bool + Send + 'static {
+        let (board, me, takes_orders) = (self.member.board.clone(), self.member.name.clone(), self.only.is_none());
+        move || takes_orders && board.order_to(&me).standing != Standing::Active
+    }
+
+    /// Whether this machine would paint a job.
+    fn would(&self, number: u32, job: &Job) -> bool {
+        may(&self.only, &self.member.refusals, number, job) && !self.is_done_with(number)
+    }
+
+    /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
+    pub(crate) fn work_once(&mut self) -> bool {
+        let Member { board, name, .. } = &self.member;
+        let others: Vec<Seat> = board.seats().into_iter().filter(|seat| seat.name != *name).collect();
+        let wanting = wanting(board, |number, job| self.would(number, job));
+        let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
+        let Some((number, job)) = chosen else {
+            board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+            self.wait();
+            return false;
+        };
+        match self.take_part(number, &job) {
+            Ok(is_over) => is_over,
+            // It waited for the farm until somebody wanted something else.
+            Err(error) if error.may_pass() => false,
+            // What is wrong with one job is no reason to leave the farm.
+            Err(error) => {
+                let Member { board, name, refusals, .. } = &self.member;
+                let reason = error.told_with_remedy();
+                board.log(number, &format!("{name} is left out: {reason}"));
+                (self.say)(Said::Failure(&error));
+                refusals.add(Refusal { job: number, work: job.work, reason });
+                board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+                true
+            }
+        }
+    }
+
+    /// Whether a job needs no more hands, though it is not over yet.
+    fn is_done_with(&self, number: u32) -> bool {
+        let is_led = || self.member.board.lead(number).is_some_and(|lead| lead.leader.is_some());
+        self.helped == Some(number) && is_led()
+    }
+
+    /// Until it is time to say that this machine is there, or there may be work.
+    fn wait(&self) {
+        let (begun, is_called_off) = (Instant::now(), self.is_called_off());
+        while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
+            thread::sleep(LOOK_EVERY);
+            if is_called_off() || !wanting(&self.member.board, |number, job| self.would(number, job)).is_empty() {
+                return;
+            }
+        }
+    }
+
+    fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, Error> {
+        let teller = &self.say;
+        let say = |line: &str| teller(Said::Line(line));
+        let Member { board, stop, .. } = &self.member;
+        let seat = Seat { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
+        if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
+            // The old one goes first: two scenes may be more than there is room for.
+            self.studio = None;
+            let open = || Studio::open(&self.member, job, &self.cache, &self.own);
+            let sit = || board.sit(&seat);
+            self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently(stop, say, open))?);
+        }
+        let Some(studio) = &self.studio else { return Ok(false) };
+        let before = studio.samples_done();
+        (self.say)(Said::Line(&format!("job {number}: painting {}", job.scene)));
+        let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
+        let part = patiently(stop, say, part)?;
+        let is_over = !matches!(part, Part::Left(_));
+        if let Part::Led(mut report, leading) = part {
+            let state = match report.failed.len() {
+                0 => {
+                    let metadata = studio.finish(board, number, &mut report);
+                    let picture = (&report.film, &metadata);
+                    patiently(stop, say, || studio.keep_picture(board, job, picture, &self.cache))?;
+                    JobState::Done { kept: true }
+                }
+                failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
+            };
+            patiently(stop, say, || leading.finish(board, number, &state))?;
+        } else if is_over {
+            self.helped = Some(number);
+        }
+        let how = if is_over { "done" } else { "left" };
+        let samples = (studio.samples_done() - before) as f64 / 1e6;
+        (self.say)(Said::Line(&format!("job {number}: {how}, {samples:.1} M samples here")));
+        Ok(is_over)
+    }
+
+    /// Whether this machine is told to paint no more, or another job has too few machines for its priority.
+    fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
+        let (board, me) = (self.member.board.clone(), self.member.name.clone());
+        let (only, refusals) = (self.only.clone(), self.member.refusals.clone());
+        let (begun, is_called_off) = (Instant::now(), self.is_called_off());
+        move || {
+            let wanting = || wanting(&board, |number, job| may(&only, &refusals, number, job));
+            is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
+        }
+    }
+}
+
+fn may(only: &Option<BTreeSet<u32>>, refusals: &Refusals, number: u32, job: &Job) -> bool {
+    !refusals.has(job.work) && only.as_ref().is_none_or(|only| only.contains(&number))
+}
+
+/// Jobs that want machines.
+fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<Wanting> {
+    let all = board.all().into_iter();
+    let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
+    // Guests paint for somebody.
+    let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
+    let active =
+        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));
+    active.map(|(number, job)| Wanting { number, priority: job.priority }).collect()
+}

@@ -1,0 +1,150 @@
+//! Engines that other people wrote, and pictures painted with them.
+
+mod layers;
+mod material;
+mod painter;
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use bottega_engines::external::{self, Entry, Located, Shelf};
+
+pub use self::{
+    material::Material,
+    painter::{Mix, Painter},
+};
+use crate::{
+    error::Error,
+    request::{EngineOptions, Request, RulesText},
+    rules::rule_texts,
+    state::state_folder,
+};
+
+/// The name of our own engine.
+pub const BUILTIN: &str = "builtin";
+
+impl EngineOptions {
+    /// The engine of other people that paints, and whether ours paints with it.
+    ///
+    /// # Errors
+    /// There is none, or several.
+    pub fn other(&self) -> Result<(&str, bool), Error> {
+        let others: Vec<&String> = self.names.iter().filter(|name| *name != BUILTIN).collect();
+        match (others.as_slice(), self.names.len()) {
+            ([name], 1) => Ok((name.as_str(), false)),
+            ([name], 2) => Ok((name.as_str(), true)),
+            _ => Err(Error::usage(
+                "these engines cannot paint one picture",
+                "name one engine, or `builtin` and one other that reads the same scene",
+            )),
+        }
+    }
+
+    /// Whether our own engine paints, and no other.
+    pub fn is_builtin(&self) -> bool {
+        self.names == [BUILTIN]
+    }
+}
+
+/// The manifests of the program, of the user, and of these folders.
+pub fn shelf(folders: &[PathBuf]) -> Shelf {
+    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
+    let config = config.or_else(|| std::env::home_dir().map(|home| home.join(".config")));
+    let own = config.map(|config| config.join("bottega").join("engines"));
+    Shelf::open(&own.into_iter().chain(folders.iter().cloned()).collect::<Vec<_>>())
+}
+
+/// From now on it is known to later processes which engines are not used on this machine.
+pub fn keep_quarantines() {
+    external::keep_quarantines_in(state_folder().join("engines"));
+}
+
+/// The rules of the agents, as the request says, or else those of the engine that paints; none: those of our own.
+///
+/// # Errors
+/// A file of rules cannot be read, or there is no such engine.
+pub fn agent_rules(request: &Request) -> Result<Vec<RulesText>, Error> {
+    if !request.work.rules.is_empty() || request.engine.is_builtin() {
+        return rule_texts(&request.work.rules);
+    }
+    let (name, is_mixed) = request.engine.other()?;
+    // Two engines get what either of them is content with.
+    let own = if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
+    Ok(own.into_iter().collect())
+}
+
+/// The rules for who paints a zone, where several engines may.
+///
+/// # Errors
+/// Their file cannot be read.
+pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
+    if request.engine.names.len() > 1 {
+        RulesText::of_choice(request.engine.rules.as_ref()).map(Some)
+    } else {
+        Ok(None)
+    }
+}
+
+/// The manifest of an engine.
+///
+/// # Errors
+/// There is none of that name, or it is broken.
+pub fn entry(folders: &[PathBuf], name: &str) -> Result<Entry, Error> {
+    let shelf = shelf(folders);
+    // A broken one is not silently replaced by another of the same name.
+    if let Some(broken) = shelf.broken(name) {
+        return Err(Error::Manifest(Box::new(broken.clone())));
+    }
+    shelf.get(name).cloned().ok_or_else(|| {
+        let known: Vec<&str> = shelf.iter().map(|entry| entry.manifest.name.as_str()).collect();
+        Error::usage(
+            format!("there is no engine `{name}`"),
+            format!("there are {BUILTIN}, {}; further manifests are read from --engines FOLDER", known.join(", ")),
+        )
+    })
+}
+
+/// An engine on this machine.
+///
+/// # Errors
+/// There is none of that name, or it is not installed.
+pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<Located>, Error> {
+    let entry = entry(folders, name)?;
+    let found = Located::find(&entry).map(Arc::new);
+    found.map_err(|source| Error::External { engine: name.to_owned(), source })
+}
+
+/// What an engine is told, by its manifest and by the user.
+///
+/// # Errors
+/// The engine has no option of that name.
+pub fn parameters(
+    engine: &Located,
+    options: &BTreeMap<String, String>,
+) -> Result<BTreeMap<String, serde_json::Value>, Error> {
+    let mut parameters = engine.manifest().parameters.clone();
+    for (name, text) in options {
+        let Some(value) = parameters.get_mut(name) else {
+            let known: Vec<&str> = engine.manifest().parameters.keys().map(String::as_str).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            return Err(Error::usage(
+                format!("{} has no option `{name}`", engine.manifest().title),
+                format!("it has: {known}"),
+            ));
+        };
+        // A number stays one where it stands for one.
+        *value = serde_json::from_str(text).unwrap_or_else(|_| serde_json::Value::String(text.clone()));
+    }
+    Ok(parameters)
+}
+
+/// Engines run in folders of their own.
+///
+/// # Errors
+/// There is no such file.
+pub fn absolute(scene: &Path) -> Result<PathBuf, Error> {
+    scene.canonicalize().map_err(|source| Error::Read { path: scene.to_owned(), source })
+}

@@ -1,0 +1,395 @@
+//! What happens while a picture is painted, as it crosses the process boundary. Version 1: fields and kinds may be added, none
+//! changes its meaning.
+
+use bottega_farm::{AgentRow, ZoneRow, ZoneState};
+use bottega_image::Rect;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Something that happened in a job; one JSON object, told apart by its field `event`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// The scene is loaded and the work begins.
+    Started {
+        /// Version of this vocabulary.
+        version: u32,
+        /// The scene file.
+        scene: String,
+        /// The file that the picture goes to.
+        output: String,
+        /// Pixels.
+        width: u32,
+        /// Pixels.
+        height: u32,
+        /// The part that is painted: x0, y0, x1, y1.
+        crop: [u32; 4],
+        /// Samples a pixel.
+        samples_per_pixel: u32,
+        /// How light is followed: path, photon or ala.
+        integrator: String,
+        /// Whether by progressive photons.
+        progressive: bool,
+        /// Render Agents.
+        agents: usize,
+        /// Processors.
+        threads: usize,
+        /// GPUs that paint beside them, by name.
+        gpus: Vec<String>,
+        /// Triangles of the scene, where our own engine has read it.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        triangles: Option<u64>,
+        /// How the picture is painted, in words.
+        method: String,
+        /// Who paints, in words.
+        painters: String,
+        /// Seed of the picture.
+        seed: u64,
+    },
+    /// The scene is on its way to a farm.
+    Sending {
+        /// What is there.
+        bytes_sent: u64,
+        /// What is to be sent in all.
+        bytes: u64,
+        /// Since it began.
+        seconds: f64,
+        /// Until it is there, at this pace.
+        seconds_left: Option<f64>,
+    },
+    /// A farm has the job.
+    Asked {
+        /// Its number there; of an animation, that of the first frame.
+        job: u32,
+        /// Of an animation, the number of the last frame's job.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        last_job: Option<u32>,
+    },
+    /// A frame of an animation is written.
+    Frame {
+        /// The file.
+        output: String,
+        /// Frames that are.
+        done: usize,
+        /// All frames that were asked for.
+        all: usize,
+    },
+    /// Something that people may want to know.
+    Note {
+        /// What.
+        message: String,
+    },
+    /// Something that the user should know; the work goes on.
+    Warning {
+        /// What.
+        message: String,
+    },
+    /// The Analyst has cut the picture into zones.
+    Analyzed {
+        /// The zones.
+        zones: Vec<Zone>,
+        /// How long it took.
+        seconds: f64,
+    },
+    /// A zone has a new state: its row on the Blackboard.
+    Zone(Box<ZoneEvent>),
+    /// An agent's row on the Blackboard has changed.
+    Agent(AgentEvent),
+    /// How far the work is.
+    Progress(Progress),
+    /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/preview.png` where
+    /// the dashboard is.
+    Preview {
+        /// How many there were, with this one. The first is coarse: a look at the whole picture before it is painted.
+        number: u32,
+        /// Seconds since the scene was loaded: its file read and its acceleration structures built.
+        seconds: f64,
+    },
+    /// What the lighting agents of a picture were like, what they cost and what they were asked.
+    LightingAgents(LightingAgents),
+    /// How far a step is that comes after the painting.
+    Step {
+        /// Which, such as `denoising`.
+        name: String,
+        /// From 0 to 1.
+        share: f64,
+    },
+    /// Two engines have painted the picture.
+    Mixed {
+        /// How often each of them painted a zone.
+        engines: Vec<EngineShare>,
+        /// Whether one sees the edges of the zones: how many standard deviations what differs there lies above the rest.
+        seams_z: f64,
+        /// How probable that is where there are no seams.
+        seams_p: f64,
+    },
+    /// What each zone took is written down, for `bottega simulate`.
+    Recorded {
+        /// The file.
+        file: String,
+    },
+    /// The picture was led to its end by another machine, and is written here.
+    Fetched {
+        /// The file.
+        output: String,
+    },
+    /// What noise was left in the picture is removed.
+    Denoised {
+        /// By what, of which layers.
+        by: String,
+        /// How long it took.
+        seconds: f64,
+    },
+    /// The picture is written.
+    Finished {
+        /// The file.
+        output: String,
+        /// Wall-clock time of rendering, without loading.
+        seconds: f64,
+        /// Samples taken, all pixels together.
+        samples: u64,
+        /// Share of processors × time that was spent painting.
+        utilization: f64,
+        /// Share of the wall-clock time in which no sample was under way: analysis, auction, composition.
+        overhead: f64,
+        /// Share of all painted pixels that lie in bands beyond their zones.
+        bands: f64,
+        /// Share of the wall-clock time that composing the picture took.
+        composition: f64,
+    },
+    /// The work was stopped; what is painted is written.
+    Interrupted {
+        /// The file.
+        output: String,
+        /// Wall-clock time of rendering so far.
+        seconds: f64,
+        /// Share of the samples that are taken.
+        done: f64,
+    },
+}
+
+/// A zone of the picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Zone {
+    /// Its number.
+    pub id: u32,
+    /// x0, y0, x1, y1.
+    pub rect: [u32; 4],
+    /// Complexity of an average pixel of it: predicted cost, 1 is the mean of the picture.
+    pub complexity_density: f64,
+}
+
+/// A zone's row on the Blackboard: the paper's seven fields, and how it stands.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ZoneEvent {
+    /// IdZone.
+    pub id: u32,
+    /// IdWork.
+    pub work: u64,
+    /// Its pixels: x0, y0, x1, y1.
+    pub rect: [u32; 4],
+    /// Size, in pixels.
+    pub size: u64,
+    /// Complexity: predicted cost of all its pixels, in average pixels of the picture.
+    pub complexity: f64,
+    /// `open`, `profiled`, `awarded`, `done`, …
+    pub state: String,
+    /// Who has it or had it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub agent: Option<String>,
+    /// T_est: seconds of reference-machine time that it should take.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds_estimated: Option<f64>,
+    /// T_real: seconds of reference-machine time that it took.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds_measured: Option<f64>,
+    /// How often it was taken from an agent that failed or fell silent.
+    pub attempt: u32,
+    /// What it is painted with, once that is chosen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub choice: Option<ZoneChoice>,
+    /// Samples a pixel that it has.
+    pub samples: u32,
+    /// Its estimated relative error, where one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<f64>,
+}
+
+/// What a zone is painted with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ZoneChoice {
+    /// Recursion level: bounces of light.
+    pub max_depth: u32,
+    /// Light samples at each bounce.
+    pub light_samples: u32,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Widths of the interpolation bands beyond its edges, in pixels: left, top, right, bottom.
+    pub bands: [u32; 4],
+}
+
+/// An agent's row on the Blackboard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AgentEvent {
+    /// Its name.
+    pub agent: String,
+    /// V_cp: relative computing power; 1 is the reference machine, 0.5 is twice as fast.
+    pub power: f64,
+    /// Processors that work on its zones at once.
+    pub lanes: f64,
+    /// Its credit, in seconds of reference-machine time.
+    pub credit: f64,
+    /// How often it has failed since it last painted something.
+    pub failures: u32,
+    /// Why it is left out of the work, if it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<String>,
+}
+
+/// How often an engine painted a zone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EngineShare {
+    /// The engine.
+    pub engine: String,
+    /// Passes over zones.
+    pub zones: u64,
+}
+
+/// What the lighting agents of a picture were like, what they cost, and what they were asked on this machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LightingAgents {
+    /// Agents that the lights cast.
+    pub cast: u32,
+    /// Agents that are stored, clones among them.
+    pub agents: u64,
+    /// Those behind the first surface.
+    pub clones: u64,
+    /// Sensors of geometry, proximity, penumbra and irradiance.
+    pub sensors: [u64; 4],
+    /// Links of the proximity network.
+    pub links: u64,
+    /// Agents that answer "lit", "shaded" and "trace a ray".
+    pub answers: [u64; 3],
+    /// Mean distance between objects, in scene units.
+    pub object_distance: f32,
+    /// Bytes of their maps.
+    pub map_bytes: u64,
+    /// Seconds that casting took.
+    pub casting_seconds: f64,
+    /// Seconds that sensing took.
+    pub sensing_seconds: f64,
+    /// Shadow rays that were traced.
+    pub shadow_rays_traced: u64,
+    /// Shadow rays that were not.
+    pub shadow_rays_spared: u64,
+    /// Times that indirect light was gathered.
+    pub irradiance_computed: u64,
+    /// Times that it was interpolated.
+    pub irradiance_interpolated: u64,
+}
+
+/// How far a job is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Progress {
+    /// Zones painted.
+    pub zones_done: usize,
+    /// All zones.
+    pub zones: usize,
+    /// Samples taken, all pixels together.
+    pub samples_done: u64,
+    /// Samples that the picture will have.
+    pub samples: u64,
+    /// Samples a second, lately.
+    pub samples_per_second: f64,
+    /// Share of the predicted cost that is done.
+    pub share: f64,
+    /// Seconds since rendering began.
+    pub seconds: f64,
+    /// Seconds still to go, by the predicted cost of what is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds_left: Option<f64>,
+}
+
+impl From<&ZoneRow> for ZoneEvent {
+    fn from(row: &ZoneRow) -> Self {
+        let choice = row.choice.map(|choice| ZoneChoice {
+            max_depth: choice.tunables.max_depth,
+            light_samples: choice.tunables.light_samples,
+            samples: choice.samples,
+            bands: [choice.bands.left, choice.bands.top, choice.bands.right, choice.bands.bottom],
+        });
+        Self {
+            id: row.zone.0,
+            work: row.work.0,
+            rect: corners(&row.rect),
+            size: row.size(),
+            complexity: row.complexity,
+            state: state_word(row.state).to_owned(),
+            agent: row.agent.as_ref().map(ToString::to_string),
+            seconds_estimated: row.time_estimated.map(|time| time.as_secs_f64()),
+            seconds_measured: row.time_measured.map(|time| time.as_secs_f64()),
+            attempt: row.attempt,
+            choice,
+            samples: row.samples_done(),
+            error: row.error,
+        }
+    }
+}
+
+impl From<&AgentRow> for AgentEvent {
+    fn from(row: &AgentRow) -> Self {
+        Self {
+            agent: row.agent.to_string(),
+            power: row.power.get(),
+            lanes: row.lanes,
+            credit: row.credit,
+            failures: row.failures,
+            left_out: row.left_out.clone(),
+        }
+    }
+}
+
+impl Zone {
+    /// A zone as the Analyst has cut it.
+    pub fn new(id: u32, rect: &Rect, complexity_density: f64) -> Self {
+        Self { id, rect: corners(rect), complexity_density }
+    }
+}
+
+/// x0, y0, x1, y1.
+pub(crate) fn corners(rect: &Rect) -> [u32; 4] {
+    [rect.x0, rect.y0, rect.x1, rect.y1]
+}
+
+fn state_word(state: ZoneState) -> &'static str {
+    match state {
+        ZoneState::Open => "open",
+        ZoneState::Profiling => "profiling",
+        ZoneState::Profiled => "profiled",
+        ZoneState::Awarded => "awarded",
+        ZoneState::Done => "done",
+        ZoneState::Failed => "failed",
+    }
+}
+
+impl Event {
+    /// The event as one line of JSON.
+    pub fn to_json(&self) -> String {
+        // Nothing in here can fail to serialize: no maps with odd keys, no foreign types.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_is_one_object_with_its_kind() {
+        let event = Event::Progress(Progress { zones: 4, ..Progress::default() });
+        let value: serde_json::Value = serde_json::from_str(&event.to_json()).expect("valid JSON");
+        assert_eq!(value["event"], "progress");
+        assert_eq!(value["zones"], 4);
+        assert!(value.get("seconds_left").is_none());
+    }
+}

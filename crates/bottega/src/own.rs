@@ -1,0 +1,135 @@
+//! A picture made ready for our own engine.
+
+use std::sync::Arc;
+
+use bottega_engines::{BuiltinEngine, BuiltinOptions};
+use bottega_farm::{Expert, Goal, JobReport, JobSettings};
+use bottega_image::Metadata;
+use bottega_render::PathSettings;
+
+use crate::{
+    devices::{Crew, DeviceChoice, costs, incident_line},
+    error::Error,
+    keeping::name_of,
+    method::Method,
+    request::Request,
+    session::Reporter,
+    settings::{asks_for_agents, directions, filter, guide_agents, job_settings, max_depth, planned_samples},
+    subject::Subject,
+    text::shown,
+};
+
+/// Our own engine with the picture that it is to paint.
+pub(crate) struct OwnPainter {
+    pub(crate) subject: Subject,
+    pub(crate) engine: Arc<BuiltinEngine>,
+    pub(crate) crew: Crew,
+    pub(crate) method: Method,
+    pub(crate) settings: JobSettings,
+}
+
+impl OwnPainter {
+    /// - `subject`: the scene of the request.
+    /// - `goal`: when a zone is finished.
+    pub(crate) fn open(request: &Request, subject: Subject, experts: Vec<Expert>, goal: Goal) -> Result<Self, Error> {
+        let method = Method::of(request, &subject, max_depth(request, &subject));
+        let settings = JobSettings { goal, ..job_settings(request, &subject, experts)? };
+        let (engine, crew) = own_engine(request, &subject, &settings)?;
+        Ok(Self { subject, engine: Arc::new(engine), crew, method, settings })
+    }
+
+    /// What makes the picture what it is: see [`name_of`].
+    pub(crate) fn name(&self, request: &Request) -> String {
+        name_of(request, &self.subject, &self.settings)
+    }
+
+    /// What the user should know before anything is painted.
+    pub(crate) fn notes(&self, request: &Request) -> Vec<String> {
+        let mut notes: Vec<String> = self.subject.warnings.iter().map(ToString::to_string).collect();
+        notes.extend(self.method.note.clone());
+        notes.extend(self.crew.notes.iter().cloned());
+        let has_paths = self.method.photons.is_none()
+            && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
+        if asks_for_agents(&request.guide) && !has_paths {
+            let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
+                       and 524288 samples or more, all pixels together";
+            notes.push(why.to_owned());
+        }
+        notes
+    }
+
+    /// Tells what went wrong with devices, and keeps what was learnt of them.
+    pub(crate) fn tell_of_devices(&self, reporter: &Reporter) {
+        if self.crew.gpus.is_empty() {
+            return;
+        }
+        let report = self.engine.report();
+        for incident in &report.incidents {
+            reporter.warn(format!("{}; its work was done elsewhere", incident_line(&report, incident)));
+        }
+        costs::keep(&report);
+    }
+
+    /// What the picture says of how it was made.
+    pub(crate) fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
+        let Self { subject, crew, method, settings, .. } = self;
+        let mut metadata = Metadata::new();
+        metadata.set("scene", shown(&request.scene.file));
+        metadata.set("scene_digest", &*subject.scene().digest);
+        metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
+        metadata.set("samples_per_pixel", settings.samples.to_string());
+        match settings.goal {
+            Goal::Samples => {}
+            Goal::Error(error) => metadata.set("error_asked", error.to_string()),
+            Goal::Time(_) => metadata.set("time_asked", request.goal.time.unwrap_or_default().to_string()),
+        }
+        metadata.set("max_depth", settings.tunables.max_depth.to_string());
+        metadata.set("light_samples", request.integrator.light_samples.to_string());
+        metadata.set("seed", request.seed.to_string());
+        metadata.set("integrator", method.word());
+        if let Some(photons) = &method.photons {
+            metadata.set("photons", photons.count.to_string());
+            metadata.set("progressive", photons.progressive.to_string());
+        }
+        if let Some(hint) = &subject.hints.integrator {
+            metadata.set("integrator_of_scene", &*hint.name);
+        }
+        metadata.set("filter", format!("{:?}", filter(request, subject)));
+        metadata.set("optimize", settings.optimization.to_string());
+        metadata.set("level", request.work.level.to_string());
+        metadata.set("agents", settings.agents.to_string());
+        metadata.set("threads", crew.threads.to_string());
+        metadata.set("devices", crew.names());
+        metadata.set("exact", crew.gpus.is_empty().to_string());
+        metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
+        metadata.set("complete", (!report.stopped).to_string());
+        metadata
+    }
+}
+
+/// Our own engine for a scene, and who paints for it.
+///
+/// # Errors
+/// A device that was asked for by name is not there or cannot paint this.
+pub fn own_engine(request: &Request, subject: &Subject, job: &JobSettings) -> Result<(BuiltinEngine, Crew), Error> {
+    let depth = max_depth(request, subject);
+    let photons = Method::of(request, subject, depth).photons;
+    let settings = PathSettings {
+        seed: request.seed,
+        max_depth: depth,
+        light_samples: request.integrator.light_samples,
+        filter: filter(request, subject),
+        guiding: directions(&request.guide),
+        agents: guide_agents(&request.guide),
+        planned_samples: planned_samples(job),
+        photons,
+        ..PathSettings::default()
+    };
+    let choice = DeviceChoice::of(&request.devices.names)
+        .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
+        .exactly(request.devices.exact)?;
+    let mut crew = Crew::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
+    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads };
+    let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, std::mem::take(&mut crew.devices));
+    Ok((engine, crew))
+}

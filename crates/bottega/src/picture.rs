@@ -1,0 +1,170 @@
+//! A picture that is painted.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use bottega_farm::{JobReport, JobSettings};
+use bottega_image::{
+    ExrOptions, Film, HalfOrFloat, Metadata, OutputFormat, PngOptions, ReadLimits, write_exr, write_png,
+};
+use bottega_scene::RenderHints;
+
+use crate::{
+    error::Error,
+    events::Event,
+    request::{PIXELS_MAX, Request},
+    session::{Reporter, samples_taken},
+    settings::{encoding, tone},
+    text::shown,
+};
+
+/// Under which name a picture holds the request that it is of.
+pub const REQUEST_KEY: &str = "request";
+
+/// A picture, whole or as far as it was painted, and what is known of it.
+pub struct Picture {
+    pub(crate) request: Request,
+    pub(crate) metadata: Metadata,
+    pub(crate) settings: JobSettings,
+    pub(crate) report: JobReport,
+    /// Whether the scene file asks for alpha in a PNG.
+    pub(crate) alpha: bool,
+    pub(crate) reporter: Arc<Reporter>,
+    pub(crate) journal: Option<PathBuf>,
+}
+
+impl Picture {
+    /// The request that it is of.
+    pub fn request(&self) -> &Request {
+        &self.request
+    }
+
+    /// Its pixels, with all layers; linear light.
+    pub fn film(&self) -> &Film {
+        &self.report.film
+    }
+
+    /// What it says of how it was made.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// How the agents painted it: rows of all zones, times, messages.
+    pub fn report(&self) -> &JobReport {
+        &self.report
+    }
+
+    /// The settings of its job.
+    pub fn settings(&self) -> &JobSettings {
+        &self.settings
+    }
+
+    /// Whether all of it is painted.
+    pub fn is_whole(&self) -> bool {
+        !self.report.stopped && self.report.failed.is_empty()
+    }
+
+    /// Writes it to a file, .exr or .png, with the output settings of its request.
+    ///
+    /// # Errors
+    /// It cannot be written there.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let hints = RenderHints { alpha: self.alpha, ..RenderHints::default() };
+        write(&self.request, Some(&hints), path.as_ref(), &self.report.film, &self.metadata)
+    }
+
+    /// Writes it where the request says, if it does.
+    pub(crate) fn write(&self) -> Result<(), Error> {
+        self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
+    }
+
+    /// Tells how it ended. The journal goes only when the picture is complete.
+    ///
+    /// # Errors
+    /// Zones could not be painted.
+    pub fn close(self) -> Result<Self, Error> {
+        let Self { report, settings, reporter, .. } = &self;
+        let seconds = report.times.total.as_secs_f64();
+        let output = self.request.output.file.as_deref().map(shown).unwrap_or_default();
+        let samples = samples_taken(report, settings);
+        if report.stopped {
+            let wanted = settings.crop.area() * u64::from(settings.samples);
+            reporter.tell(Event::Interrupted { output, seconds, done: samples as f64 / wanted as f64 });
+            return Ok(self);
+        }
+        if !report.failed.is_empty() {
+            let output = if output.is_empty() { "the picture".to_owned() } else { output };
+            return Err(Error::failed(
+                format!("{} zones could not be painted; {output} lacks them", report.failed.len()),
+                "see the messages above; --resume tries them again",
+            ));
+        }
+        // Left over it would only mislead; that it cannot be removed does not spoil the picture.
+        if let Some(journal) = &self.journal
+            && let Err(error) = fs::remove_file(journal)
+        {
+            reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+        }
+        let painting = report.times.painting.as_secs_f64() / settings.processors as f64;
+        let overhead = (1.0 - painting / seconds).max(0.0);
+        reporter.tell(Event::Finished {
+            output,
+            seconds,
+            samples,
+            utilization: 1.0 - overhead,
+            overhead,
+            bands: report.band_share(&settings.crop),
+            composition: report.times.composition.as_secs_f64() / seconds,
+        });
+        Ok(self)
+    }
+}
+
+/// Writes a picture.
+///
+/// - `hints`: what the scene file asks for, where our own engine has read it.
+pub(crate) fn write(
+    request: &Request,
+    hints: Option<&RenderHints>,
+    path: &Path,
+    film: &Film,
+    metadata: &Metadata,
+) -> Result<(), Error> {
+    let output = &request.output;
+    match OutputFormat::of(path)? {
+        OutputFormat::Exr => {
+            let depth = if output.half { HalfOrFloat::Half } else { HalfOrFloat::Float };
+            write_exr(path, film, metadata, ExrOptions { depth, tiled: output.tiled, ..ExrOptions::default() })?;
+        }
+        OutputFormat::Png => {
+            let options = PngOptions {
+                exposure_stops: output.exposure,
+                tone: tone(output.tonemap),
+                encoding: encoding(output.encoding),
+                alpha: output.alpha || hints.is_some_and(|hints| hints.alpha),
+                ..PngOptions::default()
+            };
+            write_png(path, film, &options, metadata)?;
+        }
+    }
+    Ok(())
+}
+
+/// The request that a picture holds in its metadata.
+///
+/// # Errors
+/// The file is no picture, holds no request, or a damaged one.
+pub fn request_of(path: &Path) -> Result<Request, Error> {
+    let file = bottega_image::read_image(path, ReadLimits { max_pixels: PIXELS_MAX })?;
+    let Some(line) = file.metadata.get(REQUEST_KEY) else {
+        return Err(Error::usage(
+            format!("`{}` does not say what it is a picture of", path.display()),
+            "it was made by another program, or by an older version of this one: name a scene, or a request",
+        ));
+    };
+    Request::from_json(line.as_bytes())
+        .map_err(|source| Error::Request { origin: format!("the picture `{}`", path.display()), source })
+}

@@ -1,0 +1,301 @@
+//! What a request may say: every field's limits, and what excludes what.
+
+use std::ops::RangeInclusive;
+
+use bottega_farm::VERIFY_MAX;
+use bottega_image::{ImageError, OutputFormat};
+
+use super::{
+    DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions, GoalOptions, GuideChoice,
+    GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION,
+    Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+};
+use crate::{
+    devices::DeviceChoice,
+    frames::{FrameName, frame_name_help},
+};
+
+type Checked = Result<(), InvalidField>;
+
+/// A number within a range, both ends of it allowed.
+fn within<T: PartialOrd + std::fmt::Display + Copy>(field: &str, value: T, range: RangeInclusive<T>) -> Checked {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(InvalidField::new(field, value, format!("from {} to {} is allowed", range.start(), range.end())))
+}
+
+/// The same, where nothing may be said.
+fn maybe_within<T: PartialOrd + std::fmt::Display + Copy>(
+    field: &str,
+    value: Option<T>,
+    range: RangeInclusive<T>,
+) -> Checked {
+    value.map_or(Ok(()), |value| within(field, value, range))
+}
+
+/// A finite number from 0 up.
+fn not_negative(field: &str, value: f32) -> Checked {
+    if value.is_finite() && value >= 0.0 {
+        Ok(())
+    } else {
+        Err(InvalidField::new(field, value, "a number from 0 up is needed"))
+    }
+}
+
+/// A finite number above 0.
+fn positive(field: &str, value: f32) -> Checked {
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(InvalidField::new(field, value, "a number above 0 is needed"))
+    }
+}
+
+fn finite(field: &str, value: f32, unit: &str) -> Checked {
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(InvalidField::new(field, value, format!("a number of {unit} is needed")))
+    }
+}
+
+/// A share above 0, 1 at most.
+fn share(field: &str, value: Option<f32>) -> Checked {
+    match value {
+        Some(value) if !(value > 0.0 && value <= 1.0) => {
+            Err(InvalidField::new(field, value, "a share above 0 and at most 1 is needed"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Two fields of which only one may be said.
+fn not_both(field: &str, is_said: bool, other: &str, is_other_said: bool) -> Checked {
+    if is_said && is_other_said {
+        return Err(InvalidField::new(field, "given", format!("leave it out, or `{other}`: they exclude each other")));
+    }
+    Ok(())
+}
+
+impl Request {
+    /// Checks every field, and what excludes what. Files are not looked for.
+    ///
+    /// # Errors
+    /// The first field whose value is not allowed.
+    pub fn validate(&self) -> Result<(), InvalidField> {
+        within("version", self.version, 1..=REQUEST_VERSION)?;
+        self.scene.validate()?;
+        self.environment.validate()?;
+        self.view.validate()?;
+        self.film.validate()?;
+        self.goal.validate()?;
+        self.integrator.validate()?;
+        self.photons.validate()?;
+        self.lighting_agents.validate()?;
+        self.guide.validate()?;
+        self.engine.validate()?;
+        self.work.validate()?;
+        self.devices.validate()?;
+        self.output.validate()?;
+        within("farm.priority", self.farm.priority, 1..=PRIORITY_MAX)?;
+        maybe_within("farm.verify", self.farm.verify, 1..=VERIFY_MAX)?;
+        self.validate_frames()
+    }
+
+    fn validate_frames(&self) -> Checked {
+        let Some(frames) = &self.frames else { return Ok(()) };
+        positive("frames.fps", frames.fps)?;
+        not_both("frames", true, "scene.time", self.scene.time.is_some())?;
+        not_both("frames", true, "engine.frame", self.engine.frame.is_some())?;
+        let Some(file) = &self.output.file else {
+            return Err(InvalidField::new("output.file", "not given", "the pictures of an animation need a name"));
+        };
+        FrameName::new(file).map(drop).map_err(|error| {
+            InvalidField::new("output.file", file.display(), format!("{error}; {}", frame_name_help(&error)))
+        })
+    }
+}
+
+impl SceneOptions {
+    fn validate(&self) -> Checked {
+        if self.file.as_os_str().is_empty() {
+            return Err(InvalidField::new("scene.file", "empty", "the name of a scene file is needed"));
+        }
+        if let Some(name) = self.defines.keys().find(|name| name.trim().is_empty()) {
+            return Err(InvalidField::new("scene.defines", format!("`{name}`"), "each parameter has a name"));
+        }
+        self.time.map_or(Ok(()), |time| finite("scene.time", time, "seconds"))
+    }
+}
+
+impl EnvironmentOptions {
+    fn validate(&self) -> Checked {
+        if let Some(EnvironmentLight::Radiance(radiance)) = &self.light {
+            radiance.iter().try_for_each(|value| not_negative("environment.light", *value))?;
+        }
+        finite("environment.rotate", self.rotate, "degrees")?;
+        not_negative("environment.strength", self.strength)
+    }
+}
+
+impl ViewOptions {
+    fn validate(&self) -> Checked {
+        self.lens_radius.map_or(Ok(()), |radius| not_negative("view.lens_radius", radius))?;
+        self.focus_distance.map_or(Ok(()), |distance| positive("view.focus_distance", distance))?;
+        match (self.lens_radius, self.focus_distance) {
+            (Some(radius), None) => Err(InvalidField::new(
+                "view.lens_radius",
+                radius,
+                "it needs `view.focus_distance`, at which things are sharp",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl FilmOptions {
+    fn validate(&self) -> Checked {
+        if let Some([width, height]) = self.size {
+            check_size(width, height)
+                .map_err(|allowed| InvalidField::new("film.size", format!("{width}x{height}"), allowed))?;
+        }
+        match self.crop {
+            Some([x0, y0, x1, y1]) if x0 >= x1 || y0 >= y1 => Err(InvalidField::new(
+                "film.crop",
+                format!("{x0},{y0},{x1},{y1}"),
+                "x0 < x1 and y0 < y1 are needed; x1 and y1 lie one past the part",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Checks that a picture of this size can be painted.
+///
+/// # Errors
+/// What could be painted instead.
+pub fn check_size(width: u32, height: u32) -> Result<(), String> {
+    if ![width, height].iter().all(|side| (1..=SIDE_MAX).contains(side)) {
+        return Err(format!("each side must be from 1 to {SIDE_MAX}"));
+    }
+    if u64::from(width) * u64::from(height) > PIXELS_MAX {
+        return Err(format!("more than {PIXELS_MAX} pixels: paint a smaller picture, or parts of one with a crop"));
+    }
+    Ok(())
+}
+
+impl GoalOptions {
+    fn validate(&self) -> Checked {
+        maybe_within("goal.samples", self.samples, 1..=SAMPLES_MAX)?;
+        maybe_within("goal.error", self.error, ERROR)?;
+        maybe_within("goal.time", self.time, SECONDS)?;
+        not_both("goal.error", self.error.is_some(), "goal.time", self.time.is_some())
+    }
+}
+
+impl IntegratorOptions {
+    fn validate(&self) -> Checked {
+        maybe_within("integrator.max_depth", self.max_depth, 0..=DEPTH_MAX)?;
+        within("integrator.light_samples", self.light_samples, 1..=LIGHT_SAMPLES_MAX)
+    }
+}
+
+impl PhotonOptions {
+    fn validate(&self) -> Checked {
+        maybe_within("photons.count", self.count, 1..=PHOTONS_MAX)?;
+        maybe_within("photons.gather", self.gather, 2..=GATHER_MAX)?;
+        share("photons.radius", self.radius)?;
+        maybe_within("photons.final_rays", self.final_rays, 0..=FINAL_RAYS_MAX)?;
+        share("photons.irradiance_cache", self.irradiance_cache)?;
+        not_both("photons.progressive", self.progressive, "photons.final_rays", self.final_rays.is_some())?;
+        not_both("photons.progressive", self.progressive, "photons.irradiance_cache", self.irradiance_cache.is_some())
+    }
+}
+
+impl LightingAgentOptions {
+    fn validate(&self) -> Checked {
+        within("lighting_agents.cast", self.cast, 0..=LIGHTING_AGENTS_MAX)?;
+        within("lighting_agents.error", self.error, ORACLE_ERROR)?;
+        within("lighting_agents.memory_mb", self.memory_mb, 0..=ORACLE_MEMORY_MAX)
+    }
+}
+
+impl GuideOptions {
+    fn validate(&self) -> Checked {
+        match self.by {
+            Some(by @ (GuideChoice::None | GuideChoice::Directions)) if !self.uses.is_empty() => {
+                Err(InvalidField::new(
+                    "guide.uses",
+                    "given",
+                    format!(
+                        "it says what lighting agents are asked for, and `{}` asks none: leave it out, or make `guide.by` `ala`",
+                        super::Choice::word(by)
+                    ),
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl EngineOptions {
+    fn validate(&self) -> Checked {
+        let others = self.names.iter().filter(|name| *name != crate::engines::BUILTIN).count();
+        if self.names.is_empty() || self.names.len() > 2 || others > 1 || self.names.len() - others > 1 {
+            return Err(InvalidField::new(
+                "engine.names",
+                format!("`{}`", self.names.join(",")),
+                "one name is needed, or `builtin` and one other that reads the same scene",
+            ));
+        }
+        if self.rules.is_some() && self.names.len() == 1 {
+            return Err(InvalidField::new(
+                "engine.rules",
+                "given",
+                "it is for pictures that two engines paint: name both, or leave it out",
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl WorkOptions {
+    fn validate(&self) -> Checked {
+        maybe_within("work.agents", self.agents, 1..=AGENTS_MAX)?;
+        within("work.level", self.level, 0..=3)?;
+        maybe_within("work.zones", self.zones, 1..=ZONES_MAX)
+    }
+}
+
+impl DeviceOptions {
+    fn validate(&self) -> Checked {
+        maybe_within("devices.threads", self.threads, 1..=AGENTS_MAX)?;
+        let names = || format!("`{}`", self.names.join(","));
+        let choice =
+            DeviceChoice::of(&self.names).map_err(|allowed| InvalidField::new("devices.names", names(), allowed))?;
+        match choice {
+            DeviceChoice::These { gpus, .. } if self.exact && !gpus.is_empty() => Err(InvalidField::new(
+                "devices.names",
+                names(),
+                "a GPU does not paint to the last bit what processors paint: leave out `devices.exact`, or the GPU",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl OutputOptions {
+    fn validate(&self) -> Checked {
+        if let Some(file) = &self.file {
+            OutputFormat::of(file).map_err(|error| {
+                let allowed = match error {
+                    ImageError::NotWritable { reason, .. } => reason,
+                    error => error.to_string(),
+                };
+                InvalidField::new("output.file", format!("`{}`", file.display()), allowed)
+            })?;
+        }
+        within("output.exposure", self.exposure, -STOPS_MAX..=STOPS_MAX)
+    }
+}

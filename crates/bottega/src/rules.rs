@@ -1,0 +1,178 @@
+//! Where rules come from: files, or what comes with the program. What is wrong in a text is shown in it.
+
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use bottega_engines::external::{Entry, shipped_rules};
+use bottega_farm::{EngineChoice, Expert, ExpertError, Technique};
+use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
+
+use crate::{
+    error::Error,
+    request::{RulesSource, RulesText},
+};
+
+/// A text that is FCL.
+pub struct Source {
+    /// How the user named it.
+    pub path: PathBuf,
+    /// All of it.
+    pub text: String,
+    /// What it says.
+    pub document: Document,
+}
+
+impl Source {
+    /// Reads a file; a name of rules that come with the program stands for these where there is no such file.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::of(RulesText::read(path)?)
+    }
+
+    fn of(RulesText { name: path, text }: RulesText) -> Result<Self, Error> {
+        match parse_document(&text) {
+            Ok(document) => Ok(Self { path, text, document }),
+            Err(error) => Err(at(&path, &text, error.at, error.kind.to_string())),
+        }
+    }
+
+    /// The only function block, or the one of a name.
+    pub fn block(&self, name: Option<&str>) -> Result<&FunctionBlock, Error> {
+        let blocks = &self.document.blocks;
+        let names: Vec<&str> = blocks.iter().map(FunctionBlock::name).collect();
+        let file = self.path.display();
+        match name {
+            Some(name) => blocks.iter().find(|block| block.name().eq_ignore_ascii_case(name)).ok_or_else(|| {
+                Error::usage(format!("`{file}` has no function block `{name}`"), format!("it has {}", names.join(", ")))
+            }),
+            None if blocks.len() == 1 => Ok(&blocks[0]),
+            None if blocks.is_empty() => Err(self.whole(FclErrorKind::BlockCount(0).to_string())),
+            None => Err(Error::usage(
+                format!("`{file}` has {} function blocks", blocks.len()),
+                format!("choose one by --block: {}", names.join(", ")),
+            )),
+        }
+    }
+
+    /// What the only function block says, as it is understood.
+    fn understood<T>(&self, read: impl FnOnce(FunctionBlock) -> Result<T, ExpertError>) -> Result<T, Error> {
+        if self.document.blocks.len() != 1 {
+            return Err(self.whole(FclErrorKind::BlockCount(self.document.blocks.len()).to_string()));
+        }
+        read(self.document.blocks[0].clone()).map_err(|error| match &error {
+            ExpertError::UnknownInput { name, .. } => match self.document.input_position(0, name) {
+                Some(place) => at(&self.path, &self.text, place, error.to_string()),
+                None => self.whole(error.to_string()),
+            },
+            _ => self.whole(error.to_string()),
+        })
+    }
+
+    /// What is wrong with all of it.
+    fn whole(&self, problem: String) -> Error {
+        Error::Rules { path: self.path.clone(), problem }
+    }
+}
+
+impl RulesText {
+    fn read(path: &Path) -> Result<Self, Error> {
+        let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
+        let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
+        let built_in = technique.map(Technique::rules).or(choice).or_else(|| shipped_rules(path));
+        let text = match built_in {
+            Some(text) if !path.exists() => text.to_owned(),
+            _ => read_text(path)?,
+        };
+        Ok(Self { name: path.to_owned(), text })
+    }
+
+    /// The rules of an engine of other people; `None`: it has none of its own.
+    pub fn of_engine(entry: &Entry) -> Result<Option<Self>, Error> {
+        match entry.rules() {
+            None => Ok(None),
+            Some((path, Some(text))) => Ok(Some(Self { name: path, text: text.to_owned() })),
+            Some((path, None)) => Ok(Some(Self { text: read_text(&path)?, name: path })),
+        }
+    }
+
+    /// Rules that choose an engine: those of a file, or what comes with the program.
+    pub fn of_choice(source: Option<&RulesSource>) -> Result<Self, Error> {
+        match source {
+            Some(source) => source.read(),
+            None => Self::read(Path::new(EngineChoice::RULES_NAME)),
+        }
+    }
+}
+
+impl RulesSource {
+    /// The rules, with their text.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn read(&self) -> Result<RulesText, Error> {
+        match self {
+            Self::File(path) => RulesText::read(path),
+            Self::Text(text) => Ok(text.clone()),
+        }
+    }
+}
+
+/// Reads rules.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn rule_texts(sources: &[RulesSource]) -> Result<Vec<RulesText>, Error> {
+    sources.iter().map(RulesSource::read).collect()
+}
+
+/// The knowledge of the agents, with what is to be told of each text; of none, what comes with the program.
+pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Error> {
+    if texts.is_empty() {
+        return Ok((vec![Expert::path_tracing()], Vec::new()));
+    }
+    let (mut experts, mut notes) = (Vec::new(), Vec::new());
+    for text in texts {
+        let source = Source::of(text)?;
+        let expert = source.understood(Expert::new)?;
+        let file = source.path.display();
+        notes.extend(source.document.verify().into_iter().map(|warning| format!("{file}, {warning}")));
+        if !expert.ignored_outputs().is_empty() {
+            let names = expert.ignored_outputs().join(", ");
+            notes.push(format!("{file}: left aside, for they mean nothing in path tracing: {names}"));
+        }
+        experts.push(expert);
+    }
+    Ok((experts, notes))
+}
+
+/// The knowledge of who paints a zone.
+pub fn engine_choice(text: RulesText) -> Result<EngineChoice, Error> {
+    Source::of(text)?.understood(EngineChoice::new)
+}
+
+/// The names of the inputs of a block, as in a sentence.
+pub fn inputs(block: &FunctionBlock) -> String {
+    block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+fn at(path: &Path, text: &str, place: Position, problem: String) -> Error {
+    Error::RulesText { path: path.to_owned(), place, problem, text: text.into(), span: place.range_in(text) }
+}
+
+fn read_text(path: &Path) -> Result<String, Error> {
+    let unusable = |problem: &str| Error::Rules { path: path.to_owned(), problem: problem.to_owned() };
+    if path.is_dir() {
+        return Err(unusable("it is a folder; name an .fcl file in it"));
+    }
+    let read = |source| Error::Read { path: path.to_owned(), source };
+    let mut bytes = Vec::new();
+    // One byte more than may be, so that a file that is too long is known without reading all of it.
+    let most = Limits::TEXT_BYTES_MAX as u64 + 1;
+    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
+    if bytes.len() > Limits::TEXT_BYTES_MAX {
+        return Err(unusable(&format!("it is longer than {} bytes, which no rules are", Limits::TEXT_BYTES_MAX)));
+    }
+    String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
+}

@@ -1,0 +1,148 @@
+//! Who paints a picture in this process: our own engine, or another one.
+
+use std::sync::Arc;
+
+use bottega_engines::RenderEngine;
+use bottega_farm::{JobReport, JobSettings};
+use bottega_image::{Metadata, Rect, seams};
+use bottega_scene::RenderHints;
+
+use super::Reporter;
+use crate::{
+    engines::Painter,
+    error::Error,
+    events::{EngineShare, Event, corners},
+    own::OwnPainter,
+    picture::REQUEST_KEY,
+    request::Request,
+    text::shown,
+};
+
+/// So small a probability of no seams is none.
+const SEAMS_SEEN: f64 = 1e-4;
+
+/// Who paints here.
+pub(super) enum Hand {
+    Own(Box<OwnPainter>),
+    Other(Box<Painter>),
+}
+
+impl Hand {
+    pub(super) fn engine(&self) -> Arc<dyn RenderEngine> {
+        match self {
+            Self::Own(own) => Arc::clone(&own.engine) as _,
+            Self::Other(painter) => painter.paints(),
+        }
+    }
+
+    pub(super) fn settings(&self) -> &JobSettings {
+        match self {
+            Self::Own(own) => &own.settings,
+            Self::Other(painter) => &painter.settings,
+        }
+    }
+
+    pub(super) fn counter(&self) -> Box<dyn Fn() -> u64 + Send> {
+        match self {
+            Self::Own(own) => {
+                let engine = Arc::clone(&own.engine);
+                Box::new(move || engine.samples_done())
+            }
+            Self::Other(painter) => Box::new(painter.counter()),
+        }
+    }
+
+    /// What the scene file asks for, where our own engine has read it.
+    pub(super) fn hints(&self) -> Option<&RenderHints> {
+        match self {
+            Self::Own(own) => Some(&own.subject.hints),
+            Self::Other(_) => None,
+        }
+    }
+
+    pub(super) fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
+        let mut metadata = match self {
+            Self::Own(own) => own.metadata(request, report),
+            Self::Other(painter) => painter.metadata(request, report),
+        };
+        match request.to_line() {
+            Ok(line) => metadata.set(REQUEST_KEY, line),
+            // A file name that is not Unicode has no text; the picture is the same without.
+            Err(error) => tracing::debug!(%error, "the picture does not hold its request"),
+        }
+        metadata
+    }
+
+    pub(super) fn started(&self, request: &Request, settings: &JobSettings) -> Event {
+        let (integrator, method, painters, triangles, threads, gpus, progressive) = match self {
+            Self::Own(own) => (
+                own.method.word().to_owned(),
+                own.method.name().to_owned(),
+                own.crew.names(),
+                Some(own.subject.scene().triangle_count()),
+                own.crew.threads,
+                own.crew.gpus.clone(),
+                own.method.photons.is_some_and(|photons| photons.progressive),
+            ),
+            Self::Other(painter) => {
+                let title = painter.title();
+                (title.clone(), title.clone(), title, None, settings.processors, Vec::new(), false)
+            }
+        };
+        Event::Started {
+            version: 1,
+            scene: shown(&request.scene.file),
+            output: request.output.file.as_deref().map(shown).unwrap_or_default(),
+            width: settings.width,
+            height: settings.height,
+            crop: corners(&settings.crop),
+            samples_per_pixel: settings.samples,
+            integrator,
+            progressive,
+            agents: settings.agents,
+            threads,
+            gpus,
+            triangles,
+            method,
+            painters,
+            seed: request.seed,
+        }
+    }
+
+    /// Tells what the painting was like.
+    pub(super) fn tell(&self, settings: &JobSettings, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
+        match self {
+            Self::Own(own) => {
+                own.tell_of_devices(reporter);
+                if own.engine.dropped_count() > 0 {
+                    let count = own.engine.dropped_count();
+                    reporter.warn(format!("{count} samples had no finite radiance and count as black"));
+                }
+                Ok(())
+            }
+            Self::Other(painter) => {
+                if painter.engine.dropped_count() > 0 {
+                    let count = painter.engine.dropped_count();
+                    reporter.warn(format!("{count} pixels had no finite values and count as black"));
+                }
+                tell_mix(painter, settings.crop, report, reporter)
+            }
+        }
+    }
+}
+
+/// Tells who painted how much of a picture of two engines, and whether one sees where.
+fn tell_mix(painter: &Painter, crop: Rect, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
+    let Some(mix) = &painter.mix else { return Ok(()) };
+    let engines = mix.mixed.zones_by_engine().into_iter();
+    let engines = engines.map(|(engine, zones)| EngineShare { engine, zones }).collect();
+    // Edges in pixels of the film, which begins at the crop.
+    let moved = |rect: Rect| Rect::new(rect.x0 - crop.x0, rect.y0 - crop.y0, rect.x1 - crop.x0, rect.y1 - crop.y0);
+    let rects: Vec<Rect> = report.rows.iter().map(|row| moved(row.rect)).collect();
+    let found = seams(&report.film.to_picture(), None, &rects)?;
+    reporter.tell(Event::Mixed { engines, seams_z: found.z, seams_p: found.p() });
+    if found.p() < SEAMS_SEEN {
+        reporter.warn("the edges of zones can be seen: the engines do not agree on this scene".to_owned());
+    }
+    Ok(())
+}

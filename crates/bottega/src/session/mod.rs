@@ -1,0 +1,407 @@
+//! A request being painted: from its scene to its picture.
+
+mod hand;
+mod lighting_agents;
+mod painting;
+mod reporter;
+mod watcher;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+use bottega_denoise::Denoiser;
+use bottega_engines::RenderEngine;
+use bottega_farm::{
+    JobError, JobReport, JobSettings, Kept, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
+};
+use bottega_image::{Film, Metadata, Rect, check_writable};
+use bottega_scene::Scene;
+
+use self::hand::Hand;
+pub(crate) use self::painting::samples_taken;
+pub use self::{painting::Painting, reporter::Reporter, watcher::Watcher};
+use crate::{
+    denoise,
+    engines::{Material, Painter, agent_rules, choice_rules},
+    error::Error,
+    keeping::Keeping,
+    own::OwnPainter,
+    picture::Picture,
+    preview::{Look, Show, check_preview},
+    request::Request,
+    rules::{engine_choice, experts},
+    settings::{goal, shared_goal, tone},
+    subject::Subject,
+};
+
+/// What a session does beside the picture. None of it changes a pixel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SessionOptions {
+    /// Go on with what an earlier session has left of this picture, beside its output.
+    pub resume: bool,
+    /// A PNG file that shows the picture while it is painted.
+    pub preview: Option<PathBuf>,
+    /// Whether the watcher is shown previews.
+    pub shows: bool,
+    /// Where is written down what each zone took, for `bottega simulate`.
+    pub record: Option<PathBuf>,
+}
+
+/// A part in a picture that others paint, too: see [`Session::for_others`].
+#[derive(Clone, Copy, Debug)]
+pub struct Part<'a> {
+    /// The request as it was made, before files were looked for here: the picture holds it.
+    pub asked: &'a Request,
+    /// The folder below which all files of the scene are: it was sent here.
+    pub files: &'a Path,
+    /// The engine of other people that the picture is for, as all machines must have it; none: our own.
+    pub engine: Option<&'a str>,
+    /// Which of the sets of rules this machine carries: they have them in turn.
+    pub turn: usize,
+}
+
+/// A request with its scene loaded and its engine at hand.
+pub struct Session {
+    request: Request,
+    /// The request that the picture holds.
+    asked: Request,
+    options: SessionOptions,
+    hand: Hand,
+    settings: JobSettings,
+    denoiser: Option<Denoiser>,
+    /// What the user should know before anything is painted.
+    notes: Vec<String>,
+    begun: Instant,
+    keeping: Option<Keeping>,
+}
+
+/// What is needed to paint.
+pub struct Tools {
+    /// The job.
+    pub settings: JobSettings,
+    /// Who paints.
+    pub engine: Arc<dyn RenderEngine>,
+    /// Who is told.
+    pub observer: Arc<dyn Observer>,
+    /// Where the job is kept on this machine, too, and what was kept.
+    pub store: Option<Box<dyn ZoneStore>>,
+    /// What was kept of it.
+    pub kept: Option<Kept>,
+}
+
+impl Session {
+    /// Loads the scene of a request, prepares it and chooses who paints. Everything that can be wrong is found out here,
+    /// before the first sample.
+    ///
+    /// # Errors
+    /// The request, its scene, its rules or its engine cannot be used.
+    pub fn open(request: &Request) -> Result<Self, Error> {
+        Self::open_with(request, SessionOptions::default())
+    }
+
+    /// The same with options.
+    ///
+    /// # Errors
+    /// As of [`Self::open`]; or there is nothing to go on with.
+    pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
+        let begun = Instant::now();
+        Self::check(request, &options)?;
+        let (experts, notes) = experts(agent_rules(request)?)?;
+        if request.engine.is_builtin() {
+            let subject = Subject::load(request)?;
+            let own = OwnPainter::open(request, subject, experts, goal(request, begun)?)?;
+            return Self::of_own(request, options, own, notes, begun);
+        }
+        if options.record.is_some() {
+            return Err(Error::usage("--record is for our own engine", "leave it out, or leave out --engine"));
+        }
+        let denoiser = denoise::ready(request)?;
+        let choice = choice_rules(request)?.map(engine_choice).transpose()?;
+        let mut painter = Painter::open(request, experts, None)?;
+        painter.settings.engine_choice = choice;
+        painter.settings.goal = goal(request, begun)?;
+        let name = painter.name(request)?;
+        let keeping = Keeping::of_request(request, &name, options.resume)?;
+        let settings = painter.settings.clone();
+        let hand = Hand::Other(Box::new(painter));
+        Ok(Self {
+            request: request.clone(),
+            asked: request.clone(),
+            options,
+            hand,
+            settings,
+            denoiser,
+            notes,
+            begun,
+            keeping,
+        })
+    }
+
+    /// A scene that was made in memory. The request's `scene.file` is its name alone; what is painted of it is not kept for
+    /// going on later.
+    ///
+    /// # Errors
+    /// The request, the scene or the rules cannot be used, or another engine is asked for.
+    pub fn of_scene(request: &Request, scene: Scene) -> Result<Self, Error> {
+        let (begun, options) = (Instant::now(), SessionOptions::default());
+        Self::check(request, &options)?;
+        if !request.engine.is_builtin() {
+            return Err(Error::usage("only our own engine paints a scene that is in no file", "leave out the engine"));
+        }
+        let (experts, notes) = experts(agent_rules(request)?)?;
+        let subject = Subject::of_scene(scene, request)?;
+        let own = OwnPainter::open(request, subject, experts, goal(request, begun)?)?;
+        let (settings, denoiser) = (own.settings.clone(), denoise::ready(request)?);
+        let notes = own.notes(request).into_iter().chain(notes).collect();
+        let hand = Hand::Own(Box::new(own));
+        Ok(Self {
+            request: request.clone(),
+            asked: request.clone(),
+            options,
+            hand,
+            settings,
+            denoiser,
+            notes,
+            begun,
+            keeping: None,
+        })
+    }
+
+    /// A part in a picture that another process asked for. The request's files are on this machine; nothing is kept here, and
+    /// the picture is written by [`Self::write_to`] alone.
+    ///
+    /// # Errors
+    /// As of [`Self::open`]; or the engine here is another one.
+    pub fn for_others(request: &Request, part: Part<'_>) -> Result<Self, Error> {
+        let begun = Instant::now();
+        request.validate()?;
+        let (mut experts, notes) = experts(agent_rules(request)?)?;
+        // The machines have the rules in turn, as agents of one process have.
+        let turn = part.turn % experts.len();
+        experts.rotate_left(turn);
+        let goal = shared_goal(request);
+        let choice = choice_rules(request)?.map(engine_choice).transpose()?;
+        let hand = match part.engine {
+            None => {
+                let mut own = OwnPainter::open(request, Subject::load(request)?, experts, goal)?;
+                own.settings.agents = 1;
+                Hand::Own(Box::new(own))
+            }
+            Some(wanted) => {
+                let mut painter = Painter::open(request, experts, Some(part.files))?;
+                let here = painter.located.identity();
+                if here != wanted {
+                    return Err(Error::failed(
+                        format!("the job is for {wanted}, this machine has {here}"),
+                        "install the same version of the engine, and the same manifest, on all machines",
+                    ));
+                }
+                painter.engine.watch_faults(|fault| tracing::warn!("{fault}"));
+                painter.settings.goal = goal;
+                Hand::Other(Box::new(painter))
+            }
+        };
+        if let Hand::Own(own) = &hand {
+            own.crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
+        }
+        let settings = JobSettings { engine_choice: choice, ..hand.settings().clone() };
+        let (options, request, asked) = (SessionOptions::default(), request.clone(), part.asked.clone());
+        Ok(Self { request, asked, options, hand, settings, denoiser: None, notes, begun, keeping: None })
+    }
+
+    fn check(request: &Request, options: &SessionOptions) -> Result<(), Error> {
+        request.validate()?;
+        if request.frames.is_some() {
+            return Err(Error::usage(
+                "the request is of several frames, and a session paints one picture",
+                "open a session for each of them: Request::at_frame",
+            ));
+        }
+        if let Some(file) = &request.output.file {
+            check_writable(file)?;
+        }
+        options.preview.as_deref().map(check_preview).transpose()?;
+        Ok(())
+    }
+
+    fn of_own(
+        request: &Request,
+        options: SessionOptions,
+        own: OwnPainter,
+        notes: Vec<String>,
+        begun: Instant,
+    ) -> Result<Self, Error> {
+        let settings = own.settings.clone();
+        // Denoisers that are not there are told before anything is written.
+        let denoiser = denoise::ready(request)?;
+        let keeping = Keeping::of_request(request, &own.name(request), options.resume)?;
+        let notes = notes.into_iter().chain(own.notes(request)).collect();
+        let hand = Hand::Own(Box::new(own));
+        Ok(Self {
+            request: request.clone(),
+            asked: request.clone(),
+            options,
+            hand,
+            settings,
+            denoiser,
+            notes,
+            begun,
+            keeping,
+        })
+    }
+
+    /// What is asked for.
+    pub fn request(&self) -> &Request {
+        &self.request
+    }
+
+    /// The settings of the job.
+    pub fn settings(&self) -> &JobSettings {
+        &self.settings
+    }
+
+    /// Samples taken so far, all pixels together.
+    pub fn samples_done(&self) -> u64 {
+        self.hand.counter()()
+    }
+
+    /// What makes the picture what it is: two sessions with the same name give the same bits. How many agents and threads take
+    /// part is not in it.
+    ///
+    /// # Errors
+    /// The scene file of another engine cannot be read.
+    pub fn name(&self) -> Result<String, Error> {
+        match &self.hand {
+            Hand::Own(own) => Ok(own.name(&self.request)),
+            Hand::Other(painter) => painter.name(&self.request),
+        }
+    }
+
+    /// What a farm must be sent so that its machines can paint it, too.
+    ///
+    /// # Errors
+    /// The engine cannot tell what its scene refers to.
+    pub fn material(&self) -> Result<Material, Error> {
+        match &self.hand {
+            Hand::Own(own) => Ok(Material::of(&self.request, &own.subject)),
+            Hand::Other(_) => Material::gather(&self.request),
+        }
+    }
+
+    /// Paints the picture, and writes it where the request says so.
+    ///
+    /// # Errors
+    /// The agents came to no picture, zones failed, or the picture cannot be written. What was painted is kept beside the output.
+    pub fn render(self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
+        let (painting, tools) = self.begin(Arc::new(Reporter::new(watcher)))?;
+        let Tools { settings, engine, observer, store, kept } = tools;
+        let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
+        painting.finish(report, stop)?.close()
+    }
+
+    /// Begins to paint: tells what begins, and gives what painting takes. For those who paint with others; see
+    /// [`Self::render`] for all of it.
+    ///
+    /// # Errors
+    /// The preview cannot be begun, or no time is left.
+    pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(Painting, Tools), Error> {
+        self.notes.iter().for_each(|note| reporter.warn(note.clone()));
+        reporter.tell(self.hand.started(&self.request, &self.settings));
+        let (journal, store, kept) = match self.keeping.take() {
+            Some(Keeping { path, store, kept }) => (Some(path), Some(store), kept),
+            None => (None, None, None),
+        };
+        self.show(&reporter, kept.as_ref())?;
+        reporter.watch(self.hand.counter());
+        if self.settings.goal != shared_goal(&self.request) {
+            self.settings.goal = goal(&self.request, self.begun)?;
+        }
+        let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
+            (self.hand.engine(), Arc::clone(&reporter) as _);
+        let record = |_: &PathBuf| Arc::new(Recorder::new(Arc::clone(&engine), Arc::clone(&observer)));
+        let recorder = self.options.record.as_ref().map(record);
+        let (engine, observer) = match &recorder {
+            Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
+            None => (engine, observer),
+        };
+        let tools = Tools { settings: self.settings.clone(), engine, observer, store, kept };
+        Ok((Painting { session: self, reporter, recorder, journal }, tools))
+    }
+
+    /// What painting for others takes. They lead, and are told.
+    pub fn tools(&self) -> Tools {
+        let (settings, engine) = (self.settings.clone(), self.hand.engine());
+        Tools { settings, engine, observer: Arc::new(()), store: None, kept: None }
+    }
+
+    /// Denoises a picture that this machine has led for others, if they have asked for that. What the picture says of itself.
+    ///
+    /// # Errors
+    /// The denoiser is not there or fails; the picture keeps its noise then.
+    pub fn finish_for_others(&self, report: &mut JobReport) -> (Metadata, Result<(), Error>) {
+        let mut metadata = self.hand.metadata(&self.asked, report);
+        let denoised = denoise::here(&self.request, report, &mut metadata);
+        (metadata, denoised)
+    }
+
+    /// Writes a picture of this request to a file.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
+        crate::picture::write(&self.request, self.hand.hints(), path, film, metadata)
+    }
+
+    /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
+    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&Kept>) -> Result<(), Error> {
+        let SessionOptions { preview, shows, .. } = &self.options;
+        let watch_faults = |painter: &Painter| {
+            let (teller, title) = (Arc::downgrade(reporter), painter.title());
+            painter.engine.watch_faults(move |fault| {
+                if let Some(reporter) = teller.upgrade() {
+                    reporter.warn(format!("{title}: {fault}"));
+                }
+            });
+        };
+        if let Hand::Other(painter) = &self.hand {
+            watch_faults(painter);
+        }
+        if preview.is_none() && !shows {
+            return Ok(());
+        }
+        let (settings, output) = (&self.settings, &self.request.output);
+        let frame = Rect::of_size(settings.width, settings.height);
+        let look = Look { frame, crop: settings.crop, exposure: output.exposure, tone: tone(output.tonemap) };
+        let watcher = shows.then(|| Arc::clone(reporter.watcher()));
+        let show = Arc::new(Show::new(look, preview.clone(), watcher));
+        match &self.hand {
+            Hand::Own(own) => {
+                if let Some(kept) = kept {
+                    let (columns, rows) = survey_size(&look.frame);
+                    show.begin(&own.engine.survey(columns, rows)?);
+                    kept.tiles.values().for_each(|tile| show.painted(tile));
+                }
+                reporter.show(&show, own.subject.loaded);
+                own.engine.watch(move |tile| show.painted(tile));
+            }
+            Hand::Other(painter) => {
+                reporter.show(&show, self.begun);
+                painter.engine.watch(move |tile| show.painted(tile));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn failed(error: JobError) -> Error {
+    match error {
+        JobError::OtherWork => Error::failed(
+            "the interrupted picture was made with other settings",
+            "give the same options as then, or leave out --resume to start anew",
+        ),
+        error => Error::Job(error),
+    }
+}

@@ -1,0 +1,233 @@
+//! What is told while the work goes on: what the farm and the engine say becomes events.
+
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_agents::{AgentId, Time};
+use bottega_engines::Survey;
+use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Progress, ZoneRow};
+
+use super::Watcher;
+use crate::{
+    events::{self, AgentEvent, Event, Zone, ZoneEvent},
+    preview::Show,
+};
+
+/// How often progress is told.
+const TELL_EVERY: Duration = Duration::from_millis(500);
+
+/// The speed shown is that of the last so many seconds.
+const SPEED_OVER: Duration = Duration::from_secs(3);
+
+/// Tells a watcher what happens.
+pub struct Reporter {
+    watcher: Arc<dyn Watcher>,
+    pace: Mutex<Pace>,
+    watch: OnceLock<Watch>,
+    show: OnceLock<Showing>,
+}
+
+/// Shows the picture while it is painted.
+struct Showing {
+    show: Arc<Show>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// Looks at the engine while zones are under way.
+struct Watch {
+    stop: mpsc::Sender<()>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// How the work goes on: the farm speaks when a zone is done, the engine is looked at in between.
+struct Pace {
+    begun: Instant,
+    /// The farm's last word.
+    said: Option<Progress>,
+    /// Samples that were there before the engine took any.
+    kept: u64,
+    /// Their share of the predicted cost.
+    kept_cost: f64,
+    /// Samples at some moments of the last seconds, oldest first.
+    marks: VecDeque<(Instant, u64)>,
+}
+
+impl Reporter {
+    /// Tells `watcher`.
+    pub fn new(watcher: Arc<dyn Watcher>) -> Self {
+        let pace =
+            Mutex::new(Pace { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
+        Self { watcher, pace, watch: OnceLock::new(), show: OnceLock::new() }
+    }
+
+    /// The one who is told.
+    pub fn watcher(&self) -> &Arc<dyn Watcher> {
+        &self.watcher
+    }
+
+    /// Says something that people may want to know.
+    pub fn say(&self, message: &str) {
+        self.tell(Event::Note { message: message.to_owned() });
+    }
+
+    /// Says something that the user should know.
+    pub fn warn(&self, message: String) {
+        self.tell(Event::Warning { message });
+    }
+
+    /// Tells an event.
+    pub fn tell(&self, event: Event) {
+        self.watcher.told(event);
+    }
+
+    /// From now on tells progress, by the farm's words and the samples that the engine has taken.
+    pub(crate) fn watch(self: &Arc<Self>, samples_done: impl Fn() -> u64 + Send + 'static) {
+        let (stop, stopped) = mpsc::channel();
+        let reporter = Arc::downgrade(self);
+        let thread = thread::spawn(move || {
+            while stopped.recv_timeout(TELL_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
+                let Some(reporter) = reporter.upgrade() else { return };
+                reporter.tell_progress(samples_done());
+            }
+        });
+        // A second watch would tell everything twice; there is none.
+        let _ = self.watch.set(Watch { stop, thread: Mutex::new(Some(thread)) });
+    }
+
+    /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
+    pub(crate) fn show(self: &Arc<Self>, show: &Arc<Show>, loaded: Instant) {
+        let (reporter, showing) = (Arc::downgrade(self), Arc::clone(show));
+        let thread = thread::spawn(move || {
+            let renewed = |number| {
+                let Some(reporter) = reporter.upgrade() else { return };
+                reporter.tell(Event::Preview { number, seconds: loaded.elapsed().as_secs_f64() });
+            };
+            if let (Err(error), Some(reporter)) = (showing.keep_fresh(renewed), reporter.upgrade()) {
+                reporter.warn(format!("the preview is not shown any more: {error}"));
+            }
+        });
+        // As above.
+        let _ = self.show.set(Showing { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
+    }
+
+    fn tell_progress(&self, samples_done: u64) {
+        let Some((progress, samples_per_second)) = self.pace().present(samples_done) else { return };
+        self.tell(Event::Progress(events::Progress {
+            zones_done: progress.zones_done,
+            zones: progress.zones,
+            samples_done: progress.samples_done,
+            samples: progress.samples,
+            samples_per_second,
+            share: progress.cost_done,
+            seconds: progress.elapsed.as_secs_f64(),
+            seconds_left: progress.left.map(|left| left.as_secs_f64()),
+        }));
+    }
+
+    /// No progress is told from now on; the preview is what was painted last.
+    pub(crate) fn finish(&self) {
+        if let Some(watch) = self.watch.get() {
+            // When it is gone already there is nobody to tell.
+            let _ = watch.stop.send(());
+            if let Some(thread) = watch.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                let _ = thread.join();
+            }
+        }
+        if let Some(Showing { show, thread }) = self.show.get() {
+            show.end();
+            if let Some(thread) = thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                let _ = thread.join();
+            }
+        }
+        self.watcher.painted();
+    }
+
+    fn pace(&self) -> MutexGuard<'_, Pace> {
+        self.pace.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Pace {
+    /// How far the work is now, and how many samples a second it has taken lately. The farm speaks when a zone is done;
+    /// in between, what is left shrinks with the samples taken.
+    fn present(&mut self, samples_done: u64) -> Option<(Progress, f64)> {
+        let now = Instant::now();
+        self.marks.push_back((now, samples_done));
+        while self.marks.len() > 2 && now - self.marks[0].0 > SPEED_OVER {
+            self.marks.pop_front();
+        }
+        let (first, before) = self.marks[0];
+        let seconds = (now - first).as_secs_f64();
+        let speed = if seconds > 0.0 { samples_done.saturating_sub(before) as f64 / seconds } else { 0.0 };
+
+        let said = self.said.as_ref()?;
+        let under_way = (self.kept + samples_done).saturating_sub(said.samples_done);
+        let left = said.samples.saturating_sub(said.samples_done).max(1);
+        let share = (under_way as f64 / left as f64).min(1.0);
+        let cost_done = said.cost_done + (1.0 - said.cost_done) * share;
+        let elapsed = self.begun.elapsed();
+        let to_go = elapsed.as_secs_f64() * (1.0 - cost_done) / (cost_done - self.kept_cost);
+        let progress = Progress {
+            samples_done: (said.samples_done + under_way).min(said.samples),
+            cost_done,
+            elapsed,
+            left: Duration::try_from_secs_f64(to_go).ok().filter(|_| cost_done > self.kept_cost),
+            ..*said
+        };
+        Some((progress, speed))
+    }
+}
+
+impl Observer for Reporter {
+    fn surveyed(&self, survey: &Arc<Survey>) {
+        if let Some(showing) = self.show.get() {
+            showing.show.begin(survey);
+        }
+    }
+
+    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        let zones = partition.iter().map(|(id, rect)| Zone::new(id.0, &rect, map.complexity_density(&rect))).collect();
+        let seconds = self.pace().begun.elapsed().as_secs_f64();
+        self.tell(Event::Analyzed { zones, seconds });
+    }
+
+    fn zone_changed(&self, row: &ZoneRow) {
+        self.tell(Event::Zone(Box::new(ZoneEvent::from(row))));
+    }
+
+    fn agent_changed(&self, row: &AgentRow) {
+        self.tell(Event::Agent(AgentEvent::from(row)));
+    }
+
+    fn progress(&self, progress: &Progress) {
+        let mut pace = self.pace();
+        if pace.said.is_none() {
+            pace.begun = Instant::now();
+            pace.kept = progress.samples_done;
+            pace.kept_cost = progress.cost_done;
+        }
+        pace.said = Some(*progress);
+    }
+
+    fn message(&self, now: Time, message: &FarmMessage) {
+        self.watcher.message(now, message);
+    }
+
+    fn left_out(&self, agent: &AgentId, reason: &str) {
+        self.warn(format!("{agent} is left out: {reason}"));
+    }
+
+    fn too_few(&self, present: usize, needed: usize) {
+        self.warn(format!(
+            "what machines paint cannot be compared: {present} are there, {needed} are needed; zones wait for `bottega join`"
+        ));
+    }
+
+    fn not_kept(&self, error: &std::io::Error) {
+        self.warn(format!("the work cannot be kept for --resume: {error}"));
+    }
+}

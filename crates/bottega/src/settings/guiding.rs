@@ -1,0 +1,45 @@
+//! What paths learn beforehand.
+
+use bottega_render::AgentUse;
+
+use crate::request::{GuideChoice, GuideOptions, GuideUse};
+
+/// Whether paths learn where light comes from.
+pub fn directions(guide: &GuideOptions) -> bool {
+    match choice(guide) {
+        GuideChoice::None => false,
+        GuideChoice::Directions => true,
+        GuideChoice::Ala => has(guide, GuideUse::Directions),
+    }
+}
+
+/// What lighting agents are asked for beside that.
+pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
+    if choice(guide) != GuideChoice::Ala {
+        return AgentUse::default();
+    }
+    AgentUse {
+        shadows: has(guide, GuideUse::Shadows),
+        lights: has(guide, GuideUse::Lights),
+        roulette: has(guide, GuideUse::Roulette),
+    }
+}
+
+/// The same of a choice alone, with all of its uses.
+pub fn whole_guide(choice: GuideChoice) -> (bool, AgentUse) {
+    let guide = GuideOptions { by: Some(choice), ..GuideOptions::default() };
+    (directions(&guide), guide_agents(&guide))
+}
+
+/// Whether somebody said that lighting agents are to help.
+pub(crate) fn asks_for_agents(guide: &GuideOptions) -> bool {
+    guide.by == Some(GuideChoice::Ala) || !guide.uses.is_empty()
+}
+
+fn choice(guide: &GuideOptions) -> GuideChoice {
+    guide.by.unwrap_or(GuideChoice::Ala)
+}
+
+fn has(guide: &GuideOptions, what: GuideUse) -> bool {
+    guide.uses.is_empty() || guide.uses.contains(&what)
+}

@@ -1,0 +1,221 @@
+//! What a request means to the engines and the farm, with the scene that it is of.
+
+mod guiding;
+mod layers;
+mod photons;
+
+use std::time::{Duration, Instant};
+
+use bottega_engines::Tunables;
+use bottega_farm::{ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level, Optimization};
+use bottega_image::{Encoding, Layout, Rect, ToneMap};
+use bottega_render::Filter;
+
+pub(crate) use self::{guiding::asks_for_agents, layers::ALL as ALL_LAYERS};
+pub use self::{
+    guiding::{directions, guide_agents, whole_guide},
+    layers::{GUIDES, own_layers},
+    photons::{agent_photons, photon_settings},
+};
+use crate::{
+    devices::processors,
+    error::Error,
+    request::{
+        DEPTH_MAX, ImportanceChoice, OptimizationChoice, PixelFilter, PngEncoding, Request, SAMPLES_MAX, ToneCurve,
+        WorkOptions,
+    },
+    subject::Subject,
+    text::duration,
+};
+
+/// Samples of a pixel where nobody says.
+const DEFAULT_SAMPLES: u32 = 64;
+/// The most samples of a pixel where an error is asked for, and nobody says.
+const MOST_SAMPLES: u32 = 4096;
+/// The same with a time: a picture may take all night.
+const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
+/// For so many samples the guide is learnt at most where nobody knows how many a pixel will get.
+const PLANNED_SAMPLES_MAX: u32 = 256;
+/// Bounces where nobody says.
+const DEFAULT_DEPTH: u32 = 16;
+
+/// The settings of a job that our own engine paints.
+///
+/// # Errors
+/// The crop does not lie within the picture, or a layer is unknown.
+pub fn job_settings(request: &Request, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, Error> {
+    let frame = subject.frame();
+    let crop = crop(request).or_else(|| hinted_crop(subject)).unwrap_or(frame);
+    check_crop(&crop, &frame)?;
+    let threads = threads(request);
+    let tunables = Tunables { max_depth: max_depth(request, subject), light_samples: request.integrator.light_samples };
+    let goal = &request.goal;
+    let hinted = subject.hints.samples.filter(|_| goal.error.is_none() && goal.time.is_none());
+    let samples =
+        goal.samples.or(hinted).unwrap_or_else(|| samples_unasked(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
+    let layout = Layout::new(own_layers(request.film.layers.as_deref(), request.film.denoise)?);
+    Ok(JobSettings {
+        agents: agents(request.work.agents, threads),
+        ..shared_settings(
+            request,
+            crop,
+            experts,
+            JobSettings::new(frame.width(), frame.height(), samples, tunables, layout),
+        )
+    })
+}
+
+/// What the settings of a job have of the request whoever paints it.
+pub(crate) fn shared_settings(
+    request: &Request,
+    crop: Rect,
+    experts: Vec<Expert>,
+    settings: JobSettings,
+) -> JobSettings {
+    JobSettings {
+        crop,
+        level: level(request.work.level),
+        optimization: optimization(request.work.optimization),
+        experts,
+        processors: threads(request),
+        importance: importance_function(&request.work),
+        zones: request.work.zones,
+        verify: request.farm.verify.unwrap_or(1),
+        ..settings
+    }
+}
+
+/// The part of the picture that is asked for.
+pub(crate) fn crop(request: &Request) -> Option<Rect> {
+    request.film.crop.map(|[x0, y0, x1, y1]| Rect::new(x0, y0, x1, y1))
+}
+
+/// # Errors
+/// The crop does not lie within the picture.
+pub(crate) fn check_crop(crop: &Rect, frame: &Rect) -> Result<(), Error> {
+    if frame.encloses(crop) {
+        return Ok(());
+    }
+    Err(Error::usage(
+        format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
+        "x1 and y1 may be at most the picture's width and height",
+    ))
+}
+
+/// Samples of a pixel where nobody says: `usual`, or as many as may be of use where an error or a time ends the picture.
+pub(crate) fn samples_unasked(request: &Request, usual: u32) -> u32 {
+    match (request.goal.error, request.goal.time) {
+        (Some(_), _) => MOST_SAMPLES.max(usual),
+        (_, Some(_)) => MOST_SAMPLES_IN_TIME.max(usual),
+        _ => usual,
+    }
+}
+
+/// When a zone is finished, for one who paints with others: their Master keeps the time.
+pub fn shared_goal(request: &Request) -> Goal {
+    request.goal.error.map_or(Goal::Samples, Goal::Error)
+}
+
+/// When a zone is finished. Loading, since `begun`, is a part of the time that was asked for.
+pub(crate) fn goal(request: &Request, begun: Instant) -> Result<Goal, Error> {
+    match (request.goal.error, request.goal.time) {
+        (Some(error), _) => Ok(Goal::Error(error)),
+        (None, Some(time)) => match Duration::from_secs_f64(time).checked_sub(begun.elapsed()) {
+            Some(left) if !left.is_zero() => Ok(Goal::Time(left)),
+            _ => Err(Error::failed(
+                format!("reading the scene took {}, no less than the time for all of it", duration(begun.elapsed())),
+                "give it more time",
+            )),
+        },
+        (None, None) => Ok(Goal::Samples),
+    }
+}
+
+/// Samples a pixel for which it is worth learning.
+pub(crate) fn planned_samples(job: &JobSettings) -> u32 {
+    match job.goal {
+        Goal::Samples => job.samples,
+        Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
+    }
+}
+
+/// Bounces of light.
+pub fn max_depth(request: &Request, subject: &Subject) -> u32 {
+    request.integrator.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
+}
+
+/// Processors that the request allows.
+pub fn threads(request: &Request) -> usize {
+    request.devices.threads.map_or_else(processors, usize::from)
+}
+
+/// Agents for so many processors, where nobody says.
+pub fn agents(asked: Option<u16>, threads: usize) -> usize {
+    asked.map_or(threads.div_ceil(2), usize::from)
+}
+
+/// How the picture is cut.
+pub fn level(level: u8) -> Level {
+    Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
+}
+
+fn optimization(optimization: OptimizationChoice) -> Optimization {
+    match optimization {
+        OptimizationChoice::Off => Optimization::Off,
+        OptimizationChoice::Vs => Optimization::VerySmall,
+        OptimizationChoice::S => Optimization::Small,
+        OptimizationChoice::N => Optimization::Normal,
+        OptimizationChoice::B => Optimization::Big,
+        OptimizationChoice::Vb => Optimization::VeryBig,
+    }
+}
+
+/// The measure of importance, of the channels that are on.
+pub fn importance_function(work: &WorkOptions) -> ImportanceFunction {
+    let channels = match &work.channels {
+        Some(channels) => channels.iter().copied().collect::<ChannelSet>(),
+        None => ChannelSet::ALL,
+    };
+    match work.importance {
+        ImportanceChoice::Predicted => ImportanceFunction::PredictedCost(channels),
+        ImportanceChoice::Paper => ImportanceFunction::Paper,
+        ImportanceChoice::Visual => ImportanceFunction::Visual(channels),
+    }
+}
+
+/// How samples are spread over a pixel.
+pub(crate) fn filter(request: &Request, subject: &Subject) -> Filter {
+    match request.film.filter {
+        None => subject.hints.filter.unwrap_or_default(),
+        Some(PixelFilter::BlackmanHarris) => Filter::default(),
+        Some(PixelFilter::Gaussian) => Filter::Gaussian { radius: 1.5, sigma: 0.5 },
+        Some(PixelFilter::Tent) => Filter::Tent { radius: 1.0 },
+        Some(PixelFilter::Mitchell) => Filter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 },
+        Some(PixelFilter::Box) => Filter::PIXEL,
+    }
+}
+
+/// The part of the picture that the file asks for, as far as it lies within.
+fn hinted_crop(subject: &Subject) -> Option<Rect> {
+    let [x, y, width, height] = subject.hints.crop?;
+    let frame = subject.frame();
+    let (x1, y1) = (x.saturating_add(width).min(frame.x1), y.saturating_add(height).min(frame.y1));
+    (x < x1 && y < y1).then(|| Rect::new(x, y, x1, y1))
+}
+
+/// How highlights are brought into range.
+pub(crate) fn tone(tone: ToneCurve) -> ToneMap {
+    match tone {
+        ToneCurve::Agx => ToneMap::Agx,
+        ToneCurve::Aces => ToneMap::Aces,
+        ToneCurve::Linear => ToneMap::Linear,
+    }
+}
+
+/// How a PNG's values are stored.
+pub(crate) fn encoding(encoding: PngEncoding) -> Encoding {
+    match encoding {
+        PngEncoding::Srgb => Encoding::Srgb,
+        PngEncoding::Linear => Encoding::Linear,
+    }
+}
