@@ -62,6 +62,20 @@
 //! assert_eq!(show.recv()?, "ciao");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | reading and writing of SL, ACL and envelopes | `src/sl.rs`, `src/platform/ontology/`, `src/wire/` |
+//! | agents and services; how pages are kept in the store; life cycle | `src/platform/`; `src/platform/service.rs`; `src/platform/life_cycle.rs` |
+//! | the protocols | `src/protocol/` |
+//! | strangers: the gateway, the channel, the transport over sockets, all of it together | `src/gateway/`, `src/acc.rs`, `src/driver/http/`, `src/driver/node.rs` |
+//! | agents in one process; in virtual time, and what is planned there | `src/driver/local/`; `src/driver/simulator.rs`, `src/driver/network.rs`, `src/driver/plan.rs` |
+//! | messages, rows and pixels between machines, and the rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
+//! | shared rows and their names | `src/store.rs`, `src/key.rs` |
+//! | a platform's pages in a file | `src/file_store/` |
+//! | a platform of two processes in bad weather | `tests/sim/` |
 
 pub mod acc;
 mod acl;

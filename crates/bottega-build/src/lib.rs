@@ -3,6 +3,14 @@
 //! It is a macro and no build script, because nothing is rebuilt for its sake: the crate that expands it is compiled anyway when a
 //! source of the program changes, and no other crate knows of it. A commit that changes no source rebuilds nothing; the
 //! program then names the commit that it was compiled at.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | the macro | `src/lib.rs` |
+//! | the digest of the sources | `src/sources.rs` |
+//! | the commit | `src/git.rs` |
 
 mod git;
 mod sources;

@@ -1,4 +1,26 @@
 //! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | options, and the request that they make | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
+//! | requests that are read; a request as options | `src/cli/request.rs`, `src/cli/words.rs` |
+//! | `render`, `request` | `src/render.rs`, `src/request.rs` |
+//! | the progress bar, lines of text and JSON, the trace | `src/voice.rs` |
+//! | standard output and standard error | `src/output.rs` |
+//! | errors as people read them | `src/error.rs` |
+//! | Ctrl-C | `src/signals.rs` |
+//! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
+//! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
+//! | `up`, `join`, `jobs`, `machines` | `src/farm/` |
+//! | `engines` | `src/engines/` |
+//! | `rules` | `src/rules/` |
+//! | `devices` | `src/devices/` |
+//! | `simulate` | `src/simulate/` |
+//! | `platform`; machines and jobs of a farm as agents, and what they can be asked | `src/platform/`; `src/platform/farm/`, `src/platform/farm/ontology.rs` |
+//! | options of `bench` | `src/bench/` |
+//! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 // First: `println!` and its like mean what is defined there.

@@ -5,15 +5,23 @@
 //!
 //! # Where is what
 //!
-//! - [`up`]: the meeting place; its server (`server`, `keeper`, `room`), who is let in (`admission`, `members`), what is let go
-//!   (`upkeep`). [`own_server`]: one for a test or a measurement.
-//! - [`link`]: the way in (`address`, `discovery`, `names`); who waits for a farm that does not answer: `patience`.
-//! - [`job`]: what the farm keeps of a job: a [`Request`](bottega::Request) and the digests of its files; [`job_board`]: where;
-//!   `refusals`: which machines leave it out; [`view`]: how it stands, for those who look.
-//! - [`client`]: asks for a picture and has it in the end; [`animation`]: the same for frames. [`jobs`], [`machine`]: steers them.
-//! - `scene_files`, `chunks`, `transfer`, [`cache`]: how scenes travel.
-//! - [`worker`]: a machine that paints whatever is asked for: `shares` says which job, `studio` makes it ready, `part` paints it
-//!   or leads it, `together` shares out what comes before the first zone.
+//! | what | where |
+//! |---|---|
+//! | the meeting place, its server as a child process | [`up`], `src/server.rs`, `src/keeper.rs`, [`room`]; one for a test or a measurement: [`own_server`] |
+//! | who is let in, and what each may do | `src/admission.rs`, `src/members.rs` |
+//! | what a farm lets go of | `src/upkeep.rs` |
+//! | the way in: addresses, the local network, names | [`link`](mod@link), [`address`], `src/discovery.rs`, [`names`] |
+//! | waiting for a farm that does not answer | `src/patience.rs` |
+//! | a job: a [`Request`](bottega::Request) and the digests of its files | [`job`](mod@job) |
+//! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
+//! | asking for a picture; for frames | [`client`], [`animation`] |
+//! | steering of jobs and machines | [`jobs`], [`machine`] |
+//! | how scenes travel: files, pieces, sending, the cache | `src/scene_files.rs`, `src/chunks.rs`, `src/transfer.rs`, [`cache`] |
+//! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
+//! | a job made ready here; led or helped | `src/studio.rs`, `src/part.rs` |
+//! | photons and lighting agents, cast by all machines | `src/together.rs` |
+//! | which build of the farm this is | [`build`](mod@build) |
+//! | a picture asked for without a command line | `examples/submit.rs` |
 
 pub mod address;
 mod admission;

@@ -3,6 +3,15 @@
 //! For whole pictures alone: a zone that is denoised by itself knows nothing of its neighbours, and its edges would show.
 //! The decision that shaped it: the library is no part of the program but found where it is installed and loaded when it is
 //! wanted, so whoever wants none needs none. It runs on the processors, and is told how bright the picture is, so that a picture does not depend on whose they are.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | pictures in, pictures out | `src/lib.rs` |
+//! | where the library is found | `src/find.rs` |
+//! | its C interface | `src/library.rs` |
+//! | how bright a picture is as a whole | `src/exposure.rs` |
 
 mod exposure;
 mod find;

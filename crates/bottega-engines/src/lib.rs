@@ -2,6 +2,23 @@
 //!
 //! The farm knows an engine only by [`RenderEngine`]. The decision that shaped it: painting is started and reported,
 //! never waited for, so that one agent can have its next zone under way before the present one has drained.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | the contract between farm and engine | `src/engine.rs` |
+//! | the built-in engine: zones as work units | `src/builtin.rs` |
+//! | two engines that paint one picture | `src/mixed.rs` |
+//! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
+//! | where an engine is on this machine | `src/external/locate.rs` |
+//! | children: limits, their files, and all that they started | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs`, `src/external/child/tree.rs` |
+//! | talk with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
+//! | the check of what an engine wrote | `src/external/picture.rs` |
+//! | the look at a scene that only its engine reads, and how many zones it bears | `src/external/tiny.rs` |
+//! | engines that failed too often on this machine | `src/external/quarantine.rs` |
+//! | which files a scene refers to | `src/external/refers.rs` |
+//! | pictures in zones held to the engines' own frames | `xtask/src/bars.rs`, the frames: `engines/tests/full_frame.py` |
 
 mod builtin;
 mod engine;

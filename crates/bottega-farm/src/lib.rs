@@ -11,6 +11,31 @@
 //! agent, the Master too, may die at any moment, and no pixel is lost or composed twice.
 //!
 //! Not here: sockets, clocks, files ([`run`] has threads, and time from the platform); what a sample is.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | importance of each place: cost and visibility | `src/importance.rs`, `src/importance/` |
+//! | the Analyst and its zones | `src/analyst.rs`, `src/partition.rs`, `src/partition/` |
+//! | rows of zones, works and agents | `src/blackboard.rs` |
+//! | the Master: orders, results, composition | `src/master.rs`, `src/master/` |
+//! | the auction | `src/auction.rs`, `src/auction/` |
+//! | the end of a work: zones are cut and given twice | `src/master/tail.rs` |
+//! | orders that stand still; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
+//! | comparing what untrusted agents paint; by its look | `src/master/verify.rs`, `src/master/likeness.rs` |
+//! | a goal of error or time | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
+//! | the Render Agent; its V_cp | `src/render_agent.rs`, `src/adaptation.rs` |
+//! | quality of a zone, by rules | `src/expert.rs`, `rules/path-tracing.fcl`; other engines: `rules/NAME.fcl`, which their manifests name |
+//! | what outputs of rules mean | `src/technique.rs` |
+//! | which of two engines suits a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
+//! | blending of neighbouring zones | `src/compose.rs` |
+//! | parts of photons and lighting agents, shared out | `src/shared_work.rs` |
+//! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/wire.rs`, `src/wire/` |
+//! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
+//! | what a run took, written down | `src/simulate/recorder.rs` |
+//! | how well times were predicted | `src/prediction.rs` |
+//! | what is kept for `--resume` | `src/journal.rs` |
 
 mod adaptation;
 mod agent;

@@ -25,6 +25,15 @@
 //! assert_eq!(outputs.get("speed"), Some(75.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | the parts of a function block | `src/block.rs`, `src/membership.rs`, `src/operators.rs` |
+//! | reading and printing of FCL, with places of mistakes | `src/fcl/` |
+//! | inference | `src/evaluate.rs`, `src/aggregate.rs` |
+//! | contradictory and dead rules, holes | `src/verify/` |
 
 mod aggregate;
 mod block;

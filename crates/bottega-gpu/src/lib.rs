@@ -14,6 +14,16 @@
 //!
 //! **The decision that shaped it**: instances are placed in world space before they are uploaded, so that the shader
 //! has one tree and one stack. Scenes whose instances would not fit are refused to the GPU, not to the job.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | devices, and one that is open | `src/adapter.rs`, `src/context.rs` |
+//! | rays on a device: the tree, the traversal | `src/rays.rs`, `src/bvh.rs`, `src/traversal.rs`, `src/wgsl/traverse.wgsl` |
+//! | paths on a device; which kernel comes after which | `src/paths.rs`, `src/paths/`, `src/wgsl/plan.wgsl` |
+//! | scattering on a device, and the records that it reads | `src/wgsl/`, `src/material/` |
+//! | compiled kernels, kept between runs | `src/pipeline_cache.rs` |
 
 mod adapter;
 mod bvh;

@@ -35,6 +35,21 @@
 //! }
 //! # Ok::<(), bottega_hra::SubmitError>(())
 //! ```
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | units, primitives, resources | `src/work.rs`, `src/primitive.rs`, `src/resource.rs` |
+//! | the allocator and its clients | `src/allocator.rs`, `src/client.rs` |
+//! | everything that decides | `src/policy/` |
+//! | how many packets go to a far resource; who does what | `src/policy/flow.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
+//! | what primitives cost, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
+//! | the policy run by threads | `src/threads/` |
+//! | the policy in virtual time | `src/simulate/` |
+//! | what resources did, in figures and as a drawing | `src/report.rs`, `src/drawing.rs` |
+//! | batches of rays as work | `src/rays.rs` |
+//! | how to add a board | `examples/board.rs`; rules and promises: `docs/hra.md` |
 
 mod allocator;
 mod client;

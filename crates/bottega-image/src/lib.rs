@@ -7,6 +7,24 @@
 //! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from any
 //! file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and,
 //! of noisy ones, [`rejected_share`]; whether the edges of zones show in one, [`seams`]; a [`Canvas`] is what a person looks at.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | rectangles of pixels | `src/rect.rs` |
+//! | sums of samples, their weighted means | `src/tile.rs`, `src/film.rs` |
+//! | where the values of a layer lie in a pixel; layers of other engines | `src/layout.rs`, `src/layers.rs` |
+//! | writing of OpenEXR and PNG; the format that a file name asks for | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
+//! | reading of OpenEXR, Radiance and PNG, for scenes and for comparing | `src/read.rs`, `src/exr_read/`, `src/radiance_read.rs`, `src/png_read.rs`; whole files: `src/whole.rs` |
+//! | limits of what the header of a picture may announce | `src/limits.rs` |
+//! | colours of other primaries | `src/colorimetry.rs` |
+//! | what a picture says of how it was made | `src/metadata.rs` |
+//! | tone mapping, transfer functions | `src/tone.rs` |
+//! | RMSE, relMSE, FLIP, tests of noisy pictures, seams | `src/metrics.rs`, `src/metrics/` |
+//! | whether two noisy zones look alike | `src/likeness.rs` |
+//! | pictures while they are painted | `src/preview.rs` |
+//! | false colours, pictures for people | `src/color_map.rs`, `src/canvas.rs` |
 
 mod canvas;
 mod color_map;

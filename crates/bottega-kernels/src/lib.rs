@@ -11,6 +11,19 @@
 //! may be painted by unlike machines and compared bit for bit.
 //!
 //! [`math`] holds the elementary functions for the same end.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | rays and hits | `src/ray.rs` |
+//! | geometry in, hits out | `src/accel.rs` |
+//! | the closest hit, occlusion; one source for each vector unit | `src/traverse.rs`, `src/traverse/` |
+//! | building of trees; binary trees for others | `src/build.rs`, `src/build/`; `src/build/binary.rs` |
+//! | the tree in memory | `src/tree.rs`, `src/arena.rs` |
+//! | functions of equal bits | `src/math.rs` |
+//! | other work compiled for the vector unit at hand | `src/compiled.rs` |
+//! | standard scenes and rays to measure with, Embree beside | `src/bench.rs`, `src/bench/`, `benches/rays.rs` |
 
 pub mod bench;
 pub mod math;

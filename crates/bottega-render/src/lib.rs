@@ -2,6 +2,31 @@
 //!
 //! No network, no agents. All heavy work is handed to the Hardware Resource Allocator as work units; this crate says
 //! what a unit computes on a processor, and owns all recursion above it.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | a scene made ready | `src/prepare.rs` |
+//! | numbers that are not random | `src/sampler.rs`, `src/sampler/sobol.rs` |
+//! | scattering at a surface | `src/bsdf/` |
+//! | choice of a light: among many, through windows | `src/lights/tree.rs`, `src/lights/portal.rs` |
+//! | textures laid by a place in the world | `src/mapping.rs` |
+//! | media; those that vary in space | `src/media.rs`, `src/media/varying.rs` |
+//! | paths: their light, where they go on, several in turn, through media | `src/integrator/path.rs`, `src/integrator/path/`, `src/integrator/turns.rs`, `src/integrator/volume.rs` |
+//! | where light comes from, which lights matter and are seen | `src/guide/`, `src/lights/choice.rs` |
+//! | ending and splitting of paths; whether it pays | `src/guide/agent.rs`, `src/integrator/path/branch.rs`, `src/integrator/path/trial.rs` |
+//! | photons: emission, tracing, map, casting, keeping | `src/lights/emission.rs`, `src/photon/trace.rs`, `src/photon/map.rs`, `src/photon/cast.rs`, `src/photon/store.rs` |
+//! | how wide the visible part is; where photons and agents are sent | `src/photon/extent.rs`, `src/photon/plan.rs`, `src/lights/emission/plan.rs` |
+//! | light by its number of bounces | `src/photon/bounces.rs` |
+//! | pictures of photons, irradiance kept between places | `src/integrator/photon/`, `src/photon/cache.rs` |
+//! | lighting agents: by the paper, by expected error; what a picture asks them | `src/ala/paper/`, `src/ala/own/`, `src/integrator/photon/eye.rs` |
+//! | useful data density | `src/ala/ludd.rs` |
+//! | casting shared out among machines; photons and agents as bytes | `src/sharing.rs`, `src/photon/bytes.rs`, `src/ala/bytes.rs` |
+//! | what a place costs, the survey | `src/survey.rs` |
+//! | a scene for devices | `src/flat.rs`, `src/flat/` |
+//! | work units of the allocator | `src/work.rs` |
+//! | laws of scattering; pictures held to those of others | `tests/bsdf_laws/`, `tests/pictures/` |
 
 pub mod ala;
 pub mod bsdf;

@@ -8,6 +8,27 @@
 //! in the order of the file, and what needs a sine or a logarithm is computed in double precision and rounded.
 //!
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | the scene and its promises | `src/model.rs`, `src/validate.rs` |
+//! | from a path to a scene | `src/load.rs` |
+//! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
+//! | Mitsuba 3 and 0.x | `src/mitsuba/` |
+//! | pbrt-v4 | `src/pbrt/` |
+//! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
+//! | curves as tubes | `src/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
+//! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
+//! | the mappings of textures, those by a place in the world among them | `src/texture.rs` |
+//! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
+//! | spectra as colours | `src/spectrum/` |
+//! | scenes far from their origin | `src/origin.rs` |
+//! | which files a scene may read; files that another machine named | `src/resource/` |
+//! | encodings of text | `src/text.rs` |
+//! | numbers that cannot be computed with; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
+//! | foreign JSON and TOML in which an object must be an object | `src/objects_only.rs` |
 
 mod camera;
 mod error;

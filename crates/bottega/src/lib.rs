@@ -16,12 +16,24 @@
 //!
 //! # Where is what
 //!
-//! - [`request`]: what may be asked for, its limits, its JSON.
-//! - [`session`]: the way from a request to a picture; who is told.
-//! - [`picture`]: what is painted, and the files it is written to.
-//! - [`settings`]: what a request means to engines and farm. [`subject`]: its scene; [`method`]: which integrator paints it.
-//! - [`engines`]: other renderers; [`devices`]: processors and GPUs; [`rules`]: expert knowledge.
-//! - [`keeping`]: the journal beside a picture; [`preview`](session::SessionOptions::preview), [`denoise`], [`frames`].
+//! | what | where |
+//! |---|---|
+//! | what may be asked for: sections, words, limits, checks | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
+//! | requests as JSON; one field set by its path | `src/request/json.rs`, `src/request/set.rs` |
+//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs` |
+//! | what is told meanwhile, and to whom | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
+//! | the picture, its files and its metadata | [`picture`] |
+//! | what a request means to engines and farm | [`settings`]; its scene: [`subject`]; which integrator paints it: [`method`] |
+//! | our own engine made ready | `src/own.rs` |
+//! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/material.rs` |
+//! | processors and GPUs, what each costs | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs` |
+//! | expert knowledge, from files or with the program | [`rules`] |
+//! | animations: which frames, under which names | [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
+//! | the journal beside a picture | [`keeping`] |
+//! | previews, denoising | `src/preview.rs`, [`denoise`] |
+//! | which build this is | [`identity`] |
+//! | what is kept for this user between runs | [`state`] |
+//! | ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
 
 pub mod denoise;
 pub mod devices;
