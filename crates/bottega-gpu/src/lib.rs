@@ -25,6 +25,7 @@ mod material;
 mod paths;
 mod pipeline_cache;
 mod rays;
+mod shared;
 mod traversal;
 
 pub use adapter::{AdapterInfo, AdapterKind, adapters};
