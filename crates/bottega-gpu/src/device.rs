@@ -8,10 +8,10 @@ use bottega_render::flat::Portable as _;
 use glam::Vec3;
 use wgpu::{Adapter, BindGroup, BindGroupLayout, Buffer, BufferUsages, ComputePipeline};
 
-use crate::context::{Context, GROUPS_MAX, storage};
-use crate::geometry::Geometry;
 use crate::adapter::AdapterInfo;
+use crate::context::{Context, GROUPS_MAX, storage};
 use crate::error::GpuError;
+use crate::geometry::Geometry;
 use crate::shared::geometry::{AnswerRecord, FAR, GROUP_SIZE, HIT_NOTHING, Ray as DeviceRay, RayParams};
 use crate::{shared, traversal};
 
@@ -103,7 +103,8 @@ impl Device {
         let entries = [(0, storage(true)), (1, storage(true)), (2, storage(true)), (3, storage(false)), (4, uniform)];
         let layout = context.layout("rays", &entries);
         let (intersect, occluded) = pipelines(&context.device, &layout, depth);
-        let params = context.buffer("params", size_of::<RayParams>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let params =
+            context.buffer("params", size_of::<RayParams>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         Self { context, layout, intersect, occluded, nodes, shapes, params, batch: None, staging: Vec::new() }
     }
 
@@ -113,7 +114,7 @@ impl Device {
         for tile in rays.chunks(tile) {
             self.run(Query::Intersect, tile, |words| {
                 let (words, _) = words.as_chunks();
-                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, *words)));
+                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, AnswerRecord::of(words))));
             })?;
         }
         Ok(hits)
@@ -141,7 +142,11 @@ impl Device {
         self.staging.extend(rays.iter().map(DeviceRay::of));
         let Context { device, queue, .. } = &*self.context;
         queue.write_buffer(&batch.rays, 0, bytemuck::cast_slice(&self.staging));
-        queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&RayParams { ray_count: rays.len() as u32, ..RayParams::default() }));
+        queue.write_buffer(
+            &self.params,
+            0,
+            bytemuck::bytes_of(&RayParams { ray_count: rays.len() as u32, ..RayParams::default() }),
+        );
         let bytes = (rays.len() * query.words() * size_of::<u32>()) as u64;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.dispatch(&mut encoder, query, batch, rays.len());
@@ -211,19 +216,19 @@ impl Device {
     }
 }
 
-/// A hit from the words that the shader wrote: t, u, v, instance, primitive.
-fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
-    let [t, u, v, instance, primitive] = words;
+/// A hit as the processor tells it.
+fn hit(ray: &Ray, answer: AnswerRecord) -> Hit {
+    let AnswerRecord { t, u, v, instance, primitive } = answer;
     if instance == HIT_NOTHING {
         return Hit::NONE;
     }
-    let [t, u, v] = [t, u, v].map(f32::from_bits);
     Hit { t: t / direction_scale(ray), u, v, instance, primitive }
 }
 
 fn pipelines(device: &wgpu::Device, layout: &BindGroupLayout, depth: u32) -> (ComputePipeline, ComputePipeline) {
     let traversal = traversal::source(depth);
-    let source = [shared::source(), include_str!("wgsl/shapes.wgsl"), &traversal, include_str!("wgsl/rays.wgsl")].concat();
+    let source =
+        [shared::source(), include_str!("wgsl/shapes.wgsl"), &traversal, include_str!("wgsl/rays.wgsl")].concat();
     let module = traversal::module(device, "rays", &source);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("rays"),

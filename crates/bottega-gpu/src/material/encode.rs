@@ -136,10 +136,7 @@ fn relief_of(writer: &mut Writer<'_>, relief: Option<&Relief>) -> (u32, u32, f32
     let rule = match relief.rule {
         ReliefRule::Bent => 0,
         ReliefRule::Mitsuba { turns, shadows, mirrored } => {
-            RELIEF_MITSUBA
-                | flag(turns, RELIEF_TURNS)
-                | flag(shadows, RELIEF_SHADOWS)
-                | flag(mirrored, RELIEF_MIRRORED)
+            RELIEF_MITSUBA | flag(turns, RELIEF_TURNS) | flag(shadows, RELIEF_SHADOWS) | flag(mirrored, RELIEF_MIRRORED)
         }
     };
     (kind | rule, handle, scale)

@@ -31,8 +31,11 @@ const FILES: [(Option<Features>, &str); 25] = [
     (None, include_str!("../wgsl/bsdf/surface.wgsl")),
 ];
 
-const LAYERS: &str =
-    concat!(include_str!("../wgsl/bsdf/film.wgsl"), include_str!("../wgsl/bsdf/sheen.wgsl"), include_str!("../wgsl/bsdf/coat.wgsl"));
+const LAYERS: &str = concat!(
+    include_str!("../wgsl/bsdf/film.wgsl"),
+    include_str!("../wgsl/bsdf/sheen.wgsl"),
+    include_str!("../wgsl/bsdf/coat.wgsl")
+);
 
 /// The shaders with what `features` asks for: constants and functions alone. Files that nothing asks for are left out, and so
 /// are the lines that call them, which are those with an `if` of their constant that ends where it begins.
@@ -92,7 +95,11 @@ mod tests {
     #[test]
     fn what_is_not_asked_for_is_not_there() {
         let matte = source(Features::default());
-        assert!(!matte.contains("stack_walk") && !matte.contains("layered_eval_pdf(") && matte.contains("lambert_eval_pdf("));
+        assert!(
+            !matte.contains("stack_walk")
+                && !matte.contains("layered_eval_pdf(")
+                && matte.contains("lambert_eval_pdf(")
+        );
         let layered = source(Features::LAYERED);
         assert!(layered.contains("layered_eval_pdf(b, wi)") && !layered.contains("principled_eval_pdf("));
     }

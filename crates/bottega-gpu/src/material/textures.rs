@@ -88,7 +88,8 @@ fn add_image(words: &mut Words, image: &Image) -> usize {
         LevelTexels::Rgba32(_) => TEXTURE_RGBA32,
     };
     let format = format | u32::from(image.is_srgb()) << IMAGE_SRGB_SHIFT;
-    let levels = words.record(&ImageRecord { format, level_count: count as u32 }) as usize + ImageRecord::WORDS as usize;
+    let levels =
+        words.record(&ImageRecord { format, level_count: count as u32 }) as usize + ImageRecord::WORDS as usize;
     let place_of = |level: usize| levels + LevelRecord::WORDS as usize * level;
     words.fill_to(place_of(count));
     for level in 0..count {

@@ -66,7 +66,8 @@ pub(super) fn traversal_source(variant: Variant) -> String {
     let traverse = traversal::source(variant.stack_size);
     if variant.has_opacity {
         let materials = material::source(Features::TEXTURES);
-        [shared::source(), &materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), &traverse, TRAVERSAL].concat()
+        [shared::source(), &materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), &traverse, TRAVERSAL]
+            .concat()
     } else {
         let shapes = include_str!("../wgsl/shapes.wgsl");
         [shared::source(), MATH, COMMON, shapes, include_str!("../wgsl/all_there.wgsl"), &traverse, TRAVERSAL].concat()

@@ -111,7 +111,11 @@ impl Tracer {
         let queues = context.buffer("queues", queue_paths * u64::from(QUEUES) * 4, BufferUsages::STORAGE);
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let control = context.buffer("control", size_of_val(&CONTROL) as u64, usage);
-        let groups = context.buffer("groups", DISPATCH_BYTES * u64::from(GROUPS_COUNT), BufferUsages::STORAGE | BufferUsages::INDIRECT);
+        let groups = context.buffer(
+            "groups",
+            DISPATCH_BYTES * u64::from(GROUPS_COUNT),
+            BufferUsages::STORAGE | BufferUsages::INDIRECT,
+        );
         let left = context.buffer("left", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
         let plan = context.bind("plan", &kernels.plan_layout, &[(0, &control), (1, &groups)]);
         context.check()?;

@@ -13,13 +13,43 @@ use super::{constants, layouts};
 
 /// Names under which shaders hold the place of a record.
 const RECORDS: &[&str] = &[
-    "block", "camera", "environment", "filter_at", "head", "image", "instance", "job", "level", "levels", "light", "map", "mesh",
-    "node", "place", "record", "slot", "sphere", "table",
+    "block",
+    "camera",
+    "environment",
+    "filter_at",
+    "head",
+    "image",
+    "instance",
+    "job",
+    "level",
+    "levels",
+    "light",
+    "map",
+    "mesh",
+    "node",
+    "place",
+    "record",
+    "slot",
+    "sphere",
+    "table",
 ];
 /// Functions that read a word or several at a place.
 const READERS: &[&str] = &[
-    "batch_number", "batch_vec2", "batch_vec3", "color_param_eval", "lookup_f32", "lookup_vec2", "mat3_at", "material_f32",
-    "material_vec2", "material_vec3", "number_at", "triple_at", "vec2_at", "vec3_at", "vec4_at",
+    "batch_number",
+    "batch_vec2",
+    "batch_vec3",
+    "color_param_eval",
+    "lookup_f32",
+    "lookup_vec2",
+    "mat3_at",
+    "material_f32",
+    "material_vec2",
+    "material_vec3",
+    "number_at",
+    "triple_at",
+    "vec2_at",
+    "vec3_at",
+    "vec4_at",
 ];
 /// Names under which they hold codes and flags.
 const CODES: &[&str] = &["flags", "format", "handle", "kind", "shape"];
@@ -202,7 +232,9 @@ fn what_is_said_by_hand_is_noticed() {
     for line in by_hand {
         assert!(fault(line).is_some(), "{line}");
     }
-    for line in ["let half = 0.5 * x; // const PI: f32 = 3.14159265;", "const NOTHING: Bsdf = Bsdf(0u);", "case LIGHT_SPOT: {"] {
+    for line in
+        ["let half = 0.5 * x; // const PI: f32 = 3.14159265;", "const NOTHING: Bsdf = Bsdf(0u);", "case LIGHT_SPOT: {"]
+    {
         assert_eq!(fault(line), None, "{line}");
     }
 }

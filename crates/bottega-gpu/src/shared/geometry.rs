@@ -3,6 +3,7 @@
 use std::mem::offset_of;
 
 use bottega_kernels::Hit;
+use bottega_render::flat::{Portable as _, Record as _, place_of};
 use bottega_render::record;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -39,7 +40,11 @@ constants! {
     NODE_SHAPE_BITS: u32 = ((1 << LEAF_MAX) - 1) * NODE_EACH;
     /// Added to the place of a child that is a node: these are counted in the upper eight of 32 bits.
     NODE_INNER: u32 = 24;
-    /// The upper one of the two bits of it, which no shape has both of.
+    /// The bits below, which stand for shapes.
+    NODE_GROUP_SHAPES: u32 = (1 << NODE_INNER) - 1;
+    /// The root alone.
+    NODE_GROUP_ROOT: u32 = 1 << 31;
+    /// The upper one of the two bits of [`NODE_INNER`], which no shape has both of.
     NODE_INNER_SHIFT: u32 = 4;
     /// That bit of four children.
     NODE_INNER_BITS: u32 = NODE_EACH << NODE_INNER_SHIFT;
@@ -57,6 +62,20 @@ record! {
         pub(crate) v: f32,
         pub(crate) instance: u32,
         pub(crate) primitive: u32,
+    }
+}
+
+impl AnswerRecord {
+    /// From the words that the shader wrote.
+    pub(crate) fn of(words: &[u32; Self::WORDS as usize]) -> Self {
+        let float = |place: u32| f32::from_bits(words[place as usize]);
+        Self {
+            t: float(const { place_of(Self::FIELDS, "t") }),
+            u: float(const { place_of(Self::FIELDS, "u") }),
+            v: float(const { place_of(Self::FIELDS, "v") }),
+            instance: words[const { place_of(Self::FIELDS, "instance") as usize }],
+            primitive: words[const { place_of(Self::FIELDS, "primitive") as usize }],
+        }
     }
 }
 
@@ -124,17 +143,20 @@ pub(super) fn node_source() -> String {
         [0, 1, 2].map(|index| of(byte + step * index)).join(", ")
     };
     let mut parts = vec![
-        ("corner", "vec3<f32>", format!("bitcast<vec3<f32>>(vec3<u32>({}))", three(offset_of!(Node, corner), &word, 4))),
+        (
+            "corner",
+            "vec3<f32>",
+            format!("bitcast<vec3<f32>>(vec3<u32>({}))", three(offset_of!(Node, corner), &word, 4)),
+        ),
         ("exponents", "vec3<u32>", format!("vec3<u32>({})", three(offset_of!(Node, exponents), &byte, 1))),
         ("inner", "u32", byte(offset_of!(Node, inner))),
         ("children", "u32", word(offset_of!(Node, children))),
         ("shapes", "u32", word(offset_of!(Node, shapes))),
         ("kinds", "vec2<u32>", two(offset_of!(Node, kinds))),
     ];
-    for (names, first) in [
-        (["low_x", "low_y", "low_z"], offset_of!(Node, low)),
-        (["high_x", "high_y", "high_z"], offset_of!(Node, high)),
-    ] {
+    for (names, first) in
+        [(["low_x", "low_y", "low_z"], offset_of!(Node, low)), (["high_x", "high_y", "high_z"], offset_of!(Node, high))]
+    {
         let axes = names.into_iter().zip((first..).step_by(WIDTH));
         parts.extend(axes.map(|(name, place)| (name, "vec2<u32>", two(place))));
     }

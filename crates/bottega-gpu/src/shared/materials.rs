@@ -122,6 +122,11 @@ constants! {
     TEXTURE_RGBA32: u32 = 4;
     IMAGE_FORMAT_MASK: u32 = 0xff;
     IMAGE_SRGB_SHIFT: u32 = 8;
+    /// Codes of 1.
+    TEXEL_8_MAX: f32 = u8::MAX as f32;
+    TEXEL_16_MAX: f32 = u16::MAX as f32;
+    /// Where more texels than this lie within a footprint, the square of their number stays finite.
+    TEXELS_SQUARED_MAX: f32 = 1e37;
 
     /// Flags of a map: the second set of coordinates, smooth, and from shifts on how it goes on beyond the picture.
     MAP_UV_SET: u32 = 1;

@@ -103,7 +103,12 @@ fn twins_have_the_same_name_and_the_same_order() {
         let places: Vec<_> = own.iter().filter_map(|it| Some((place_of(&it.name, stem, &rust)?, &it.name))).collect();
         assert!(!places.is_empty(), "src/wgsl/{name}.wgsl has no function of {twin}");
         for pair in places.windows(2) {
-            assert!(pair[0].0 < pair[1].0, "src/wgsl/{name}.wgsl: `{}` comes before `{}` in {twin}", pair[1].1, pair[0].1);
+            assert!(
+                pair[0].0 < pair[1].0,
+                "src/wgsl/{name}.wgsl: `{}` comes before `{}` in {twin}",
+                pair[1].1,
+                pair[0].1
+            );
         }
         (twins, paired, all) = (twins + 1, paired + places.len(), all + own.len());
     }
@@ -138,9 +143,11 @@ fn particular_numbers_of_formulas_stand_in_both_twins() {
         };
         for (line, row) in text.lines().zip(1..) {
             let particular = tokens(line).into_iter().filter_map(number).filter(|&it| is_particular(it));
-            lonely.extend(particular.filter(|&it| !stands_there(it)).map(|it| {
-                format!("src/wgsl/{name}.wgsl:{row}: {it:?} does not stand in {twin}")
-            }));
+            lonely.extend(
+                particular
+                    .filter(|&it| !stands_there(it))
+                    .map(|it| format!("src/wgsl/{name}.wgsl:{row}: {it:?} does not stand in {twin}")),
+            );
         }
     }
     assert!(lonely.is_empty(), "{}", lonely.join("\n"));

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/interaction.rs`.
 //
-// What a path knows of a point on a surface: from the hit to the shading frame (`bottega_render::interaction`).
+// What a path knows of a point on a surface: from the hit to the shading frame.
 
 struct Interaction {
     p: vec3<f32>,

@@ -1,7 +1,6 @@
 // Twin: `bottega-scene/src/material.rs`.
 //
-// What a material is beside its scattering. `material_words` is laid out by `material/encode.rs`: a head of 8 words, 32 words
-// for each material, then surfaces and tables.
+// What a material is beside its scattering. `material_words`: a head, a record of each material, then surfaces and tables.
 
 struct MaterialRelief {
     kind: u32,

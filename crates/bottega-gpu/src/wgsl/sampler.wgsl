@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/sampler.rs`.
 //
-// The numbers of a path: those of the processor's sampler bit for bit (`bottega_render::sampler`). 64 bits are a low and a
+// The numbers of a path: those of the processor's sampler bit for bit. 64 bits are a low and a
 // high word.
 
 // What tells the numbers of one sample of one pixel.
@@ -9,7 +9,6 @@ struct Sampler {
     sample_index: u32,
 }
 
-// The first four dimensions of the Sobol' sequence, as `bottega_render::flat::sobol_table` has them, at the front of the batch.
 fn add64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
     let low = a.x + b.x;
     return vec2(low, a.y + b.y + select(0u, 1u, low < a.x));
@@ -46,6 +45,7 @@ fn pixel_sampler_new(x: u32, y: u32, sample_index: u32) -> Sampler {
     return Sampler(sampler_mix(batch.mixed_seed ^ vec2(x, y)), sample_index);
 }
 
+// A point of the first four dimensions of the Sobol' sequence, by the table at the front of the batch.
 fn sobol_reversed(reversed_index: u32) -> vec4<u32> {
     var point = vec4<u32>(0u);
     for (var group = 0u; group < SOBOL_GROUPS; group += 1u) {

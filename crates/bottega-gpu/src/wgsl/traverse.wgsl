@@ -50,13 +50,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
     var stack: array<vec2<u32>, STACK_SIZE>;
     var top = 0u;
     // Nodes that are still to be entered: the first of all that are there, those to enter (upper 8 bits), those that are there (lower 8).
-    var group = vec2(0u, 0x80000000u);
+    var group = vec2(0u, NODE_GROUP_ROOT);
     loop {
         let bit = firstLeadingBit(group.y);
         group.y &= ~(1u << bit);
-        let slot = (bit - 24u) ^ octant;
+        let slot = (bit - NODE_INNER) ^ octant;
         let index = NODE_VECTORS * (group.x + countOneBits(group.y & ((1u << slot) - 1u)));
-        if group.y > 0x00ffffffu && top < STACK_SIZE {
+        if group.y > NODE_GROUP_SHAPES && top < STACK_SIZE {
             stack[top] = group;
             top += 1u;
         }
@@ -74,8 +74,8 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         let far_1 = select(high_1, low_1, is_negative);
         let entered = enter_four(node.kinds.x, near_0, far_0, step, base, octants, ray.t_min, best.t)
             | enter_four(node.kinds.y, near_1, far_1, step, base, octants, ray.t_min, best.t);
-        group = vec2(node.children, (entered & 0xff000000u) | node.inner);
-        var leaves = entered & 0x00ffffffu;
+        group = vec2(node.children, (entered & ~NODE_GROUP_SHAPES) | node.inner);
+        var leaves = entered & NODE_GROUP_SHAPES;
         while leaves != 0u {
             let shape_index = node.shapes + firstTrailingBit(leaves);
             leaves &= leaves - 1u;
@@ -89,7 +89,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 return best;
             }
         }
-        if group.y <= 0x00ffffffu {
+        if group.y <= NODE_GROUP_SHAPES {
             if top == 0u {
                 return best;
             }

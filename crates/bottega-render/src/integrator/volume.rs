@@ -13,7 +13,9 @@ use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::Vec3;
 
-use super::path::{BLEND, DEPTH_SHIFT, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at};
+use super::path::{
+    BLEND, DEPTH_SHIFT, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at,
+};
 use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,

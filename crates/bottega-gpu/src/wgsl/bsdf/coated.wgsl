@@ -73,7 +73,8 @@ fn stack_new(wo: vec3f, given: Stack) -> Bsdf {
     b.d[4] = vec4f(it.metal.eta, it.metal.facets.alpha.x);
     b.d[5] = vec4f(it.metal.k, it.metal.facets.alpha.y);
     b.d[6] = vec4f(stack_chances(it, wo.z), 0.0, 0.0);
-    b.words = vec3u(it.facets.bits | (it.metal.facets.bits << STACK_METAL_SHIFT) | select(0u, STACK_IS_METAL, it.is_metal), it.max_depth, 0u);
+    let facets = it.facets.bits | (it.metal.facets.bits << STACK_METAL_SHIFT);
+    b.words = vec3u(facets | select(0u, STACK_IS_METAL, it.is_metal), it.max_depth, 0u);
     return b;
 }
 
@@ -85,7 +86,9 @@ fn stack_from(b: ptr<function, Bsdf>) -> Stack {
     let d5 = (*b).d[5];
     let color = (*b).d[3].xyz;
     let metal = Conductor(d4.xyz, d5.xyz, color, Microfacets(vec2f(d4.w, d5.w), (bits >> STACK_METAL_SHIFT) & FACETS_MASK));
-    return Stack(d0.x, Microfacets(d2.xy, bits & FACETS_MASK), d0.y, (*b).d[1].xyz, d0.z, (*b).words.y, (bits & STACK_IS_METAL) != 0u, color, metal, d2.zw);
+    let facets = Microfacets(d2.xy, bits & FACETS_MASK);
+    let is_metal = (bits & STACK_IS_METAL) != 0u;
+    return Stack(d0.x, facets, d0.y, (*b).d[1].xyz, d0.z, (*b).words.y, is_metal, color, metal, d2.zw);
 }
 
 // Share of the light that is mirrored without having been scattered, where boundary and base are smooth.
@@ -428,7 +431,8 @@ fn stack_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
 
 fn stack_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f) -> Bsdf {
     var it: Stack;
-    it.facets = microfacets_new(material_words[record + COATED_FACETS], vec2f((*p)[COATED_PARAM_ROUGHNESS_X].x, (*p)[COATED_PARAM_ROUGHNESS_Y].x));
+    let roughness = vec2f((*p)[COATED_PARAM_ROUGHNESS_X].x, (*p)[COATED_PARAM_ROUGHNESS_Y].x);
+    it.facets = microfacets_new(material_words[record + COATED_FACETS], roughness);
     it.eta = material_f32(record + COATED_ETA);
     it.albedo = surface_share((*p)[COATED_PARAM_ALBEDO]);
     it.thickness = clamp((*p)[COATED_PARAM_THICKNESS].x, 0.0, 100.0);

@@ -61,7 +61,8 @@ fn conductor_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
 fn conductor_param(p: ptr<function, SurfaceParams>, first: u32, bits: u32, outside: f32) -> Conductor {
     let eta = clamp((*p)[first + CONDUCTOR_PARAM_ETA] / outside, vec3f(0.0), vec3f(1e3));
     let k = clamp((*p)[first + CONDUCTOR_PARAM_K] / outside, vec3f(0.0), vec3f(1e3));
-    let facets = microfacets_new(bits, vec2f((*p)[first + CONDUCTOR_PARAM_ROUGHNESS_X].x, (*p)[first + CONDUCTOR_PARAM_ROUGHNESS_Y].x));
+    let roughness = vec2f((*p)[first + CONDUCTOR_PARAM_ROUGHNESS_X].x, (*p)[first + CONDUCTOR_PARAM_ROUGHNESS_Y].x);
+    let facets = microfacets_new(bits, roughness);
     return Conductor(eta, k, surface_share((*p)[first + CONDUCTOR_PARAM_REFLECTANCE]), facets);
 }
 

@@ -1,10 +1,6 @@
 // Twin: `bottega-render/src/bsdf/cover.rs`.
 //
 // What a rough dielectric boundary lets through to a matte base, and keeps in: curves that `material/covers.rs` wrote down.
-//
-// A block: the first node of α and how many there are; the first step of thickness, in eighths of an octave, and how many
-// slots (the first is thickness 0 where there are more than one); then the curves of each slot by node, of 64 cosines and what
-// comes back.
 
 struct Cover {
     // The curve of the node below, and how near the next one is.

@@ -108,11 +108,13 @@ fn dielectric_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
 fn dielectric_surface(
     record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f,
 ) -> Bsdf {
-    let facets = microfacets_new(material_words[record + DIELECTRIC_FACETS], vec2f((*p)[DIELECTRIC_PARAM_ROUGHNESS_X].x, (*p)[DIELECTRIC_PARAM_ROUGHNESS_Y].x));
+    let roughness = vec2f((*p)[DIELECTRIC_PARAM_ROUGHNESS_X].x, (*p)[DIELECTRIC_PARAM_ROUGHNESS_Y].x);
+    let facets = microfacets_new(material_words[record + DIELECTRIC_FACETS], roughness);
     let thin = material_words[record + DIELECTRIC_THIN] != 0u;
     let eta = material_f32(record + DIELECTRIC_ETA);
     let inside = !thin && (*point).front == 0u;
-    let glass =
-        Dielectric(select(eta, 1.0 / eta, inside), surface_share((*p)[DIELECTRIC_PARAM_REFLECTANCE]), surface_share((*p)[DIELECTRIC_PARAM_TRANSMITTANCE]), facets, thin);
+    let reflectance = surface_share((*p)[DIELECTRIC_PARAM_REFLECTANCE]);
+    let transmittance = surface_share((*p)[DIELECTRIC_PARAM_TRANSMITTANCE]);
+    let glass = Dielectric(select(eta, 1.0 / eta, inside), reflectance, transmittance, facets, thin);
     return dielectric_new(wo, glass);
 }

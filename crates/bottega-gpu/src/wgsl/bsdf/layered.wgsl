@@ -18,7 +18,7 @@ struct LayeredCover {
     constant: f32,
 }
 
-// The lobe that `u` falls to (interface, cosine, cosine through, coat, uniform; LAYERED_LOBES: none), its chance, and where in its share.
+// The lobe that `u` falls to (LAYERED_LOBES: none), its chance, and where in its share.
 struct LayeredChoice {
     lobe: u32,
     chance: f32,
@@ -30,7 +30,7 @@ struct LayeredChoice {
 // d[7..10]: colours of the cosine lobes times what wo leaves them (diffuse, multiple, boundary on the side of wo), with the
 // strength, the roughness of the coat, and α of the sheen in w; d[10]: the diffuse one on the far side, position of the sheen;
 // d[11]: the others there; d[12]: chances of the other lobes; d[13]: normal of the coat; d[14]: colour of the sheen; words.x:
-// the bits above.
+// LAYERED_USES_SINGLE and the like.
 fn layered_interface(b: ptr<function, Bsdf>) -> Interface {
     let d0 = (*b).d[0];
     let d1 = (*b).d[1];

@@ -42,7 +42,8 @@ fn params_clamped(
     it.thin = material_words[record + LAYERED_THIN] != 0u;
     it.front = (*point).front != 0u;
     let least = material_f32(record + LAYERED_FILM_LEAST);
-    let thickness = clamp(least + (material_f32(record + LAYERED_FILM_MOST) - least) * (*p)[LAYERED_PARAM_FILM_THICKNESS].x, 0.0, 1e5);
+    let most = material_f32(record + LAYERED_FILM_MOST);
+    let thickness = clamp(least + (most - least) * (*p)[LAYERED_PARAM_FILM_THICKNESS].x, 0.0, 1e5);
     it.film = film_new(surface_unit((*p)[LAYERED_PARAM_FILM].x), material_f32(record + LAYERED_FILM_IOR), thickness);
     var normal = math_normalize_or((*point).coat_normal, vec3f(0.0, 0.0, 1.0));
     if normal.z <= 0.0 || all((*point).coat_normal == vec3f(0.0, 0.0, 1.0)) {

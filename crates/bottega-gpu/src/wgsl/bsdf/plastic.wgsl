@@ -98,7 +98,8 @@ fn plastic_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
 }
 
 fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f) -> Bsdf {
-    let facets = microfacets_new(material_words[record + PLASTIC_FACETS], vec2f((*p)[PLASTIC_PARAM_ROUGHNESS_X].x, (*p)[PLASTIC_PARAM_ROUGHNESS_Y].x));
+    let roughness = vec2f((*p)[PLASTIC_PARAM_ROUGHNESS_X].x, (*p)[PLASTIC_PARAM_ROUGHNESS_Y].x);
+    let facets = microfacets_new(material_words[record + PLASTIC_FACETS], roughness);
     let eta = material_f32(record + PLASTIC_ETA);
     let inner = material_words[record + PLASTIC_INNER];
     // 0: the boundary is smooth everywhere, or the base is seen as if it were.
@@ -123,7 +124,8 @@ fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<funct
 fn plastic_coat_surface(
     record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f,
 ) -> Bsdf {
-    let facets = microfacets_new(material_words[record + COATED_FACETS], vec2f((*p)[COATED_PARAM_ROUGHNESS_X].x, (*p)[COATED_PARAM_ROUGHNESS_Y].x));
+    let roughness = vec2f((*p)[COATED_PARAM_ROUGHNESS_X].x, (*p)[COATED_PARAM_ROUGHNESS_Y].x);
+    let facets = microfacets_new(material_words[record + COATED_FACETS], roughness);
     let eta = material_f32(record + COATED_ETA);
     let thickness = clamp((*p)[COATED_PARAM_THICKNESS].x, 0.0, 100.0);
     let color = surface_share((*p)[COATED_PARAM_BASE] * (*point).vertex_color.xyz);

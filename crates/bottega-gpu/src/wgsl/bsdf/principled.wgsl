@@ -114,7 +114,7 @@ fn principled_new(wo: vec3f, p: Principled) -> Bsdf {
 
 fn principled_coat_masking(cosine: f32) -> f32 {
     let tan2 = max(1.0 - cosine * cosine, 0.0) / (cosine * cosine);
-    return 2.0 / (1.0 + sqrt(1.0 + 0.0625 * tan2));
+    return 2.0 / (1.0 + sqrt(1.0 + 0.25 * 0.25 * tan2));
 }
 
 // Share of the surface that is a clear solid.
@@ -307,11 +307,25 @@ fn principled_surface(
     let thin = material_words[record + PRINCIPLED_THIN] != 0u;
     let eta = material_f32(record + PRINCIPLED_ETA);
     let scaled = max((0.65 * eta - 0.35) * roughness, 0.0);
-    let it = Principled(base, roughness, principled_tint_of(base), surface_unit((*p)[PRINCIPLED_PARAM_METALLIC].x),
-        principled_alpha(roughness, anisotropic), spec_trans, eta, surface_unit((*p)[PRINCIPLED_PARAM_SPEC_TINT].x), surface_unit((*p)[PRINCIPLED_PARAM_SHEEN].x),
-        surface_unit((*p)[PRINCIPLED_PARAM_SHEEN_TINT].x), surface_unit((*p)[PRINCIPLED_PARAM_FLATNESS].x), surface_unit((*p)[PRINCIPLED_PARAM_CLEARCOAT].x),
-        principled_mix(0.1, 0.001, surface_unit((*p)[PRINCIPLED_PARAM_CLEARCOAT_GLOSS].x)), !thin && !front && spec_trans > 0.0,
-        0.5 * clamp((*p)[PRINCIPLED_PARAM_DIFF_TRANS].x, 0.0, 2.0), principled_alpha(scaled, anisotropic));
+    let inside = !thin && !front && spec_trans > 0.0;
+    let it = Principled(
+        base,
+        roughness,
+        principled_tint_of(base),
+        surface_unit((*p)[PRINCIPLED_PARAM_METALLIC].x),
+        principled_alpha(roughness, anisotropic),
+        spec_trans,
+        eta,
+        surface_unit((*p)[PRINCIPLED_PARAM_SPEC_TINT].x),
+        surface_unit((*p)[PRINCIPLED_PARAM_SHEEN].x),
+        surface_unit((*p)[PRINCIPLED_PARAM_SHEEN_TINT].x),
+        surface_unit((*p)[PRINCIPLED_PARAM_FLATNESS].x),
+        surface_unit((*p)[PRINCIPLED_PARAM_CLEARCOAT].x),
+        principled_mix(0.1, 0.001, surface_unit((*p)[PRINCIPLED_PARAM_CLEARCOAT_GLOSS].x)),
+        inside,
+        0.5 * clamp((*p)[PRINCIPLED_PARAM_DIFF_TRANS].x, 0.0, 2.0),
+        principled_alpha(scaled, anisotropic),
+    );
     if thin {
         return principled_sheet_new(wo, it);
     }

@@ -48,21 +48,21 @@ fn lookup_texel(format: u32, at: u32, index: u32) -> vec4f {
             if is_srgb {
                 return vec4f(vec3f(lookup_f32(code)), 1.0);
             }
-            return vec4f(vec3f(f32(code) / 255.0), 1.0);
+            return vec4f(vec3f(f32(code) / TEXEL_8_MAX), 1.0);
         }
         case TEXTURE_RGBA8: {
             let word = texture_words[at + index];
             let code = vec4u(word & 0xffu, (word >> 8u) & 0xffu, (word >> 16u) & 0xffu, word >> 24u);
-            let alpha = f32(code.w) / 255.0;
+            let alpha = f32(code.w) / TEXEL_8_MAX;
             if is_srgb {
                 return vec4f(lookup_f32(code.x), lookup_f32(code.y), lookup_f32(code.z), alpha);
             }
-            return vec4f(vec3f(code.xyz) / 255.0, alpha);
+            return vec4f(vec3f(code.xyz) / TEXEL_8_MAX, alpha);
         }
         case TEXTURE_RGBA16: {
             let low = texture_words[at + 2u * index];
             let high = texture_words[at + 2u * index + 1u];
-            return vec4f(vec4u(low & 0xffffu, low >> 16u, high & 0xffffu, high >> 16u)) / 65535.0;
+            return vec4f(vec4u(low & 0xffffu, low >> 16u, high & 0xffffu, high >> 16u)) / TEXEL_16_MAX;
         }
         case TEXTURE_RGB32: {
             let start = at + 3u * index;
@@ -155,7 +155,7 @@ fn lookup_level_of_detail(map: u32, footprint: f32) -> f32 {
         return 0.0;
     }
     let width = min(footprint, 1e9);
-    let bits = bitcast<u32>(min(lookup_f32(map + MAP_TEXELS_SQUARED) * width * width, 1e37));
+    let bits = bitcast<u32>(min(lookup_f32(map + MAP_TEXELS_SQUARED) * width * width, TEXELS_SQUARED_MAX));
     return 0.5 * (f32(i32(bits >> 23u) - 127) + f32(bits & 0x7fffffu) * (1.0 / 8388608.0));
 }
 

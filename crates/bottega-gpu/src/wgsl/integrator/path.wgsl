@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/integrator/path.rs`.
 //
-// What a path finds where it meets a surface or none, and where it goes on: `bottega_render::integrator::path`.
+// What a path finds where it meets a surface or none, and where it goes on.
 
 fn receiver_from(path: u32) -> Receiver {
     return Receiver(field(PATH_RECEIVER, path).xyz, field(PATH_RECEIVER_NORMAL, path).xyz);

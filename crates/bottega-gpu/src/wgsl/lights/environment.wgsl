@@ -1,8 +1,6 @@
 // Twin: `bottega-render/src/lights/environment.rs`.
 //
-// Light from infinitely far away, all around: `bottega_render::lights::{environment, distribution}`. Places in its record: kind
-// of the table, whether areas are equal, factor, world from environment, integral, picture, then columns, rows, values, sums,
-// marginal of the table, and scale and offset that lead from latitudes to places on the picture.
+// Light from infinitely far away, all around.
 
 // An estimate of the illuminance that sampled directions bring to a surface.
 fn environment_light_illuminance() -> f32 {
@@ -10,7 +8,8 @@ fn environment_light_illuminance() -> f32 {
     if environment == NONE {
         return 0.0;
     }
-    return select(0.25 * number_at(environment + ENVIRONMENT_INTEGRAL), 0.0, scene_words[environment + ENVIRONMENT_KIND] == DENSITY_NONE);
+    let is_sampled = scene_words[environment + ENVIRONMENT_KIND] != DENSITY_NONE;
+    return select(0.0, 0.25 * number_at(environment + ENVIRONMENT_INTEGRAL), is_sampled);
 }
 
 // The radiance that comes from a direction.

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/lights/mod.rs`.
 //
-// Everything that shines, and the choice of one light for a point: `bottega_render::lights`.
+// Everything that shines, and the choice of one light for a point.
 
 // A place on a light, drawn for a point.
 struct LightSample {

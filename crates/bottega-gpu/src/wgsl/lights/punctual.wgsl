@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/lights/punctual.rs`.
 //
-// Lights without extent: `bottega_render::lights::punctual`.
+// Lights without extent.
 
 fn punctual_sample(record: u32, origin: vec3<f32>) -> LightSample {
     let to_light = vec3_at(record + POINT_LIGHT_POSITION) - origin;

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/lights/tree.rs`.
 //
-// Choice of one light among many: `bottega_render::lights::tree`. A node has numbers of four children.
+// Choice of one light among many. A node has numbers of four children.
 
 // A point that asks for light; n is 0 where light counts from everywhere.
 struct Receiver {
