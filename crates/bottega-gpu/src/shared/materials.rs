@@ -13,6 +13,7 @@ pub(super) const LAYOUTS: &[Layout] = &[
     Layout::of::<MaterialRecord>("MATERIAL"),
     Layout::of::<Param>("PARAM"),
     Layout::of::<CoverBlock>("COVER_BLOCK"),
+    Layout::of::<PlainHead>("SURFACE"),
     Layout::of::<ConductorHead>("CONDUCTOR"),
     Layout::of::<DielectricHead>("DIELECTRIC"),
     Layout::of::<PlasticHead>("PLASTIC"),

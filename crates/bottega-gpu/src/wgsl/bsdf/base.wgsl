@@ -87,7 +87,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     let sharp = tables_rough_at(0.0);
     let index_ior = max(ior, 1.0);
     let index = tables_index_new(index_ior);
-    let single_mean = tables_at(TABLE_SINGLE, rough, TABLE_MEAN);
+    let single_mean = tables_by_rough(TABLE_SINGLE, rough, TABLE_MEAN);
     let rise_mean = layered_rise(is_total, index, rough, TABLE_MEAN);
     // At zero roughness the table of s is s itself, and its mean that of the Fresnel term.
     let sharp_rise_mean = layered_rise(is_total, index, sharp, TABLE_MEAN);
@@ -174,7 +174,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     if inside || is_boundary_alone {
         if !is_boundary_alone {
             if uses_single {
-                single = tables_at(TABLE_SINGLE, rough, mu);
+                single = tables_by_rough(TABLE_SINGLE, rough, mu);
             }
             all = tables_by_index(TABLE_INSIDE, index, rough, mu);
         }
@@ -182,7 +182,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
         facets_albedo = (seen.reflected + seen.transmitted) * all;
         rest.diffuse = 1.0 - layered_cover_at(cover, single, 0.0);
     } else {
-        single = tables_at(TABLE_SINGLE, rough, mu);
+        single = tables_by_rough(TABLE_SINGLE, rough, mu);
         var rise = 0.0;
         var schlick = 0.0;
         all = single;
@@ -190,7 +190,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
             rise = layered_rise(is_total, index, rough, mu);
         }
         if p.metallic > 0.0 {
-            schlick = tables_at(TABLE_SCHLICK, rough, mu);
+            schlick = tables_by_rough(TABLE_SCHLICK, rough, mu);
         }
         if is_solid {
             all = tables_by_index(TABLE_OUTSIDE, index, rough, mu);

@@ -83,7 +83,7 @@ fn coat_passed(coat: Coat, w: vec3f) -> f32 {
     let rough = tables_rough_at(sqrt(coat.roughness));
     let f0 = fresnel_at_normal_incidence(COAT_IOR);
     let rise = tables_by_index(TABLE_RISE, tables_index_new(COAT_IOR), rough, mu);
-    return 1.0 - coat.weight * (f0 * tables_at(TABLE_SINGLE, rough, mu) + (1.0 - f0) * rise);
+    return 1.0 - coat.weight * (f0 * tables_by_rough(TABLE_SINGLE, rough, mu) + (1.0 - f0) * rise);
 }
 
 fn coat_tilt(base: f32, coat: f32) -> f32 {

@@ -57,7 +57,7 @@ fn layered_cover_at(cover: LayeredCover, single: f32, rise: f32) -> f32 {
 // Looks up how far the reflectance rises, for an index or for total reflection.
 fn layered_rise(is_total: bool, index: TablePlace, rough: TablePlace, mu: TablePlace) -> f32 {
     if is_total {
-        return tables_at(TABLE_SCHLICK, rough, mu);
+        return tables_by_rough(TABLE_SCHLICK, rough, mu);
     }
     return tables_by_index(TABLE_RISE, index, rough, mu);
 }
@@ -75,7 +75,7 @@ fn layered_profile(b: ptr<function, Bsdf>, wi: vec3f) -> LayeredProfile {
     var rise = 0.0;
     var boundary = 1.0;
     if (bits & LAYERED_USES_SINGLE) != 0u {
-        single = tables_at(TABLE_SINGLE, rough, mu);
+        single = tables_by_rough(TABLE_SINGLE, rough, mu);
     }
     if (bits & LAYERED_USES_RISE) != 0u {
         rise = layered_rise((*b).d[3].w >= 1.0, index, rough, mu);

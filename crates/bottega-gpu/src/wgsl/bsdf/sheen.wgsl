@@ -34,7 +34,7 @@ fn sheen_eval(sheen: Sheen, wo: vec3f, wi: vec3f) -> vec3f {
 
 // Share of the light at a cosine that reaches what lies below.
 fn sheen_passed(sheen: Sheen, mu: TablePlace) -> f32 {
-    return 1.0 - math_max3(sheen.color) * tables_at(TABLE_SHEEN, tables_rough_at(sheen.position), mu);
+    return 1.0 - math_max3(sheen.color) * tables_by_rough(TABLE_SHEEN, tables_rough_at(sheen.position), mu);
 }
 
 fn sheen_lambda(alpha: f32, cosine: f32) -> f32 {

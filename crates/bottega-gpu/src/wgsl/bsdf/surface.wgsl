@@ -40,8 +40,8 @@ fn surface_scattering(material: u32, given: SurfacePoint, wo: vec3f, carried: ve
             kind = SURFACE_BLACK;
             break;
         }
-        kind = material_words[record] & SURFACE_KIND_MASK;
-        let count = min(material_words[record] >> SURFACE_COUNT_SHIFT, SURFACE_PARAMS_MAX);
+        kind = material_words[record + SURFACE_KIND] & SURFACE_KIND_MASK;
+        let count = min(material_words[record + SURFACE_KIND] >> SURFACE_COUNT_SHIFT, SURFACE_PARAMS_MAX);
         // The one place where textures are looked up: it is long.
         for (var i = 0u; i < count; i++) {
             p[i] = color_param_eval(record + SURFACE_PARAMS + PARAM_WORDS * i, point.uv0, point.uv1, point.footprint);

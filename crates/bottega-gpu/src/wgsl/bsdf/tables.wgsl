@@ -26,15 +26,15 @@ fn tables_rough_at(position: f32) -> TablePlace {
     return tables_place_new(position * f32(TABLE_ROUGH - 1u), TABLE_ROUGH);
 }
 
-fn tables_at(first: u32, rough: TablePlace, mu: TablePlace) -> f32 {
+fn tables_by_rough(first: u32, rough: TablePlace, mu: TablePlace) -> f32 {
     let a = tables_pick(first + rough.index, mu);
     return a + (tables_pick(first + rough.index + 1u, mu) - a) * rough.fraction;
 }
 
 fn tables_by_index(first: u32, index: TablePlace, rough: TablePlace, mu: TablePlace) -> f32 {
     let curve = first + TABLE_ROUGH * index.index;
-    let a = tables_at(curve, rough, mu);
-    return a + (tables_at(curve + TABLE_ROUGH, rough, mu) - a) * index.fraction;
+    let a = tables_by_rough(curve, rough, mu);
+    return a + (tables_by_rough(curve + TABLE_ROUGH, rough, mu) - a) * index.fraction;
 }
 
 fn tables_index_new(ior: f32) -> TablePlace {

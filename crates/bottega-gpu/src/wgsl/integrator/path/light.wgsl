@@ -2,13 +2,6 @@
 //
 // Light that a path finds by scattering, and light that is sampled.
 
-// Weight of the strategy with density `chosen` against the other (Veach 1997, eq. 9.13, β = 2).
-fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    // By the ratio, so that squares of large densities do not overflow.
-    let ratio = min(other / max(chosen, 1e-37), 1e18);
-    return 1.0 / (1.0 + ratio * ratio);
-}
-
 // The weight of light that the path ran into with density `pdf`, which light sampling would have found with `light_pdf`.
 fn found_by_bsdf(pdf: f32, light_pdf: f32) -> f32 {
     if pdf < 0.0 || batch.direct_light == DIRECT_BSDF_SAMPLING {
@@ -65,4 +58,11 @@ fn light_contribution(
     }
     set_field(slot + SHADOW_BROUGHT, path, vec4(brought, 0.0));
     return true;
+}
+
+// Weight of the strategy with density `chosen` against the other (Veach 1997, eq. 9.13, β = 2).
+fn power_heuristic(chosen: f32, other: f32) -> f32 {
+    // By the ratio, so that squares of large densities do not overflow.
+    let ratio = min(other / max(chosen, 1e-37), 1e18);
+    return 1.0 / (1.0 + ratio * ratio);
 }
