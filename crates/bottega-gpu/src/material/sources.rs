@@ -3,12 +3,13 @@
 use super::features::Features;
 
 /// Files by what asks for them; `None`: everything does.
-const FILES: [(Option<Features>, &str); 25] = [
+const FILES: [(Option<Features>, &str); 26] = [
     (None, include_str!("../wgsl/math.wgsl")),
     (None, include_str!("../wgsl/bsdf/warp.wgsl")),
     (None, include_str!("../wgsl/bsdf/frame.wgsl")),
     (None, include_str!("../wgsl/image/lookup.wgsl")),
     (None, include_str!("../wgsl/material.wgsl")),
+    (None, include_str!("../wgsl/interaction/relief.wgsl")),
     (None, include_str!("../wgsl/bsdf/unevenness.wgsl")),
     (None, include_str!("../wgsl/bsdf/fresnel.wgsl")),
     (None, include_str!("../wgsl/bsdf/ggx.wgsl")),

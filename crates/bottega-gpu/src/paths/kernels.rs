@@ -28,7 +28,6 @@ const CAMERA: &str = concat!(
 const TRAVERSAL: &str = include_str!("../wgsl/extend.wgsl");
 const SHADING: &str = concat!(
     include_str!("../wgsl/sampling.wgsl"),
-    include_str!("../wgsl/interaction/relief.wgsl"),
     include_str!("../wgsl/interaction/mesh.wgsl"),
     include_str!("../wgsl/interaction.wgsl"),
     include_str!("../wgsl/lights/rectangle.wgsl"),
