@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
-use crate::GpuError;
+use crate::error::GpuError;
 
 /// A device that a driver of this machine offers.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,43 +5,19 @@
 //! largest.
 
 use bottega_kernels::{Aabb, Binary, BinaryTree};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable as _;
 use glam::Vec3;
 
-/// Children of a node.
-const WIDTH: usize = 8;
-/// Shapes in a leaf at most: their number is kept in three bits of which each stands for one.
-pub(crate) const LEAF_MAX: usize = 3;
+use crate::shared::geometry::{NODE_INNER, NODE_PLACE_WIDTH, Node, WIDTH};
+
 /// Most shapes that a tree can name.
 pub(crate) const SHAPES_MAX: u64 = 1 << 28;
 /// Steps that a box can be away from its node's corner.
 const STEPS: f32 = 255.0;
 /// By what boxes are larger than what is in them, as a share of the node: far above the rounding of a slab test, far below a step.
 const MARGIN: f32 = 1.0 / 1_048_576.0;
-/// Added to a child's number where it is a node: they are counted in the upper eight of 32 bits.
-const INNER: u8 = 24;
-
-/// As in the shader, which reads five vectors of four words.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct Node {
-    /// The lower corner.
-    corner: [f32; 3],
-    /// Biased exponents of the size of a step on each axis.
-    exponents: [u8; 3],
-    /// Which children are nodes, a bit each.
-    inner: u8,
-    /// The first child that is a node; they follow each other.
-    children: u32,
-    /// The first shape of the children that are leaves.
-    shapes: u32,
-    /// Of each child: 0 where there is none; a node: 1 << 5 | 24 + its place; a leaf: so many bits from bit 5 on as it has shapes,
-    /// and in the lower five bits how far they are from `shapes`.
-    kinds: [u8; WIDTH],
-    /// Boxes by axis, in steps from the corner.
-    low: [[u8; WIDTH]; 3],
-    high: [[u8; WIDTH]; 3],
-}
+/// See [`NODE_INNER`].
+const INNER: u8 = NODE_INNER as u8;
 
 /// A tree as it is uploaded.
 #[derive(Debug)]
@@ -54,7 +30,7 @@ pub(crate) struct Tree {
     pub(crate) depth: u32,
 }
 
-/// Widens a binary tree whose leaves have at most [`LEAF_MAX`] shapes.
+/// Widens a binary tree whose leaves have at most [`LEAF_MAX`](crate::shared::geometry::LEAF_MAX) shapes.
 pub(crate) fn widen(binary: &BinaryTree) -> Tree {
     let mut tree = Tree { nodes: vec![Node::zeroed()], order: Vec::with_capacity(binary.items.len()), depth: 1 };
     // The binary node of each node, and its depth. Children come after all that was there before, so a queue keeps them together.
@@ -112,11 +88,11 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
         let Binary { first, count, second, .. } = binary.nodes[open[child]];
         if second == 0 {
             let bits = (1_u8 << count) - 1;
-            node.kinds[slot] = bits << 5 | (order.len() as u32 - node.shapes) as u8;
+            node.kinds[slot] = bits << NODE_PLACE_WIDTH | (order.len() as u32 - node.shapes) as u8;
             order.extend_from_slice(&binary.items[first as usize..][..count as usize]);
         } else {
             node.inner |= 1 << slot;
-            node.kinds[slot] = 1 << 5 | (INNER + slot as u8);
+            node.kinds[slot] = 1 << NODE_PLACE_WIDTH | (INNER + slot as u8);
             add(open[child]);
         }
         for axis in 0..3 {
@@ -164,6 +140,7 @@ fn slots(boxes: &[Aabb], center: Vec3) -> [Option<usize>; WIDTH] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shared::geometry::LEAF_MAX;
     use bottega_kernels::Shape;
     use proptest::prelude::*;
 
@@ -185,11 +162,11 @@ mod tests {
                 };
                 let own = Aabb { min: at(&node.low), max: at(&node.high) };
                 if node.inner & 1 << slot != 0 {
-                    assert_eq!(node.kinds[slot], 1 << 5 | (INNER + slot as u8));
+                    assert_eq!(node.kinds[slot], 1 << NODE_PLACE_WIDTH | (INNER + slot as u8));
                     todo.push((node.children as usize + inner, depth + 1, own));
                     inner += 1;
                 } else {
-                    let (bits, first) = (node.kinds[slot] >> 5, node.kinds[slot] & 31);
+                    let (bits, first) = (node.kinds[slot] >> NODE_PLACE_WIDTH, node.kinds[slot] & 31);
                     for shape in 0..bits.count_ones() {
                         let shape = tree.order[(node.shapes + u32::from(first) + shape) as usize];
                         let shared = |a: &Aabb, b: &Aabb| (a.min.max(b.min), a.max.min(b.max));
@@ -209,7 +186,7 @@ mod tests {
 
     fn check(bounds: &[Aabb]) -> Tree {
         let shapes: Vec<_> = bounds.iter().map(|&bounds| Shape::Within(bounds)).collect();
-        let tree = widen(&BinaryTree::build(&shapes, LEAF_MAX, 1));
+        let tree = widen(&BinaryTree::build(&shapes, LEAF_MAX as usize, 1));
         assert_eq!(walk(&tree, bounds), (0..bounds.len() as u32).collect::<Vec<_>>());
         tree
     }

@@ -5,8 +5,11 @@ use std::time::Duration;
 
 use wgpu::{Adapter, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages, PollError, PollType, SubmissionIndex};
 
-use crate::{AdapterInfo, GpuError};
+use crate::adapter::AdapterInfo;
+use crate::error::GpuError;
 
+/// Groups in a dispatch that every device takes.
+pub(crate) const GROUPS_MAX: u32 = 65_535;
 /// Bytes that are handed over at once, so that staging takes little more.
 const UPLOAD_BYTES: usize = 64 << 20;
 

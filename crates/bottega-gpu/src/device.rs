@@ -4,18 +4,17 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bottega_kernels::{Hit, Ray};
-use bytemuck::{Pod, Zeroable};
+use bottega_render::flat::Portable as _;
+use glam::Vec3;
 use wgpu::{Adapter, BindGroup, BindGroupLayout, Buffer, BufferUsages, ComputePipeline};
 
-use crate::context::{Context, storage};
+use crate::adapter::AdapterInfo;
+use crate::context::{Context, GROUPS_MAX, storage};
+use crate::error::GpuError;
 use crate::geometry::Geometry;
-use crate::traversal;
-use crate::{AdapterInfo, GpuError};
+use crate::shared::geometry::{AnswerRecord, FAR, GROUP_SIZE, HIT_NOTHING, Ray as DeviceRay, RayParams};
+use crate::{shared, traversal};
 
-/// Threads in a group, as in the shader.
-const GROUP_SIZE: u32 = 64;
-/// Groups in a dispatch that every device takes.
-const GROUPS_MAX: u32 = 65_535;
 /// Most rays that one dispatch can take.
 pub(crate) const TILE_MAX: usize = (GROUP_SIZE * GROUPS_MAX) as usize;
 /// Buffers for fewer rays than this are not worth growing later.
@@ -34,30 +33,23 @@ impl Query {
     /// Words of 32 bits that answer one ray.
     const fn words(self) -> usize {
         match self {
-            Self::Intersect => 5,
+            Self::Intersect => AnswerRecord::WORDS as usize,
             Self::Occluded => 1,
         }
     }
 }
 
-/// A ray as the shader reads it: all finite, nothing to be found where `t_min >= t_max`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-struct DeviceRay([f32; 8]);
-
 impl DeviceRay {
-    const NEVER: Self = Self([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
-    /// Stands for infinity.
-    const FAR: f32 = 3e38;
+    const NEVER: Self = Self { origin: Vec3::ZERO, t_min: 1.0, direction: Vec3::Z, t_max: 0.0 };
 
     fn of(ray: &Ray) -> Self {
         let (o, scale) = (ray.origin, direction_scale(ray));
         let d = ray.direction / scale;
-        let (t_min, t_max) = ((ray.t_min * scale).max(0.0), (ray.t_max * scale).min(Self::FAR));
+        let (t_min, t_max) = ((ray.t_min * scale).max(0.0), (ray.t_max * scale).min(FAR));
         // Beyond 10¹² the shader's products would overflow; nothing that it holds is as far out.
         let bounded = o.is_finite() && o.abs().max_element() < 1e12 && !ray.t_min.is_nan() && !ray.t_max.is_nan();
         let usable = bounded && d.is_finite() && d.length_squared() > 0.0 && t_min < t_max;
-        if usable { Self([o.x, o.y, o.z, t_min, d.x, d.y, d.z, t_max]) } else { Self::NEVER }
+        if usable { Self { origin: o, t_min, direction: d, t_max } } else { Self::NEVER }
     }
 }
 
@@ -111,7 +103,8 @@ impl Device {
         let entries = [(0, storage(true)), (1, storage(true)), (2, storage(true)), (3, storage(false)), (4, uniform)];
         let layout = context.layout("rays", &entries);
         let (intersect, occluded) = pipelines(&context.device, &layout, depth);
-        let params = context.buffer("params", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let params =
+            context.buffer("params", size_of::<RayParams>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         Self { context, layout, intersect, occluded, nodes, shapes, params, batch: None, staging: Vec::new() }
     }
 
@@ -121,7 +114,7 @@ impl Device {
         for tile in rays.chunks(tile) {
             self.run(Query::Intersect, tile, |words| {
                 let (words, _) = words.as_chunks();
-                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, *words)));
+                hits.extend(tile.iter().zip(words).map(|(ray, words)| hit(ray, AnswerRecord::of(words))));
             })?;
         }
         Ok(hits)
@@ -149,7 +142,11 @@ impl Device {
         self.staging.extend(rays.iter().map(DeviceRay::of));
         let Context { device, queue, .. } = &*self.context;
         queue.write_buffer(&batch.rays, 0, bytemuck::cast_slice(&self.staging));
-        queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&[rays.len() as u32, 0, 0, 0]));
+        queue.write_buffer(
+            &self.params,
+            0,
+            bytemuck::bytes_of(&RayParams { ray_count: rays.len() as u32, ..RayParams::default() }),
+        );
         let bytes = (rays.len() * query.words() * size_of::<u32>()) as u64;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.dispatch(&mut encoder, query, batch, rays.len());
@@ -219,19 +216,19 @@ impl Device {
     }
 }
 
-/// A hit from the words that the shader wrote: t, u, v, instance, primitive.
-fn hit(ray: &Ray, words: [u32; 5]) -> Hit {
-    let [t, u, v, instance, primitive] = words;
-    if instance == u32::MAX {
+/// A hit as the processor tells it.
+fn hit(ray: &Ray, answer: AnswerRecord) -> Hit {
+    let AnswerRecord { t, u, v, instance, primitive } = answer;
+    if instance == HIT_NOTHING {
         return Hit::NONE;
     }
-    let [t, u, v] = [t, u, v].map(f32::from_bits);
     Hit { t: t / direction_scale(ray), u, v, instance, primitive }
 }
 
 fn pipelines(device: &wgpu::Device, layout: &BindGroupLayout, depth: u32) -> (ComputePipeline, ComputePipeline) {
     let traversal = traversal::source(depth);
-    let source = [include_str!("wgsl/shapes.wgsl"), &traversal, include_str!("wgsl/rays.wgsl")].concat();
+    let source =
+        [shared::source(), include_str!("wgsl/shapes.wgsl"), &traversal, include_str!("wgsl/rays.wgsl")].concat();
     let module = traversal::module(device, "rays", &source);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("rays"),
@@ -268,7 +265,7 @@ mod tests {
                     Ray { origin: Vec3::ZERO, t_min: b, direction: Vec3::new(a, a, a), t_max: b },
                 ];
                 for ray in rays {
-                    let DeviceRay(numbers) = DeviceRay::of(&ray);
+                    let numbers: [f32; 8] = bytemuck::cast(DeviceRay::of(&ray));
                     assert!(numbers.iter().all(|number| number.is_finite()), "{ray:?} → {numbers:?}");
                     assert!(numbers[4..7].iter().all(|number| number.abs() <= 1e3), "{ray:?} → {numbers:?}");
                 }

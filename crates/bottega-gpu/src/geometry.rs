@@ -1,23 +1,11 @@
 //! A scene as the shader reads it: every shape in world space, in one array, under one tree.
 
 use bottega_kernels::{Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry};
-use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use crate::GpuError;
-use crate::bvh::{self, Node, Tree};
-
-/// A triangle, or a sphere: center in `p0`, radius in `p1.x`, and [`Hit::SPHERE`] in `instance`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct Shape {
-    p0: Vec3,
-    instance: u32,
-    p1: Vec3,
-    primitive: u32,
-    p2: Vec3,
-    padding: u32,
-}
+use crate::bvh::{self, Tree};
+use crate::error::GpuError;
+use crate::shared::geometry::{LEAF_MAX, Node, Shape};
 
 impl Shape {
     fn outline(&self) -> Outline {
@@ -76,7 +64,7 @@ impl Geometry {
         }
         shapes.retain(Shape::is_bounded);
         let outlines: Vec<_> = shapes.iter().map(Shape::outline).collect();
-        let Tree { nodes, order, depth } = bvh::widen(&BinaryTree::build(&outlines, bvh::LEAF_MAX, 0));
+        let Tree { nodes, order, depth } = bvh::widen(&BinaryTree::build(&outlines, LEAF_MAX as usize, 0));
         let bytes = (size_of_val(&*nodes) as u64).max((order.len() * size_of::<Shape>()) as u64);
         if bytes > limit {
             return Err(GpuError::TooLarge { what: "the scene's tree", bytes, limit, adapter: adapter.to_owned() });

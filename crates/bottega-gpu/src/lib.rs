@@ -22,7 +22,8 @@
 //! | devices, and one that is open | `src/adapter.rs`, `src/context.rs` |
 //! | rays on a device: the tree, the traversal | `src/rays.rs`, `src/bvh.rs`, `src/traversal.rs`, `src/wgsl/traverse.wgsl` |
 //! | paths on a device; which kernel comes after which | `src/paths.rs`, `src/paths/`, `src/wgsl/plan.wgsl` |
-//! | scattering on a device, and the records that it reads | `src/wgsl/`, `src/material/` |
+//! | scattering on a device, and the records that it reads | `src/wgsl/bsdf/`, `src/material/` |
+//! | what shaders and Rust share: constants, codes, places in records | `src/shared/` |
 //! | compiled kernels, kept between runs | `src/pipeline_cache.rs` |
 
 mod adapter;
@@ -35,6 +36,7 @@ mod material;
 mod paths;
 mod pipeline_cache;
 mod rays;
+mod shared;
 mod traversal;
 
 pub use adapter::{AdapterInfo, AdapterKind, adapters};

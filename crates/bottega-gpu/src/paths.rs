@@ -2,6 +2,8 @@
 
 mod batch;
 mod kernels;
+mod limits;
+mod options;
 mod scene;
 mod tracer;
 mod worker;
@@ -9,47 +11,22 @@ mod worker;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use bottega_hra::{DataId, Link, Packet, Primitive, PrimitiveSet, ResourceDescriptor, WindowedResource};
-use bottega_image::Aov;
 use bottega_render::{BlockWork, PreparedScene, RenderWork};
 
-use crate::adapter::choose;
+use crate::adapter::{AdapterInfo, AdapterKind, choose};
 use crate::context::binding_limit;
-use crate::{AdapterInfo, AdapterKind, GpuError};
+use crate::error::GpuError;
+use limits::refusal;
+pub use options::PathOptions;
 use scene::PathScene;
 use tracer::Tracer;
 use worker::{Message, Worker};
-
-/// Most pixels of a batch, which bounds what comes back at once.
-const PIXELS_MAX: u64 = 1 << 20;
-
-/// Why work of other scenes is given back.
-const OTHER_SCENE: &str = "another scene is on the device";
-
-/// How a GPU paints.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathOptions {
-    /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.
-    pub adapter: Option<String>,
-    /// Paths under way at a time, at most; some 240 bytes each on the device. 0: as many as suit the kind of adapter.
-    pub paths: u64,
-    /// Work without an answer for so long counts as a lost device.
-    pub timeout: Duration,
-    /// A folder in which compiled kernels are kept for the next time. `None`: they are not.
-    pub cache: Option<PathBuf>,
-}
-
-impl Default for PathOptions {
-    fn default() -> Self {
-        Self { adapter: None, paths: 0, timeout: Duration::from_secs(30), cache: None }
-    }
-}
 
 /// Paths of a scene on a GPU; rays alone as well, where somebody asks for these.
 ///
@@ -100,22 +77,6 @@ impl GpuPaths {
     pub fn refuses(&self, block: &BlockWork) -> Option<String> {
         refusal(self.data, block)
     }
-}
-
-fn refusal(data: DataId, block: &BlockWork) -> Option<String> {
-    if block.scene.data_id() != data {
-        return Some(OTHER_SCENE.to_owned());
-    }
-    if block.tile.layout().offset(Aov::Cost).is_some() {
-        return Some("the cost of a pixel is not known to devices".to_owned());
-    }
-    if block.settings.photons.is_some() {
-        return Some("photon mapping is not known to devices".to_owned());
-    }
-    if block.tile.rect().area() > PIXELS_MAX || batch::path_count(block) >= batch::PATHS_MAX {
-        return Some("too large a block".to_owned());
-    }
-    None
 }
 
 fn usual_paths(kind: AdapterKind) -> u64 {

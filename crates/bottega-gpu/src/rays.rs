@@ -8,11 +8,11 @@ use bottega_render::SceneGeometry;
 use bottega_scene::{AlphaMode, Scene};
 use wgpu::Adapter;
 
-use crate::adapter::choose;
+use crate::adapter::{AdapterInfo, AdapterKind, choose};
 use crate::context::binding_limit;
 use crate::device::{Device, TILE_MAX};
+use crate::error::GpuError;
 use crate::geometry::Geometry;
-use crate::{AdapterInfo, AdapterKind, GpuError};
 
 /// How a GPU is used.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,11 @@ use bottega_scene::{Camera, Clip, Panorama, Projection};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::f32::consts::PI;
 
-use crate::{flat::Words, lights::direction_of_square, sampling::uniform_disk};
+use crate::{
+    flat::{CameraRecord, code},
+    lights::direction_of_square,
+    sampling::uniform_disk,
+};
 
 /// What a path can resolve: the width of its beam, after Akenine-Möller et al. 2021, *Improved Shader and Texture
 /// Level of Detail Using Ray Cones*.
@@ -107,20 +111,26 @@ impl CameraRays {
     }
 
     /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
-    pub(crate) fn write(&self, words: &mut Words) {
-        words.mat3(Mat3::from(self.world_from_camera.matrix3));
-        words.vec3(self.world_from_camera.translation.into());
-        words.vec2(self.half_extent);
-        words.vec2(self.lens_shift);
-        words.vec2(self.double_pixel);
-        words.word(match self.kind {
-            Kind::Perspective => 0,
-            Kind::Parallel => 1,
-            Kind::Panorama(Panorama::Equirectangular) => 2,
-            Kind::Panorama(Panorama::EqualArea) => 3,
-        });
-        words.numbers(&[self.lens_radius, self.focus_distance, self.cone.width, self.cone.spread]);
-        words.numbers(&[self.clip.near, self.clip.far.min(f32::MAX)]);
+    pub(crate) fn record(&self) -> CameraRecord {
+        CameraRecord {
+            world_from_camera: Mat3::from(self.world_from_camera.matrix3),
+            position: self.world_from_camera.translation.into(),
+            half_extent: self.half_extent,
+            shift: self.lens_shift,
+            double_pixel: self.double_pixel,
+            kind: match self.kind {
+                Kind::Perspective => code::CAMERA_PERSPECTIVE,
+                Kind::Parallel => code::CAMERA_PARALLEL,
+                Kind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
+                Kind::Panorama(Panorama::EqualArea) => code::CAMERA_EQUAL_AREA,
+            },
+            lens_radius: self.lens_radius,
+            focus: self.focus_distance,
+            cone_width: self.cone.width,
+            cone_spread: self.cone.spread,
+            near: self.clip.near,
+            far: self.clip.far.min(f32::MAX),
+        }
     }
 
     /// The ray through a place of the picture.

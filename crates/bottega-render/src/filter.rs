@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 pub use bottega_scene::FilmFilter as Filter;
 
-use crate::flat::{self, Words};
+use crate::flat::{FilterRecord, NONE, Portable as _, Words};
 
 fn radius(filter: Filter) -> f32 {
     match filter {
@@ -47,7 +47,7 @@ fn value(filter: Filter, x: f64) -> f64 {
 }
 
 /// Number of intervals of a table of quantiles.
-const INTERVALS: usize = 512;
+pub const INTERVALS: usize = 512;
 
 /// Of a filter of radius 1: the offset at probability i / INTERVALS of its size. Between them it counts as constant.
 #[derive(Clone, Debug)]
@@ -99,17 +99,19 @@ impl FilterSampler {
 
     /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
     pub(crate) fn write(&self, words: &mut Words) {
-        words.number(self.radius);
+        let radius = self.radius;
         let table = match &self.shape {
             Shape::Uniform => {
-                words.word(flat::NONE);
-                return words.numbers(&[1.0, f32::MAX]);
+                let uniform = FilterRecord { radius, quantiles: NONE, factor: 1.0, sign_change: f32::MAX };
+                words.record(&uniform);
+                return;
             }
             Shape::Shared(table) => table,
             Shape::Own(table) => &**table,
         };
-        words.word(words.place() + 3);
-        words.numbers(&[table.excess, table.sign_change.min(f32::MAX)]);
+        let (factor, sign_change) = (table.excess, table.sign_change.min(f32::MAX));
+        let quantiles = words.place() + FilterRecord::WORDS;
+        words.record(&FilterRecord { radius, quantiles, factor, sign_change });
         words.numbers(&table.quantiles);
     }
 

@@ -2,63 +2,68 @@
 //!
 //! One portable layout: every number is an `f32` or a `u32` in the byte order of the machine, every record begins at a multiple
 //! of one word, and what refers to something else in the array does so by its place, counted in words from the beginning;
-//! [`NONE`] stands for nothing. [`FlatScene`] begins with the [`header`] places; the records are told where they are written.
+//! [`NONE`] stands for nothing. [`FlatScene`] begins with the [`header`] places; each record is declared once, by [`record!`](crate::record),
+//! for those who write it and for those who read it.
 //! Materials and pictures are not in it: who reads it has them in the form that it likes best, and writes the numbers by which it
 //! knows pictures to the places that [`FlatScene::pictures`] tells.
 
 mod geometry;
+mod layout;
 mod picture;
+mod record;
 mod words;
 
 use bottega_scene::TextureMap;
 
 use crate::PreparedScene;
 
+pub use layout::{
+    CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, LIGHT_WORDS, MeshRecord, ParallelRecord,
+    PictureLightRecord, PictureRecord, PointLightRecord, ShiningRecord, SphereLightRecord, SphereRecord,
+    SpotLightRecord, SurfaceLightRecord, TableRecord, TreeNodeRecord, code,
+};
 pub use picture::{FlatPicture, sobol_table};
+pub use record::{Place, Portable, Record, place_of, places};
 pub(crate) use words::Words;
 
 /// Stands for a place where nothing is.
 pub const NONE: u32 = u32::MAX;
 
+/// Constants of light transport that shaders share: where they are declared, they say what they are.
+pub mod constants {
+    pub use crate::filter::INTERVALS as FILTER_INTERVALS;
+    pub use crate::integrator::{BLEND, DEPTH_SHIFT, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
+    pub use crate::interaction::{ASKS_AS_SHADOW, CLEARANCE, COSINE_MIN};
+    pub use crate::lights::{DISTANCE_SQUARED_MIN, SHARE_MIN, SOLID_ANGLE_MIN};
+}
+
 /// Places of a [`FlatScene`] that say where everything else is.
 pub mod header {
-    /// Records of instances, [`INSTANCE_WORDS`](super::INSTANCE_WORDS) each.
+    /// Records of instances, [`InstanceRecord`](super::InstanceRecord).
     pub const INSTANCES: usize = 0;
-    /// Records of spheres, [`SPHERE_WORDS`](super::SPHERE_WORDS) each.
+    /// Records of spheres, [`SphereRecord`](super::SphereRecord).
     pub const SPHERES: usize = 1;
     /// Records of the lights of the tree, [`LIGHT_WORDS`](super::LIGHT_WORDS) each, by their numbers in it.
     pub const LIGHTS: usize = 2;
     /// How many these are.
     pub const LIGHT_COUNT: usize = 3;
-    /// Nodes of the tree, [`NODE_WORDS`](super::NODE_WORDS) each.
+    /// Nodes of the tree, [`TreeNodeRecord`](super::TreeNodeRecord).
     pub const TREE: usize = 4;
     /// Intensity of all lights of the tree together (f32).
     pub const TREE_INTENSITY: usize = 5;
-    /// Records of triangles that shine, four words each: where the numbers of their parts begin, corner + 4 · opposite + 16 of a
-    /// rectangle or 0 of a triangle, whether it is the second of a rectangle, parts a side.
+    /// Records of triangles that shine, [`ShiningRecord`](super::ShiningRecord).
     pub const SHINING: usize = 6;
-    /// Parallel lights, seven words each: direction towards it, irradiance, illuminance.
+    /// Parallel lights, [`ParallelRecord`](super::ParallelRecord).
     pub const PARALLEL: usize = 7;
     /// How many these are.
     pub const PARALLEL_COUNT: usize = 8;
-    /// The record of the environment; [`NONE`](super::NONE): there is none.
+    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE): there is none.
     pub const ENVIRONMENT: usize = 9;
     /// Whether light sampling finds light from infinitely far away.
     pub const HAS_FAR: usize = 10;
     /// Words of the header.
     pub const COUNT: usize = 16;
 }
-
-/// Words of an instance's record.
-pub const INSTANCE_WORDS: u32 = 24;
-/// Words of a mesh's record.
-pub const MESH_WORDS: u32 = 8;
-/// Words of a sphere's record.
-pub const SPHERE_WORDS: u32 = 12;
-/// Words of a light's record.
-pub const LIGHT_WORDS: u32 = 24;
-/// Words of a node of the tree of lights: seventeen times four.
-pub const NODE_WORDS: u32 = 68;
 
 /// A prepared scene as words.
 #[derive(Clone, Debug, PartialEq)]

@@ -25,7 +25,9 @@ use crate::{
 /// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed
 /// from: 64 units in the last place. The kernel's own step goes by the place alone, and is too small in the middle of
 /// a large triangle that lies around the origin.
-pub(crate) const CLEARANCE: f32 = 64.0 / 8_388_608.0;
+pub const CLEARANCE: f32 = 64.0 / 8_388_608.0;
+/// Least cosine between `wo` and the shading normal.
+pub const COSINE_MIN: f32 = 1e-3;
 
 /// A point of a surface, seen from a direction.
 #[derive(Debug)]
@@ -286,8 +288,6 @@ impl Interaction {
     /// sees it.
     #[inline(always)]
     fn set_frame(&mut self, ns: Vec3) {
-        /// Least cosine between `wo` and the shading normal.
-        const COSINE_MIN: f32 = 1e-3;
         let upright = if ns.dot(self.ng) < 0.0 { -ns } else { ns };
         let mut n = if self.front { upright } else { -upright };
         let cosine = n.dot(self.wo);
@@ -385,6 +385,9 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     material.opacity_at(scene, TexturePlace { uvs, spot }, 0.0, alpha)
 }
 
+/// The bit by which a surface has another number for a shadow ray than for a path.
+pub const ASKS_AS_SHADOW: u32 = 1 << 31;
+
 /// What a ray that asks whether surfaces are there looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Asks {
@@ -405,7 +408,7 @@ impl Asks {
 
     /// A surface's number, another one where a sphere is left than where it is entered.
     fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
-        let asked = u64::from(self == Self::Shadow) << 31;
+        let asked = if self == Self::Shadow { u64::from(ASKS_AS_SHADOW) } else { 0 };
         u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ asked ^ u64::from(is_left)
     }
 }

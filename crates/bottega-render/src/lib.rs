@@ -24,7 +24,7 @@
 //! | useful data density | `src/ala/ludd.rs` |
 //! | casting shared out among machines; photons and agents as bytes | `src/sharing.rs`, `src/photon/bytes.rs`, `src/ala/bytes.rs` |
 //! | what a place costs, the survey | `src/survey.rs` |
-//! | a scene for devices | `src/flat.rs`, `src/flat/` |
+//! | a scene for devices, and the layout of its records | `src/flat.rs`, `src/flat/`, `src/flat/layout.rs` |
 //! | work units of the allocator | `src/work.rs` |
 //! | laws of scattering; pictures held to those of others | `tests/bsdf_laws/`, `tests/pictures/` |
 

@@ -5,6 +5,7 @@ use bottega_render::bsdf::precomputed::{COVER_NODES, CoverBoundary, cover_alpha,
 use bottega_scene::{Facets, RoughnessScale};
 
 use super::words::Words;
+use crate::shared::materials::{CoverBlock, FACETS_ALPHA_MAX};
 
 /// Writes the curves for all roughness that these facets can have. Returns the place of the block.
 pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverBoundary], first_step: i32) -> u32 {
@@ -12,11 +13,12 @@ pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverB
         Some(alpha) => cover_node(alpha)..cover_node(alpha) + 2,
         None => 0..COVER_NODES,
     };
-    let place = words.place() as u32;
-    words.word(nodes.start as u32);
-    words.word(nodes.len() as u32);
-    words.word(first_step as u32);
-    words.word(boundaries.len() as u32);
+    let place = words.record(&CoverBlock {
+        first_node: nodes.start as u32,
+        node_count: nodes.len() as u32,
+        first_step,
+        slot_count: boundaries.len() as u32,
+    });
     for boundary in boundaries {
         for node in nodes.clone() {
             // Of two neighbouring curves, the one of the node itself.
@@ -42,7 +44,7 @@ fn constant_alpha(facets: &Facets) -> Option<f32> {
     if x.max(y) < SMOOTH_ALPHA {
         return Some(0.0);
     }
-    let [x, y] = [x, y].map(|alpha| alpha.clamp(SMOOTH_ALPHA, 10.0));
+    let [x, y] = [x, y].map(|alpha| alpha.clamp(SMOOTH_ALPHA, FACETS_ALPHA_MAX));
     Some((x * y).sqrt())
 }
 

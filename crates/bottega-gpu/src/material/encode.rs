@@ -1,20 +1,19 @@
-//! The materials of a scene as words: the layout that `material.wgsl` reads.
+//! The materials of a scene as words.
 
 use bottega_render::bsdf::precomputed;
+use bottega_render::flat::Portable as _;
 use bottega_scene::{
-    AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Scene, Sides, Spectrum,
-    Surface, TextureMap,
+    AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Scene, Sides, Spectrum, Surface, TextureMap,
 };
+use glam::Vec2;
 
 use super::features::Features;
 use super::surfaces::add_surface;
 use super::textures::EncodedTextures;
-use super::words::Words;
+use super::words::{Words, finite};
+use super::writer::Writer;
+use crate::shared::materials::*;
 
-/// Words before those of the first material: the number of materials, the place of the albedo curves (0: none).
-const HEADS: usize = 8;
-/// Words of a material.
-const STRIDE: usize = 32;
 /// More words than this cannot be told apart by their place.
 const WORDS_MAX: usize = 1 << 32;
 
@@ -36,16 +35,6 @@ pub(crate) struct EncodedMaterials {
 #[error("not for a GPU: {}", .0.join("; "))]
 pub(crate) struct Unsupported(pub(crate) Vec<String>);
 
-/// What is written, while it is written.
-pub(super) struct Writer<'a> {
-    pub(super) scene: &'a Scene,
-    pub(super) words: Words,
-    pub(super) textures: EncodedTextures,
-    pub(super) features: Features,
-    /// What devices do not have.
-    pub(super) missing: Vec<String>,
-}
-
 impl EncodedMaterials {
     /// - `extra`: pictures that are wanted beside those of materials.
     ///
@@ -56,16 +45,18 @@ impl EncodedMaterials {
         let extra = extra.iter().map(|map| textures.color(map)).collect();
         let mut writer =
             Writer { scene, words: Words::default(), textures, features: Features::default(), missing: Vec::new() };
-        writer.words.word(scene.materials.len() as u32);
-        writer.words.fill_to(HEADS + STRIDE * scene.materials.len());
+        let place_of = |index: usize| MaterialsRecord::WORDS as usize + MaterialRecord::WORDS as usize * index;
+        writer.words.fill_to(place_of(scene.materials.len()));
         for (index, material) in scene.materials.iter().enumerate() {
-            writer.add_material(HEADS + STRIDE * index, material);
+            let record = material_record(&mut writer, material);
+            writer.words.put(place_of(index), &record);
         }
+        let mut heads = MaterialsRecord { count: scene.materials.len() as u32, curves: 0 };
         if scene.materials.iter().any(is_layered) {
-            let place = writer.words.place();
-            writer.words.0[1] = place as u32;
+            heads.curves = writer.words.place() as u32;
             precomputed::albedo_curves().for_each(|curve| writer.words.numbers(&curve));
         }
+        writer.words.put(0, &heads);
         if writer.words.place().max(writer.textures.words.place()) > WORDS_MAX {
             writer.missing.push("textures of more than 16 GiB".into());
         }
@@ -85,102 +76,101 @@ impl EncodedMaterials {
     }
 }
 
-impl Writer<'_> {
-    fn add_material(&mut self, head: usize, material: &Material) {
-        let mut words = Words::default();
-        words.word(flags(material));
-        let front = self.add_side(material, true);
-        let back = if material.back == Back::Same { front } else { self.add_side(material, false) };
-        words.word(front);
-        words.word(back);
-        words.number(if let AlphaMode::Mask { cutoff } = material.alpha_mode { cutoff } else { 0.0 });
-        self.scalar(&mut words, &material.opacity);
-        self.color(&mut words, &material.emission);
-        for medium in [material.exterior, material.interior] {
-            let medium = medium.filter(|_| material.transmits());
-            words.color(medium.map_or(Spectrum::ZERO, |medium| self.scene.media[medium.0 as usize].absorption));
-            words.word(0);
-        }
-        self.add_relief(&mut words, material.relief.as_ref());
-        let layered = material.layered();
-        let coat = layered.and_then(|layered| layered.coat_normal.as_ref());
-        words.word(coat.map_or(0, |(map, _)| self.textures.color(map)));
-        words.number(coat.map_or(1.0, |(_, scale)| *scale));
-        let anisotropy = layered.and_then(|layered| layered.anisotropy.as_ref());
-        words.word(anisotropy.and_then(|it| it.texture.as_ref()).map_or(0, |map| self.textures.color(map)));
-        let (sin, cos) = bottega_kernels::math::sin_cos(anisotropy.map_or(0.0, |it| it.rotation));
-        words.numbers(&[cos, sin]);
-        match &material.surface {
-            Surface::Unlit(color) => self.color(&mut words, color),
-            _ => words.fill_to(STRIDE),
-        }
-        self.words.0[head..head + STRIDE].copy_from_slice(&words.0);
-    }
-
-    /// Returns the place of the surface that scatters on a side; 0: none does.
-    fn add_side(&mut self, material: &Material, front: bool) -> u32 {
-        material.surface_of(front).map_or(0, |surface| add_surface(self, surface))
-    }
-
-    fn add_relief(&mut self, words: &mut Words, relief: Option<&Relief>) {
-        let Some(relief) = relief else { return words.numbers(&[0.0; 3]) };
-        let (kind, handle, factor) = match &relief.source {
-            ReliefSource::Normals(map, scale) => (1, self.textures.color(map), *scale),
-            ReliefSource::Heights(height) => {
-                let map = height.texture.as_ref();
-                // Heights that are the same everywhere lift nothing.
-                map.map_or((0, 0, 0.0), |(map, channel)| (2, self.textures.scalar(map, *channel), height.factor))
-            }
-        };
-        let rule = match relief.rule {
-            ReliefRule::Bent => 0,
-            ReliefRule::Mitsuba { turns, shadows, mirrored } => {
-                1 | u32::from(turns) << 1 | u32::from(shadows) << 2 | u32::from(mirrored) << 3
-            }
-        };
-        words.word(kind | rule << 4);
-        words.word(handle);
-        words.number(factor);
-    }
-
-    /// Four words: a factor, and the handle of a texture or 0.
-    pub(super) fn color(&mut self, words: &mut Words, param: &ColorParam) {
-        words.color(param.factor);
-        words.word(param.texture.as_ref().map_or(0, |map| self.textures.color(map)));
-    }
-
-    /// The same of a number.
-    pub(super) fn scalar(&mut self, words: &mut Words, param: &ScalarParam) {
-        words.numbers(&[param.factor, 0.0, 0.0]);
-        words.word(param.texture.as_ref().map_or(0, |(map, channel)| self.textures.scalar(map, *channel)));
+/// The record of a material; its surfaces are written before it.
+fn material_record(writer: &mut Writer<'_>, material: &Material) -> MaterialRecord {
+    let front = add_side(writer, material, true);
+    let back = if material.back == Back::Same { front } else { add_side(writer, material, false) };
+    let (opacity, emission) = (writer.scalar(&material.opacity), writer.color(&material.emission));
+    let [exterior, interior] = [material.exterior, material.interior].map(|medium| {
+        let medium = medium.filter(|_| material.transmits());
+        medium.map_or(Spectrum::ZERO, |medium| writer.scene.media[medium.0 as usize].absorption.map(finite))
+    });
+    let (relief, relief_map, relief_scale) = relief_of(writer, material.relief.as_ref());
+    let layered = material.layered();
+    let coat = layered.and_then(|layered| layered.coat_normal.as_ref());
+    let coat_map = writer.handle(coat.map(|(map, _)| map));
+    let anisotropy = layered.and_then(|layered| layered.anisotropy.as_ref());
+    let anisotropy_map = writer.handle(anisotropy.and_then(|it| it.texture.as_ref()));
+    let (sin, cos) = bottega_kernels::math::sin_cos(anisotropy.map_or(0.0, |it| it.rotation));
+    MaterialRecord {
+        flags: flags(material),
+        front,
+        back,
+        cutoff: if let AlphaMode::Mask { cutoff } = material.alpha_mode { finite(cutoff) } else { 0.0 },
+        opacity,
+        emission,
+        exterior,
+        interior,
+        relief,
+        relief_map,
+        relief_scale: finite(relief_scale),
+        coat_map,
+        coat_scale: finite(coat.map_or(1.0, |(_, scale)| *scale)),
+        anisotropy_map,
+        anisotropy_turn: Vec2::new(finite(cos), finite(sin)),
+        unlit_color: match &material.surface {
+            Surface::Unlit(color) => writer.color(color),
+            _ => Param { factor: Spectrum::ZERO, texture: 0 },
+        },
     }
 }
 
-/// The flags of `material.wgsl`, in its order.
+/// Returns the place of the surface that scatters on a side; 0: none does.
+fn add_side(writer: &mut Writer<'_>, material: &Material, front: bool) -> u32 {
+    material.surface_of(front).map_or(0, |surface| add_surface(writer, surface))
+}
+
+/// Kind and rule, the handle of its texture, and its scale.
+fn relief_of(writer: &mut Writer<'_>, relief: Option<&Relief>) -> (u32, u32, f32) {
+    let Some(relief) = relief else { return (RELIEF_NONE, 0, 0.0) };
+    let (kind, handle, scale) = match &relief.source {
+        ReliefSource::Normals(map, scale) => (RELIEF_NORMALS, writer.textures.color(map), *scale),
+        ReliefSource::Heights(height) => {
+            let map = height.texture.as_ref();
+            // Heights that are the same everywhere lift nothing.
+            map.map_or((RELIEF_NONE, 0, 0.0), |(map, channel)| {
+                (RELIEF_HEIGHTS, writer.textures.scalar(map, *channel), height.factor)
+            })
+        }
+    };
+    let rule = match relief.rule {
+        ReliefRule::Bent => 0,
+        ReliefRule::Mitsuba { turns, shadows, mirrored } => {
+            RELIEF_MITSUBA | flag(turns, RELIEF_TURNS) | flag(shadows, RELIEF_SHADOWS) | flag(mirrored, RELIEF_MIRRORED)
+        }
+    };
+    (kind | rule, handle, scale)
+}
+
+fn flag(is_set: bool, flag: u32) -> u32 {
+    if is_set { flag } else { 0 }
+}
+
+/// What a material is, as flags.
 fn flags(material: &Material) -> u32 {
     let is_null = material.surface == Surface::Null;
     let layered = material.layered();
     let sides = material.emission_sides;
     let flags = [
-        is_null || material.alpha_mode != AlphaMode::Opaque,
-        is_null,
-        matches!(material.surface, Surface::Unlit(_)),
-        material.emission.factor.max_element() > 0.0,
-        material.transmits(),
-        material.transmits() && !material.parts_media(),
-        material.needs_tangents(),
-        !material.textures().is_empty(),
-        sides != Sides::Back,
-        sides != Sides::Front,
-        material.is_blended(),
-        material.relief.is_some(),
-        layered.is_some_and(|layered| layered.coat.factor > 0.0),
-        layered.is_some_and(|layered| layered.anisotropy.is_some()),
-        layered.is_some(),
-        matches!(material.alpha_mode, AlphaMode::Mask { .. }),
-        material.alpha_mode == AlphaMode::Blend,
+        (is_null || material.alpha_mode != AlphaMode::Opaque, MATERIAL_HAS_OPACITY),
+        (is_null, MATERIAL_NULL),
+        (matches!(material.surface, Surface::Unlit(_)), MATERIAL_UNLIT),
+        (material.emission.factor.max_element() > 0.0, MATERIAL_SHINES),
+        (material.transmits(), MATERIAL_TRANSMITS),
+        (material.transmits() && !material.parts_media(), MATERIAL_KEEPS_MEDIUM),
+        (material.needs_tangents(), MATERIAL_NEEDS_TANGENTS),
+        (!material.textures().is_empty(), MATERIAL_TEXTURED),
+        (sides != Sides::Back, MATERIAL_EMITS_FRONT),
+        (sides != Sides::Front, MATERIAL_EMITS_BACK),
+        (material.is_blended(), MATERIAL_BLENDED),
+        (material.relief.is_some(), MATERIAL_HAS_RELIEF),
+        (layered.is_some_and(|layered| layered.coat.factor > 0.0), MATERIAL_HAS_COAT),
+        (layered.is_some_and(|layered| layered.anisotropy.is_some()), MATERIAL_HAS_ANISOTROPY),
+        (layered.is_some(), MATERIAL_LAYERED),
+        (matches!(material.alpha_mode, AlphaMode::Mask { .. }), MATERIAL_MASKS),
+        (material.alpha_mode == AlphaMode::Blend, MATERIAL_BLENDS_ALPHA),
     ];
-    flags.into_iter().zip(0..).fold(0, |all, (is_set, bit)| all | u32::from(is_set) << bit)
+    flags.into_iter().fold(0, |all, (is_set, bit)| all | flag(is_set, bit))
 }
 
 /// Whether some part of it is the layered surface.

@@ -11,6 +11,7 @@ mod sources;
 mod surfaces;
 mod textures;
 mod words;
+mod writer;
 
 #[cfg(test)]
 mod tests;

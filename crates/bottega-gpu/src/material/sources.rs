@@ -3,36 +3,40 @@
 use super::features::Features;
 
 /// Files by what asks for them; `None`: everything does.
-const FILES: [(Option<Features>, &str); 25] = [
+const FILES: [(Option<Features>, &str); 26] = [
     (None, include_str!("../wgsl/math.wgsl")),
-    (None, include_str!("../wgsl/warp.wgsl")),
-    (None, include_str!("../wgsl/texture.wgsl")),
+    (None, include_str!("../wgsl/bsdf/warp.wgsl")),
+    (None, include_str!("../wgsl/bsdf/frame.wgsl")),
+    (None, include_str!("../wgsl/image/lookup.wgsl")),
     (None, include_str!("../wgsl/material.wgsl")),
-    (None, include_str!("../wgsl/relief.wgsl")),
-    (None, include_str!("../wgsl/fresnel.wgsl")),
-    (None, include_str!("../wgsl/ggx.wgsl")),
-    (Some(Features::BECKMANN), include_str!("../wgsl/beckmann.wgsl")),
-    (None, include_str!("../wgsl/facets.wgsl")),
-    (None, include_str!("../wgsl/bsdf.wgsl")),
-    (None, include_str!("../wgsl/bsdf_matte.wgsl")),
-    (Some(Features::CONDUCTOR), include_str!("../wgsl/bsdf_conductor.wgsl")),
-    (Some(Features::DIELECTRIC), include_str!("../wgsl/bsdf_dielectric.wgsl")),
-    (Some(Features::PLASTIC), include_str!("../wgsl/cover.wgsl")),
-    (Some(Features::PLASTIC), include_str!("../wgsl/bsdf_plastic.wgsl")),
-    (Some(Features::STACK), include_str!("../wgsl/stack_numbers.wgsl")),
-    (Some(Features::STACK), include_str!("../wgsl/bsdf_stack.wgsl")),
-    (Some(Features::PRINCIPLED), include_str!("../wgsl/bsdf_principled.wgsl")),
-    (Some(Features::LAYERED), include_str!("../wgsl/tables.wgsl")),
+    (None, include_str!("../wgsl/interaction/relief.wgsl")),
+    (None, include_str!("../wgsl/bsdf/unevenness.wgsl")),
+    (None, include_str!("../wgsl/bsdf/fresnel.wgsl")),
+    (None, include_str!("../wgsl/bsdf/ggx.wgsl")),
+    (Some(Features::BECKMANN), include_str!("../wgsl/bsdf/beckmann.wgsl")),
+    (None, include_str!("../wgsl/bsdf/microfacet.wgsl")),
+    (None, include_str!("../wgsl/bsdf/scattering.wgsl")),
+    (None, include_str!("../wgsl/bsdf/matte.wgsl")),
+    (Some(Features::CONDUCTOR), include_str!("../wgsl/bsdf/conductor.wgsl")),
+    (Some(Features::DIELECTRIC), include_str!("../wgsl/bsdf/dielectric.wgsl")),
+    (Some(Features::PLASTIC), include_str!("../wgsl/bsdf/cover.wgsl")),
+    (Some(Features::PLASTIC), include_str!("../wgsl/bsdf/plastic.wgsl")),
+    (Some(Features::STACK), include_str!("../wgsl/bsdf/coated.wgsl")),
+    (Some(Features::PRINCIPLED), include_str!("../wgsl/bsdf/principled.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf/tables.wgsl")),
     (Some(Features::LAYERED), LAYERS),
-    (Some(Features::LAYERED), include_str!("../wgsl/interface.wgsl")),
-    (Some(Features::LAYERED), include_str!("../wgsl/layered_params.wgsl")),
-    (Some(Features::LAYERED), include_str!("../wgsl/layered_of.wgsl")),
-    (Some(Features::LAYERED), include_str!("../wgsl/bsdf_layered.wgsl")),
-    (None, include_str!("../wgsl/surface.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf/interface.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf/params.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf/base.wgsl")),
+    (Some(Features::LAYERED), include_str!("../wgsl/bsdf/layered.wgsl")),
+    (None, include_str!("../wgsl/bsdf/surface.wgsl")),
 ];
 
-const LAYERS: &str =
-    concat!(include_str!("../wgsl/film.wgsl"), include_str!("../wgsl/sheen.wgsl"), include_str!("../wgsl/coat.wgsl"));
+const LAYERS: &str = concat!(
+    include_str!("../wgsl/bsdf/film.wgsl"),
+    include_str!("../wgsl/bsdf/sheen.wgsl"),
+    include_str!("../wgsl/bsdf/coat.wgsl")
+);
 
 /// The shaders with what `features` asks for: constants and functions alone. Files that nothing asks for are left out, and so
 /// are the lines that call them, which are those with an `if` of their constant that ends where it begins.
@@ -54,6 +58,7 @@ mod tests {
     /// Whether naga takes it, behind what its users declare.
     fn check(features: Features) {
         let source = [
+            crate::shared::source(),
             "@group(0) @binding(0) var<storage, read> material_words: array<u32>;\n",
             "@group(0) @binding(1) var<storage, read> texture_words: array<u32>;\n",
             &source(features),
@@ -91,8 +96,12 @@ mod tests {
     #[test]
     fn what_is_not_asked_for_is_not_there() {
         let matte = source(Features::default());
-        assert!(!matte.contains("stack_walk") && !matte.contains("layered_eval(") && matte.contains("lambert_eval("));
+        assert!(
+            !matte.contains("stack_walk")
+                && !matte.contains("layered_eval_pdf(")
+                && matte.contains("lambert_eval_pdf(")
+        );
         let layered = source(Features::LAYERED);
-        assert!(layered.contains("layered_eval(b, wi)") && !layered.contains("principled_eval("));
+        assert!(layered.contains("layered_eval_pdf(b, wi)") && !layered.contains("principled_eval_pdf("));
     }
 }

@@ -1,116 +1,92 @@
-//! Surfaces as words: the records that `surface.wgsl` reads.
+//! Surfaces as words: a head of each kind, then its parameters.
 
+use bottega_render::bsdf::fresnel::IOR_MAX;
 use bottega_render::bsdf::precomputed::CoverBoundary;
+use bottega_render::flat::Portable;
 use bottega_scene::{
-    Coated, CoatedBase, ColorParam, Conductor, Distribution, Facets, InnerReflection, Layered, Plastic, Principled,
+    Coated, CoatedBase, Conductor, Dielectric, Distribution, Facets, InnerReflection, Layered, Plastic, Principled,
     RoughnessScale, ScalarParam, Shadowing, Spectrum, Surface,
 };
 
 use super::covers::{add_cover, is_smooth, is_textured};
-use super::encode::Writer;
 use super::features::Features;
-use super::words::Words;
-
-/// The kinds, as in the shader.
-#[derive(Clone, Copy)]
-enum Kind {
-    Diffuse = 1,
-    Translucent,
-    Conductor,
-    Dielectric,
-    Plastic,
-    Coated,
-    Principled,
-    Layered,
-    Blend,
-}
-
-/// Most blends within blends.
-const DEPTH_MAX: u32 = 64;
-
-/// Greatest number of events within a coat that are followed.
-const EVENTS_MAX: u32 = 1000;
-
-/// A parameter of either type.
-enum Param<'a> {
-    Color(&'a ColorParam),
-    Scalar(&'a ScalarParam),
-    /// A colour, and the handle of a texture or 0.
-    Handle(Spectrum, u32),
-}
+use super::writer::Writer;
+use crate::shared::materials::*;
 
 /// Writes a surface and returns its place; 0: nothing scatters.
 pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
-    if depth(surface) > DEPTH_MAX {
-        writer.missing.push(format!("more than {DEPTH_MAX} blends within each other"));
+    if depth(surface) > BLEND_DEPTH_MAX {
+        writer.missing.push(format!("more than {BLEND_DEPTH_MAX} blends within each other"));
         return 0;
     }
-    use Param::{Color, Scalar};
     writer.features = writer.features.with(features(surface));
     match surface {
         Surface::Null | Surface::Unlit(_) => 0,
-        Surface::Diffuse(it) => add(writer, Kind::Diffuse, &[], vec![Color(&it.reflectance), Scalar(&it.roughness)]),
+        Surface::Diffuse(it) => {
+            let params =
+                DiffuseParams { reflectance: writer.color(&it.reflectance), roughness: writer.scalar(&it.roughness) };
+            writer.record(&PlainHead { kind: kind::<DiffuseParams>(SURFACE_DIFFUSE) }, &params)
+        }
         Surface::DiffuseTransmission { reflectance, transmittance } => {
-            add(writer, Kind::Translucent, &[], vec![Color(reflectance), Color(transmittance)])
+            let params = TranslucentParams {
+                reflectance: writer.color(reflectance),
+                transmittance: writer.color(transmittance),
+            };
+            writer.record(&PlainHead { kind: kind::<TranslucentParams>(SURFACE_TRANSLUCENT) }, &params)
         }
-        Surface::Conductor(it) => add(writer, Kind::Conductor, &[bits(&it.facets)], conductor_params(it)),
-        Surface::Dielectric(it) => {
-            let own = [bits(&it.facets), sound_eta(it.eta).to_bits(), u32::from(it.thin)];
-            let mut params = vec![Color(&it.reflectance), Color(&it.transmittance)];
-            params.extend(it.facets.roughness.iter().map(Scalar));
-            add(writer, Kind::Dielectric, &own, params)
+        Surface::Conductor(it) => {
+            let (params, facets) = (conductor_params(writer, it), bits(&it.facets));
+            writer.record(&ConductorHead { kind: kind::<ConductorParams>(SURFACE_CONDUCTOR), facets }, &params)
         }
+        Surface::Dielectric(it) => add_dielectric(writer, it),
         Surface::Blend { weight, surfaces } => {
-            let parts = surfaces.each_ref().map(|part| add_surface(writer, part));
-            add(writer, Kind::Blend, &parts, vec![Scalar(weight)])
+            let [first, second] = surfaces.each_ref().map(|part| add_surface(writer, part));
+            let params = BlendParams { weight: writer.scalar(weight) };
+            writer.record(&BlendHead { kind: kind::<BlendParams>(SURFACE_BLEND), first, second }, &params)
         }
         Surface::Plastic(it) => add_plastic(writer, it),
         Surface::Coated(it) => add_coated(writer, it),
-        Surface::Principled(it) => {
-            let own = [u32::from(it.thin), sound_eta(it.eta).to_bits()];
-            add(writer, Kind::Principled, &own, principled_params(it))
-        }
+        Surface::Principled(it) => add_principled(writer, it),
         Surface::Layered(it) => add_layered(writer, it),
     }
 }
 
-/// Writes a record; `own`: up to seven words of the kind's own.
-fn add(writer: &mut Writer<'_>, kind: Kind, own: &[u32], params: Vec<Param<'_>>) -> u32 {
-    let mut record = Words::default();
-    record.word(kind as u32 | (params.len() as u32) << 8);
-    own.iter().for_each(|&word| record.word(word));
-    record.fill_to(8);
-    for param in params {
-        match param {
-            Param::Color(color) => writer.color(&mut record, color),
-            Param::Scalar(scalar) => writer.scalar(&mut record, scalar),
-            Param::Handle(factor, handle) => {
-                record.color(factor);
-                record.word(handle);
-            }
-        }
-    }
-    let place = writer.words.place() as u32;
-    writer.words.0.append(&mut record.0);
-    place
+/// The first word of a record with such parameters.
+fn kind<P: Portable>(kind: u32) -> u32 {
+    kind | (P::WORDS / Param::WORDS) << SURFACE_COUNT_SHIFT
+}
+
+fn add_dielectric(writer: &mut Writer<'_>, it: &Dielectric) -> u32 {
+    let params = DielectricParams {
+        reflectance: writer.color(&it.reflectance),
+        transmittance: writer.color(&it.transmittance),
+        roughness_x: writer.scalar(&it.facets.roughness[0]),
+        roughness_y: writer.scalar(&it.facets.roughness[1]),
+    };
+    let (kind, facets) = (kind::<DielectricParams>(SURFACE_DIELECTRIC), bits(&it.facets));
+    writer.record(&DielectricHead { kind, facets, eta: sound_eta(it.eta), thin: it.thin }, &params)
 }
 
 fn add_plastic(writer: &mut Writer<'_>, it: &Plastic) -> u32 {
     let eta = sound_eta(it.eta);
     let inner = match it.inner {
-        InnerReflection::Linear => 0,
-        InnerReflection::Nonlinear => 1,
-        InnerReflection::Lost => 2,
+        InnerReflection::Linear => PLASTIC_LINEAR,
+        InnerReflection::Nonlinear => PLASTIC_NONLINEAR,
+        InnerReflection::Lost => PLASTIC_LOST,
     };
     let cover = if it.inner == InnerReflection::Lost || is_smooth(&it.facets) {
         0
     } else {
         add_cover(&mut writer.words, &it.facets, &[boundary(&it.facets, eta, 0.0, true)], 0)
     };
-    let mut params = vec![Param::Color(&it.diffuse), Param::Color(&it.specular)];
-    params.extend(it.facets.roughness.iter().map(Param::Scalar));
-    let own = [bits(&it.facets), eta.to_bits(), inner, cover];
-    add(writer, Kind::Plastic, &own, params)
+    let params = PlasticParams {
+        diffuse: writer.color(&it.diffuse),
+        specular: writer.color(&it.specular),
+        roughness_x: writer.scalar(&it.facets.roughness[0]),
+        roughness_y: writer.scalar(&it.facets.roughness[1]),
+    };
+    let (kind, facets) = (kind::<PlasticParams>(SURFACE_PLASTIC), bits(&it.facets));
+    writer.record(&PlasticHead { kind, facets, eta, inner, cover }, &params)
 }
 
 fn boundary(facets: &Facets, eta: f32, thickness: f32, is_plastic: bool) -> CoverBoundary {
@@ -119,23 +95,37 @@ fn boundary(facets: &Facets, eta: f32, thickness: f32, is_plastic: bool) -> Cove
 
 fn add_coated(writer: &mut Writer<'_>, it: &Coated) -> u32 {
     let eta = sound_eta(it.eta);
-    let mut params = vec![Param::Color(&it.albedo), Param::Scalar(&it.thickness), Param::Scalar(&it.g)];
-    params.extend(it.facets.roughness.iter().map(Param::Scalar));
-    let (is_metal, base_bits) = match &it.base {
+    let coat = CoatedParams {
+        albedo: writer.color(&it.albedo),
+        thickness: writer.scalar(&it.thickness),
+        g: writer.scalar(&it.g),
+        roughness_x: writer.scalar(&it.facets.roughness[0]),
+        roughness_y: writer.scalar(&it.facets.roughness[1]),
+    };
+    let head = CoatedHead {
+        kind: kind::<OverDiffuse>(SURFACE_COATED),
+        facets: bits(&it.facets),
+        eta,
+        max_depth: it.max_depth.min(COATED_EVENTS_MAX),
+        cover: 0,
+        is_metal: false,
+        base_facets: 0,
+    };
+    match &it.base {
         CoatedBase::Diffuse(diffuse) => {
-            params.push(Param::Color(&diffuse.reflectance));
-            (false, 0)
+            let base = writer.color(&diffuse.reflectance);
+            // Where the layer does not scatter, a matte base has a closed form.
+            let may_be_clear = it.albedo.factor.max_element() <= 0.0 || it.albedo.texture.is_some();
+            let cover = if may_be_clear { add_coat(writer, it, eta) } else { 0 };
+            writer.record(&CoatedHead { cover, ..head }, &OverDiffuse { coat, base })
         }
         CoatedBase::Conductor(conductor) => {
-            params.extend(conductor_params(conductor));
-            (true, bits(&conductor.facets))
+            let base = conductor_params(writer, conductor);
+            let kind = kind::<OverConductor>(SURFACE_COATED);
+            let head = CoatedHead { kind, is_metal: true, base_facets: bits(&conductor.facets), ..head };
+            writer.record(&head, &OverConductor { coat, base })
         }
-    };
-    // Where the layer does not scatter, a matte base has a closed form.
-    let may_be_clear = it.albedo.factor.max_element() <= 0.0 || it.albedo.texture.is_some();
-    let cover = if !is_metal && may_be_clear { add_coat(writer, it, eta) } else { 0 };
-    let own = [bits(&it.facets), eta.to_bits(), it.max_depth.min(EVENTS_MAX), cover, u32::from(is_metal), base_bits];
-    add(writer, Kind::Coated, &own, params)
+    }
 }
 
 /// The cover of a clear coat, for all the thickness that it can have.
@@ -155,85 +145,88 @@ fn add_coat(writer: &mut Writer<'_>, it: &Coated, eta: f32) -> u32 {
     let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let most = texels.fold(0.0_f32, |most, (x, y)| most.max(image.texel(x, y).max_element()));
     let most = (it.thickness.factor * most).clamp(0.0, 100.0);
-    // Nodes in eighths of an octave from where next to nothing is absorbed.
+    // From where next to nothing is absorbed.
     const FIRST: i32 = -80;
-    let last = if most > 0.0 { (8.0 * most.log2()).ceil() as i32 } else { FIRST };
-    let nodes = (FIRST..=last.max(FIRST)).map(|step| (0.125 * step as f32).exp2());
+    let last = if most > 0.0 { (COVER_STEPS_PER_OCTAVE * most.log2()).ceil() as i32 } else { FIRST };
+    let nodes = (FIRST..=last.max(FIRST)).map(|step| (step as f32 / COVER_STEPS_PER_OCTAVE).exp2());
     let boundaries: Vec<_> = std::iter::once(0.0).chain(nodes).map(of).collect();
     add_cover(&mut writer.words, &it.facets, &boundaries, FIRST)
 }
 
-fn principled_params(it: &Principled) -> Vec<Param<'_>> {
-    let scalars = [
-        &it.roughness,
-        &it.anisotropic,
-        &it.metallic,
-        &it.spec_trans,
-        &it.spec_tint,
-        &it.sheen,
-        &it.sheen_tint,
-        &it.flatness,
-        &it.clearcoat,
-        &it.clearcoat_gloss,
-        &it.diff_trans,
-    ];
-    std::iter::once(Param::Color(&it.base_color)).chain(scalars.map(Param::Scalar)).collect()
+fn add_principled(writer: &mut Writer<'_>, it: &Principled) -> u32 {
+    let params = PrincipledParams {
+        base_color: writer.color(&it.base_color),
+        roughness: writer.scalar(&it.roughness),
+        anisotropic: writer.scalar(&it.anisotropic),
+        metallic: writer.scalar(&it.metallic),
+        spec_trans: writer.scalar(&it.spec_trans),
+        spec_tint: writer.scalar(&it.spec_tint),
+        sheen: writer.scalar(&it.sheen),
+        sheen_tint: writer.scalar(&it.sheen_tint),
+        flatness: writer.scalar(&it.flatness),
+        clearcoat: writer.scalar(&it.clearcoat),
+        clearcoat_gloss: writer.scalar(&it.clearcoat_gloss),
+        diff_trans: writer.scalar(&it.diff_trans),
+    };
+    let kind = kind::<PrincipledParams>(SURFACE_PRINCIPLED);
+    writer.record(&PrincipledHead { kind, thin: it.thin, eta: sound_eta(it.eta) }, &params)
 }
 
 fn add_layered(writer: &mut Writer<'_>, it: &Layered) -> u32 {
     let none = ScalarParam::from(0.0);
-    let film = it.iridescence.as_ref();
-    let mut params = [&it.base_color, &it.specular_color, &it.diffuse_transmission_color, &it.sheen_color]
-        .map(Param::Color)
-        .into_iter()
-        .collect::<Vec<_>>();
-    let scalars = [
-        &it.metallic,
-        &it.roughness,
-        &it.specular,
-        &it.transmission,
-        &it.diffuse_transmission,
-        &it.coat,
-        &it.coat_roughness,
-        &it.sheen_roughness,
-        film.map_or(&none, |film| &film.factor),
-    ];
-    params.extend(scalars.map(Param::Scalar));
-    let share = film.and_then(|film| film.thickness_texture.as_ref());
-    params.push(Param::Handle(Spectrum::ONE, share.map_or(0, |(map, channel)| writer.textures.scalar(map, *channel))));
-    let stretch = it.anisotropy.as_ref();
-    let map = stretch.and_then(|stretch| stretch.texture.as_ref());
+    let (film, stretch) = (it.iridescence.as_ref(), it.anisotropy.as_ref());
     let strength = Spectrum::splat(stretch.map_or(0.0, |stretch| stretch.strength));
-    params.push(Param::Handle(strength, map.map_or(0, |map| writer.textures.color(map))));
+    let params = LayeredParams {
+        base_color: writer.color(&it.base_color),
+        specular_color: writer.color(&it.specular_color),
+        through_color: writer.color(&it.diffuse_transmission_color),
+        sheen_color: writer.color(&it.sheen_color),
+        metallic: writer.scalar(&it.metallic),
+        roughness: writer.scalar(&it.roughness),
+        specular: writer.scalar(&it.specular),
+        transmission: writer.scalar(&it.transmission),
+        diffuse_transmission: writer.scalar(&it.diffuse_transmission),
+        coat: writer.scalar(&it.coat),
+        coat_roughness: writer.scalar(&it.coat_roughness),
+        sheen_roughness: writer.scalar(&it.sheen_roughness),
+        film: writer.scalar(film.map_or(&none, |film| &film.factor)),
+        film_thickness: writer.channel(Spectrum::ONE, film.and_then(|film| film.thickness_texture.as_ref())),
+        anisotropy: writer.mapped(strength, stretch.and_then(|stretch| stretch.texture.as_ref())),
+    };
     let within = |ior: f32| if ior > 1.0 { ior.min(IOR_MAX) } else { 1.0 };
-    let ior = if it.ior == 0.0 { 0.0 } else { within(it.ior) };
-    let dispersion = if it.dispersion > 0.0 { it.dispersion.min(20.0) } else { 0.0 };
-    let [least, most] = film.map_or([0.0; 2], |film| film.thickness);
-    let numbers = [ior, dispersion, film.map_or(1.0, |film| within(film.ior)), least, most];
-    let mut own = vec![u32::from(it.thin)];
-    own.extend(numbers.map(f32::to_bits));
-    add(writer, Kind::Layered, &own, params)
+    let [film_least, film_most] = film.map_or([0.0; 2], |film| film.thickness);
+    let head = LayeredHead {
+        kind: kind::<LayeredParams>(SURFACE_LAYERED),
+        thin: it.thin,
+        ior: if it.ior == 0.0 { 0.0 } else { within(it.ior) },
+        dispersion: if it.dispersion > 0.0 { it.dispersion.min(20.0) } else { 0.0 },
+        film_ior: film.map_or(1.0, |film| within(film.ior)),
+        film_least,
+        film_most,
+    };
+    writer.record(&head, &params)
 }
 
-/// Largest index of refraction that the layered surface tells from larger ones.
-const IOR_MAX: f32 = 5.0;
-
-fn conductor_params(it: &Conductor) -> Vec<Param<'_>> {
-    let mut params = vec![Param::Color(&it.eta), Param::Color(&it.k), Param::Color(&it.reflectance)];
-    params.extend(it.facets.roughness.iter().map(Param::Scalar));
-    params
+fn conductor_params(writer: &mut Writer<'_>, it: &Conductor) -> ConductorParams {
+    ConductorParams {
+        eta: writer.color(&it.eta),
+        k: writer.color(&it.k),
+        reflectance: writer.color(&it.reflectance),
+        roughness_x: writer.scalar(&it.facets.roughness[0]),
+        roughness_y: writer.scalar(&it.facets.roughness[1]),
+    }
 }
 
-/// Distribution, shadowing and what roughness means, as in `facets.wgsl`.
+/// Distribution, shadowing and what roughness means.
 fn bits(facets: &Facets) -> u32 {
     let scale = match facets.scale {
-        RoughnessScale::Alpha => 0,
-        RoughnessScale::SquareRoot => 1,
-        RoughnessScale::Square => 2,
+        RoughnessScale::Alpha => FACETS_ALPHA,
+        RoughnessScale::SquareRoot => FACETS_SQUARE_ROOT,
+        RoughnessScale::Square => FACETS_SQUARE,
     };
-    u32::from(facets.distribution == Distribution::Beckmann)
-        | u32::from(facets.shadowing == Shadowing::Separable) << 1
-        | scale << 2
+    let beckmann = if facets.distribution == Distribution::Beckmann { FACETS_BECKMANN } else { 0 };
+    let separable = if facets.shadowing == Shadowing::Separable { FACETS_SEPARABLE } else { 0 };
+    beckmann | separable | scale << FACETS_SCALE_SHIFT
 }
 
 /// An index of refraction that formulas can bear.

@@ -1,18 +1,15 @@
 //! Pictures and how they are laid on surfaces, as words.
 //!
 //! - First the 256 linear values of the codes of sRGB.
-//! - A picture: format (| 256: its codes are sRGB), number of levels, and of each level the place of its texels, columns, rows.
-//!   8-bit colours take a word a texel, 8-bit gray a byte, 16-bit ones two words, floats one for each channel.
-//! - A map, 16 words at a multiple of 8: place of the picture; flags (1: second set of coordinates, 2: smooth, from bit 2
-//!   wrapping along u, from bit 4 along v); the columns of the linear part of the transformation and its translation; the
-//!   square of the number of texels along a unit of uv. Its place with a [`Channel`] in the lowest bits is its handle.
+//! - A picture: an [`ImageRecord`], and a [`LevelRecord`] of each level. 8-bit colours take a word a texel, 8-bit gray a byte, 16-bit
+//!   ones two words, floats one for each channel.
+//! - A [`MapRecord`] at a multiple of [`MAP_ALIGNMENT`]. Its place with a [`Channel`] in the lowest bits is its handle.
 
+use bottega_render::flat::Portable as _;
 use bottega_scene::{Channel, Image, LevelTexels, Material, Scene, TextureMap, Wrap, linear_of_srgb_codes};
 
-use super::words::Words;
-
-/// Marks a handle of all colours.
-pub(super) const RGB: u32 = 4;
+use super::words::{Words, finite};
+use crate::shared::materials::*;
 
 /// The textures of a scene.
 #[derive(Debug)]
@@ -39,7 +36,7 @@ impl EncodedTextures {
         {
             *place = add_image(&mut words, image);
         }
-        words.align(8);
+        words.align(MAP_ALIGNMENT as usize);
         Self { words, images, sizes: scene.images.iter().map(Image::size).collect() }
     }
 
@@ -50,31 +47,32 @@ impl EncodedTextures {
 
     /// The handle of a map for all colours.
     pub(super) fn color(&mut self, map: &TextureMap) -> u32 {
-        self.add_map(map) | RGB
+        self.add_map(map) | CHANNEL_RGB
     }
 
     fn add_map(&mut self, map: &TextureMap) -> u32 {
         let (words, image) = (&mut self.words, map.image.0 as usize);
-        words.align(8);
-        let place = words.place();
-        words.word(self.images[image] as u32);
+        words.align(MAP_ALIGNMENT as usize);
         let wrap = |wrap: Wrap| match wrap {
-            Wrap::Repeat => 0,
-            Wrap::Mirror => 1,
-            Wrap::Clamp => 2,
+            Wrap::Repeat => TEXTURE_WRAP_REPEAT,
+            Wrap::Mirror => TEXTURE_WRAP_MIRROR,
+            Wrap::Clamp => TEXTURE_WRAP_CLAMP,
         };
-        words.word(
-            u32::from(map.uv_set & 1) | u32::from(map.smooth) << 1 | wrap(map.wrap_u) << 2 | wrap(map.wrap_v) << 4,
-        );
+        let wraps = wrap(map.wrap_u) << MAP_WRAP_U_SHIFT | wrap(map.wrap_v) << MAP_WRAP_V_SHIFT;
+        let uv_set = if map.uv_set & 1 == 1 { MAP_UV_SET } else { 0 };
+        let smooth = if map.smooth { MAP_SMOOTH } else { 0 };
         let linear = map.picture_from_uv.matrix2;
-        words.numbers(&linear.to_cols_array());
-        words.numbers(&map.picture_from_uv.translation.to_array());
         let (width, height) = self.sizes[image];
         let columns = linear.row(0).length_squared() * (width as f32 * width as f32);
         let rows = linear.row(1).length_squared() * (height as f32 * height as f32);
-        words.number(columns.max(rows));
-        words.fill_to(place + 16);
-        place as u32
+        words.record(&MapRecord {
+            image: self.images[image] as u32,
+            flags: uv_set | smooth | wraps,
+            x_axis: linear.x_axis.map(finite),
+            y_axis: linear.y_axis.map(finite),
+            offset: map.picture_from_uv.translation.map(finite),
+            texels_squared: finite(columns.max(rows)),
+        })
     }
 }
 
@@ -83,20 +81,21 @@ fn add_image(words: &mut Words, image: &Image) -> usize {
     let record = words.place();
     let count = image.level_count();
     let format = match image.level_texels(0) {
-        LevelTexels::Gray8(_) => 0,
-        LevelTexels::Rgb8(_) | LevelTexels::Rgba8(_) => 1,
-        LevelTexels::Rgba16(_) => 2,
-        LevelTexels::Rgb32(_) => 3,
-        LevelTexels::Rgba32(_) => 4,
+        LevelTexels::Gray8(_) => TEXTURE_GRAY8,
+        LevelTexels::Rgb8(_) | LevelTexels::Rgba8(_) => TEXTURE_RGBA8,
+        LevelTexels::Rgba16(_) => TEXTURE_RGBA16,
+        LevelTexels::Rgb32(_) => TEXTURE_RGB32,
+        LevelTexels::Rgba32(_) => TEXTURE_RGBA32,
     };
-    words.word(format | u32::from(image.is_srgb()) << 8);
-    words.word(count as u32);
-    words.fill_to(record + 2 + 3 * count);
+    let format = format | u32::from(image.is_srgb()) << IMAGE_SRGB_SHIFT;
+    let levels =
+        words.record(&ImageRecord { format, level_count: count as u32 }) as usize + ImageRecord::WORDS as usize;
+    let place_of = |level: usize| levels + LevelRecord::WORDS as usize * level;
+    words.fill_to(place_of(count));
     for level in 0..count {
         let (width, height) = image.level_size(level);
-        let at = record + 2 + 3 * level;
         let texels = words.place() as u32;
-        words.0[at..at + 3].copy_from_slice(&[texels, width, height]);
+        words.put(place_of(level), &LevelRecord { texels, width, height });
         add_texels(words, image.level_texels(level));
     }
     record

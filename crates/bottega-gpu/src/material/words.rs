@@ -1,6 +1,6 @@
 //! Words of 32 bits, written one after the other.
 
-use bottega_scene::Spectrum;
+use bottega_render::flat::Portable;
 
 /// A growing array of words. Places are told by their index.
 #[derive(Debug, Default)]
@@ -11,21 +11,23 @@ impl Words {
         self.0.len()
     }
 
-    pub(super) fn word(&mut self, word: u32) {
-        self.0.push(word);
+    /// Appends a record; returns its place.
+    pub(super) fn record(&mut self, record: &impl Portable) -> u32 {
+        let place = self.place() as u32;
+        record.put(&mut self.0);
+        place
     }
 
-    /// A number that is not finite becomes 0.
-    pub(super) fn number(&mut self, number: f32) {
-        self.0.push(if number.is_finite() { number } else { 0.0 }.to_bits());
+    /// Writes a record where there is room for it.
+    pub(super) fn put(&mut self, place: usize, record: &impl Portable) {
+        let mut words = Vec::new();
+        record.put(&mut words);
+        self.0[place..place + words.len()].copy_from_slice(&words);
     }
 
+    /// Numbers that are not finite become 0.
     pub(super) fn numbers(&mut self, numbers: &[f32]) {
-        numbers.iter().for_each(|&number| self.number(number));
-    }
-
-    pub(super) fn color(&mut self, color: Spectrum) {
-        self.numbers(&color.to_array());
+        self.0.extend(numbers.iter().map(|&number| finite(number).to_bits()));
     }
 
     /// Zeros up to a multiple of `unit` words.
@@ -37,4 +39,9 @@ impl Words {
     pub(super) fn fill_to(&mut self, place: usize) {
         self.0.resize(place, 0);
     }
+}
+
+/// A number, or 0 where it is not finite.
+pub(super) fn finite(number: f32) -> f32 {
+    if number.is_finite() { number } else { 0.0 }
 }

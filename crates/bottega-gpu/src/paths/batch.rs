@@ -3,40 +3,14 @@
 use std::sync::Arc;
 
 use bottega_image::{Aov, Layout, Tile};
-use bottega_render::flat::{FlatPicture, NONE, sobol_table};
+use bottega_render::flat::{FlatPicture, NONE, Portable as _, sobol_table};
 use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, PreparedScene, View};
-use bytemuck::{Pod, Zeroable};
 
-use crate::GpuError;
-
-/// Words of a job.
-const JOB_WORDS: usize = 8;
+use crate::error::GpuError;
+use crate::shared::paths::{BatchParams, DIRECT_BSDF_SAMPLING, DIRECT_COMBINED, DIRECT_LIGHT_SAMPLING, JobRecord};
 
 /// Most paths of a batch: their numbers must fit into words.
 pub(super) const PATHS_MAX: u64 = 1 << 31;
-
-/// As in the shader.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct Params {
-    pub(super) mixed_seed: [u32; 2],
-    pub(super) capacity: u32,
-    pub(super) path_count: u32,
-    pub(super) first_path: u32,
-    pub(super) job_count: u32,
-    pub(super) pixel_count: u32,
-    pub(super) picture_at: u32,
-    pub(super) jobs_at: u32,
-    pub(super) max_depth: u32,
-    pub(super) roulette_depth: u32,
-    pub(super) light_samples: u32,
-    pub(super) direct_light: u32,
-    pub(super) stride: u32,
-    pub(super) albedo_at: u32,
-    pub(super) normal_at: u32,
-    pub(super) depth_at: u32,
-    pub(super) padding: u32,
-}
 
 /// What blocks must share to be painted together.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +39,7 @@ pub(super) fn path_count(block: &BlockWork) -> u64 {
 /// Blocks of one kind, put down for the kernels.
 #[derive(Debug)]
 pub(super) struct Batch {
-    pub(super) params: Params,
+    pub(super) params: BatchParams,
     pub(super) words: Vec<u32>,
     pub(super) path_count: u32,
     stride: usize,
@@ -84,16 +58,24 @@ impl Batch {
         for block in blocks {
             let rect = block.tile.rect();
             let (area, count) = (rect.area() as u32, path_count(block) as u32);
-            let job: [u32; JOB_WORDS] =
-                [rect.x0, rect.y0, rect.width(), area, block.samples.start, paths, pixels, count];
-            words.extend(job);
+            let job = JobRecord {
+                x: rect.x0,
+                y: rect.y0,
+                columns: rect.width(),
+                pixels: area,
+                first_sample: block.samples.start,
+                first_path: paths,
+                first_pixel: pixels,
+                paths: count,
+            };
+            job.put(&mut words);
             paths += count;
             pixels += area;
         }
         let settings = &kind.settings;
         let seed = bottega_render::sampler::mixed_seed(settings.seed);
         let at = |aov: Aov| kind.layout.offset(aov).map_or(NONE, |offset| offset as u32);
-        let params = Params {
+        let params = BatchParams {
             mixed_seed: [seed as u32, (seed >> 32) as u32],
             job_count: blocks.len() as u32,
             pixel_count: pixels,
@@ -103,15 +85,15 @@ impl Batch {
             roulette_depth: settings.roulette_depth,
             light_samples: settings.light_samples.max(1),
             direct_light: match settings.direct_light {
-                DirectLight::Combined => 0,
-                DirectLight::LightSampling => 1,
-                DirectLight::BsdfSampling => 2,
+                DirectLight::Combined => DIRECT_COMBINED,
+                DirectLight::LightSampling => DIRECT_LIGHT_SAMPLING,
+                DirectLight::BsdfSampling => DIRECT_BSDF_SAMPLING,
             },
             stride: kind.stride() as u32,
             albedo_at: at(Aov::Albedo),
             normal_at: at(Aov::Normal),
             depth_at: at(Aov::Depth),
-            ..Params::default()
+            ..BatchParams::default()
         };
         Ok(Self { params, words, path_count: paths, stride: kind.stride() })
     }

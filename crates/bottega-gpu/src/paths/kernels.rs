@@ -4,7 +4,7 @@ use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, PipelineCache, S
 
 use crate::context::{Context, storage};
 use crate::material::{self, Features};
-use crate::traversal;
+use crate::{shared, traversal};
 
 /// Arrays that a kernel sees.
 pub(super) const STORAGE_BUFFERS: u32 = 10;
@@ -14,24 +14,35 @@ const MATH: &str = include_str!("../wgsl/math.wgsl");
 const COMMON: &str = concat!(
     include_str!("../wgsl/words.wgsl"),
     include_str!("../wgsl/functions.wgsl"),
-    include_str!("../wgsl/control.wgsl"),
     include_str!("../wgsl/state.wgsl"),
     include_str!("../wgsl/sampler.wgsl"),
 );
 const SURFACES: &str = concat!(include_str!("../wgsl/shapes.wgsl"), include_str!("../wgsl/places.wgsl"));
-const CAMERA: &str = concat!(include_str!("../wgsl/generate.wgsl"), include_str!("../wgsl/accumulate.wgsl"));
+const CAMERA: &str = concat!(
+    include_str!("../wgsl/sampling.wgsl"),
+    include_str!("../wgsl/camera.wgsl"),
+    include_str!("../wgsl/filter.wgsl"),
+    include_str!("../wgsl/generate.wgsl"),
+    include_str!("../wgsl/accumulate.wgsl"),
+);
 const TRAVERSAL: &str = include_str!("../wgsl/extend.wgsl");
 const SHADING: &str = concat!(
+    include_str!("../wgsl/sampling.wgsl"),
+    include_str!("../wgsl/interaction/mesh.wgsl"),
     include_str!("../wgsl/interaction.wgsl"),
-    include_str!("../wgsl/frame.wgsl"),
-    include_str!("../wgsl/light_shapes.wgsl"),
-    include_str!("../wgsl/light_points.wgsl"),
-    include_str!("../wgsl/environment.wgsl"),
-    include_str!("../wgsl/light_tree.wgsl"),
-    include_str!("../wgsl/lights.wgsl"),
-    include_str!("../wgsl/shade.wgsl"),
+    include_str!("../wgsl/lights/rectangle.wgsl"),
+    include_str!("../wgsl/lights/triangle.wgsl"),
+    include_str!("../wgsl/lights/sphere.wgsl"),
+    include_str!("../wgsl/lights/surface.wgsl"),
+    include_str!("../wgsl/lights/punctual.wgsl"),
+    include_str!("../wgsl/lights/distribution.wgsl"),
+    include_str!("../wgsl/lights/environment.wgsl"),
+    include_str!("../wgsl/lights/tree.wgsl"),
+    include_str!("../wgsl/lights/mod.wgsl"),
+    include_str!("../wgsl/integrator/path/light.wgsl"),
+    include_str!("../wgsl/integrator/path.wgsl"),
 );
-const PLAN: &str = concat!(include_str!("../wgsl/control.wgsl"), include_str!("../wgsl/plan.wgsl"));
+const PLAN: &str = include_str!("../wgsl/plan.wgsl");
 
 /// What kernels are made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +57,7 @@ pub(super) struct Variant {
 
 /// The source of the kernels that begin and end paths.
 pub(super) fn camera_source() -> String {
-    [MATH, COMMON, CAMERA].concat()
+    [shared::source(), MATH, COMMON, CAMERA].concat()
 }
 
 /// The source of the kernels that follow rays.
@@ -54,16 +65,22 @@ pub(super) fn traversal_source(variant: Variant) -> String {
     let traverse = traversal::source(variant.stack_size);
     if variant.has_opacity {
         let materials = material::source(Features::TEXTURES);
-        [&materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), &traverse, TRAVERSAL].concat()
+        [shared::source(), &materials, COMMON, SURFACES, include_str!("../wgsl/cut_out.wgsl"), &traverse, TRAVERSAL]
+            .concat()
     } else {
         let shapes = include_str!("../wgsl/shapes.wgsl");
-        [MATH, COMMON, shapes, include_str!("../wgsl/all_there.wgsl"), &traverse, TRAVERSAL].concat()
+        [shared::source(), MATH, COMMON, shapes, include_str!("../wgsl/all_there.wgsl"), &traverse, TRAVERSAL].concat()
     }
 }
 
 /// The source of the kernels that find light and scatter.
 pub(super) fn shading_source(variant: Variant) -> String {
-    [&material::source(variant.features), COMMON, SURFACES, SHADING].concat()
+    [shared::source(), &material::source(variant.features), COMMON, SURFACES, SHADING].concat()
+}
+
+/// The source of the kernels between them.
+pub(super) fn plan_source() -> String {
+    [shared::source(), PLAN].concat()
 }
 
 /// All pipelines, and the layouts of what they see.
@@ -104,7 +121,7 @@ impl Kernels {
         let [extend, shadow] = make.pipelines(&traversal, &paths, ["extend", "shadow"]);
         let [miss, shade] = make.pipelines(&make.module(&shading_source(variant)), &paths, ["miss", "shade"]);
         let [plan_extend, plan_shade, plan_next] =
-            make.pipelines(&make.module(PLAN), &plan, ["plan_extend", "plan_shade", "plan_next"]);
+            make.pipelines(&make.module(&plan_source()), &plan, ["plan_extend", "plan_shade", "plan_next"]);
         Self {
             scene_layout,
             state_layout,

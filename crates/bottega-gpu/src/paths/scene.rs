@@ -3,7 +3,7 @@
 use bottega_render::flat::FlatScene;
 use bottega_render::{PreparedScene, SceneGeometry};
 
-use crate::GpuError;
+use crate::error::GpuError;
 use crate::geometry::Geometry;
 use crate::material::{EncodedMaterials, Features};
 

@@ -12,8 +12,8 @@ use bottega_render::{
 use bottega_scene::{Clip, Environment, Panorama, Projection, Scene};
 use glam::Vec3;
 
-use super::PathOptions;
-use super::kernels::{Variant, camera_source, shading_source, traversal_source};
+use super::kernels::{Variant, camera_source, plan_source, shading_source, traversal_source};
+use super::options::PathOptions;
 use super::scene::PathScene;
 use super::tracer::Tracer;
 use super::worker::Worker;
@@ -125,7 +125,7 @@ fn the_kernels_are_sound() {
         [Features::ALL, Features::default()].map(|features| Variant { has_opacity, features, stack_size: 16 })
     });
     let sources = all.flat_map(|variant| [traversal_source(variant), shading_source(variant)]);
-    for source in sources.chain([camera_source()]) {
+    for source in sources.chain([camera_source(), plan_source()]) {
         let module = wgpu::naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
         let flags = wgpu::naga::valid::ValidationFlags::all();

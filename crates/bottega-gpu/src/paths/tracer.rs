@@ -5,31 +5,30 @@ use std::sync::Arc;
 use bottega_kernels::{Hit, Ray};
 use wgpu::{Adapter, BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, SubmissionIndex};
 
-use super::PathOptions;
-use super::batch::{Batch, Params};
+use super::batch::Batch;
 use super::kernels::{Kernels, STORAGE_BUFFERS, Variant};
+use super::options::PathOptions;
 use super::scene::PathScene;
-use crate::context::{Context, binding_limit};
+use crate::adapter::AdapterInfo;
+use crate::context::{Context, GROUPS_MAX, binding_limit};
 use crate::device::Device;
+use crate::error::GpuError;
 use crate::pipeline_cache::{self, PipelineCache};
+use crate::shared::geometry::GROUP_SIZE;
+use crate::shared::paths::{
+    BatchParams, CONTROL_ACTIVE, CONTROL_WORDS, DISPATCH_WORDS, GROUPS_COUNT, GROUPS_EXTEND, GROUPS_MISS, GROUPS_SHADE,
+    GROUPS_SHADOW, PATH_SHADOW, QUEUES, SHADOW_FIELDS,
+};
 use crate::traversal;
-use crate::{AdapterInfo, GpuError};
 
-/// Threads in a group, as in the shaders.
-const GROUP_SIZE: u32 = 64;
-/// Groups in a dispatch that every device takes.
-const GROUPS_MAX: u32 = 65_535;
-/// Vectors of four words of a path's state, without and with each light sample.
-const FIELDS: u64 = 11;
-const SHADOW_FIELDS: u64 = 3;
+/// A field of a path's state is a vector of four words.
 const FIELD_BYTES: u64 = 16;
-/// Queues of paths.
-const QUEUES: u64 = 5;
-/// Words of `control`.
-const CONTROL: [u32; 16] = [0; 16];
-const ACTIVE: usize = 1;
-/// Dispatches that are planned on the device.
-const PLANNED: u64 = 4;
+/// Bytes of a dispatch that is planned on the device.
+const DISPATCH_BYTES: u64 = 4 * DISPATCH_WORDS as u64;
+/// What kernels count in, before the first one.
+const CONTROL: [u32; CONTROL_WORDS as usize] = [0; CONTROL_WORDS as usize];
+/// Where in it the paths are counted that are under way.
+const ACTIVE: usize = CONTROL_ACTIVE as usize;
 /// Rays that are handed over at once.
 const RAYS_AT_ONCE: usize = 1 << 20;
 /// Bounces that are submitted at once; after them the processor asks whether there is any path left.
@@ -96,8 +95,8 @@ impl Tracer {
         cache.keep();
         let limit = binding_limit(adapter);
         let paths = options.paths.clamp(1, u64::from(GROUP_SIZE * GROUPS_MAX));
-        let state_bytes = (paths * (FIELDS + SHADOW_FIELDS) * FIELD_BYTES).min(limit / FIELD_BYTES * FIELD_BYTES);
-        let queue_paths = paths.min(limit / (QUEUES * 4));
+        let state_bytes = (paths * fields(1) * FIELD_BYTES).min(limit / FIELD_BYTES * FIELD_BYTES);
+        let queue_paths = paths.min(limit / (u64::from(QUEUES) * 4));
         let arrays = [
             context.upload("nodes", bytemuck::cast_slice(&scene.geometry.nodes)),
             context.upload("shapes", bytemuck::cast_slice(&scene.geometry.shapes)),
@@ -107,12 +106,16 @@ impl Tracer {
         ];
         let rays = Device::on(Arc::clone(&context), arrays[0].clone(), arrays[1].clone(), scene.geometry.depth);
         let params =
-            context.buffer("params", size_of::<Params>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+            context.buffer("params", size_of::<BatchParams>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         let state = context.buffer("state", state_bytes, BufferUsages::STORAGE);
-        let queues = context.buffer("queues", queue_paths * QUEUES * 4, BufferUsages::STORAGE);
+        let queues = context.buffer("queues", queue_paths * u64::from(QUEUES) * 4, BufferUsages::STORAGE);
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let control = context.buffer("control", size_of_val(&CONTROL) as u64, usage);
-        let groups = context.buffer("groups", 12 * PLANNED, BufferUsages::STORAGE | BufferUsages::INDIRECT);
+        let groups = context.buffer(
+            "groups",
+            DISPATCH_BYTES * u64::from(GROUPS_COUNT),
+            BufferUsages::STORAGE | BufferUsages::INDIRECT,
+        );
         let left = context.buffer("left", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
         let plan = context.bind("plan", &kernels.plan_layout, &[(0, &control), (1, &groups)]);
         context.check()?;
@@ -147,7 +150,7 @@ impl Tracer {
 
     /// Paths that can be under way at once.
     pub(super) fn capacity(&self, light_samples: u32) -> u64 {
-        let bytes = (FIELDS + SHADOW_FIELDS * u64::from(light_samples)) * FIELD_BYTES;
+        let bytes = fields(light_samples) * FIELD_BYTES;
         (self.state_bytes / bytes).min(self.queue_paths)
     }
 
@@ -170,7 +173,7 @@ impl Tracer {
         let mut before = None;
         for first_path in (0..batch.path_count).step_by(capacity.max(1) as usize) {
             let path_count = capacity.min(batch.path_count - first_path);
-            let params = Params { capacity, first_path, path_count, ..batch.params };
+            let params = BatchParams { capacity, first_path, path_count, ..batch.params };
             let submission = self.pass(&params, buffers)?;
             // One pass is under way while the next is prepared: no wait is longer than two of them.
             if let Some(before) = before.replace(submission) {
@@ -195,7 +198,7 @@ impl Tracer {
     }
 
     /// Follows as many paths as there is room for, and adds what they find to the sums.
-    fn pass(&self, params: &Params, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
+    fn pass(&self, params: &BatchParams, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
         let queue = &self.context.queue;
         let mut control = CONTROL;
         control[ACTIVE] = params.path_count;
@@ -244,18 +247,18 @@ impl Tracer {
     /// All paths under way come to their next surface, and leave it.
     fn bounce(&self, pass: &mut ComputePass<'_>, buffers: &Buffers) {
         let kernels = &self.kernels;
-        self.planned(pass, &kernels.extend, 0);
+        self.planned(pass, &kernels.extend, GROUPS_EXTEND);
         self.plan(pass, buffers, &kernels.plan_shade);
-        self.planned(pass, &kernels.miss, 1);
-        self.planned(pass, &kernels.shade, 3);
+        self.planned(pass, &kernels.miss, GROUPS_MISS);
+        self.planned(pass, &kernels.shade, GROUPS_SHADE);
         self.plan(pass, buffers, &kernels.plan_next);
-        self.planned(pass, &kernels.shadow, 2);
+        self.planned(pass, &kernels.shadow, GROUPS_SHADOW);
     }
 
     /// A kernel with as many threads as were planned for it.
-    fn planned(&self, pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, place: u64) {
+    fn planned(&self, pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, place: u32) {
         pass.set_pipeline(pipeline);
-        pass.dispatch_workgroups_indirect(&self.groups, 12 * place);
+        pass.dispatch_workgroups_indirect(&self.groups, DISPATCH_BYTES * u64::from(place));
     }
 
     fn plan(&self, pass: &mut ComputePass<'_>, buffers: &Buffers, pipeline: &ComputePipeline) {
@@ -294,6 +297,11 @@ impl Tracer {
     pub(super) fn lose(&self) {
         self.context.device.destroy();
     }
+}
+
+/// Fields of a path's state, with those of its light samples.
+fn fields(light_samples: u32) -> u64 {
+    u64::from(PATH_SHADOW) + u64::from(SHADOW_FIELDS) * u64::from(light_samples)
 }
 
 fn set_groups(pass: &mut ComputePass<'_>, buffers: &Buffers) {

@@ -9,9 +9,9 @@ use bottega_hra::{Failed, Reply};
 use bottega_render::{BlockWork, PreparedScene, RenderOutput, RenderWork};
 
 use super::batch::{Batch, Kind, PATHS_MAX, path_count};
+use super::limits::{OTHER_SCENE, PIXELS_MAX, refusal};
 use super::tracer::{Flight, Tracer};
-use super::{OTHER_SCENE, PIXELS_MAX, refusal};
-use crate::GpuError;
+use crate::error::GpuError;
 
 /// What the thread is told.
 pub(super) enum Message {

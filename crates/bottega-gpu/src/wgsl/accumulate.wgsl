@@ -1,15 +1,17 @@
+// No twin.
+//
 // Paths end: what they found is added to the sums of their pixels, sample by sample in their order.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(GROUP_SIZE)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.x;
     if pixel >= batch.pixel_count {
         return;
     }
-    let job = job_of(pixel, 6u);
-    let pixels = batch_words[job + 3u];
-    let begin = batch_words[job + 5u] + pixel - batch_words[job + 6u];
-    let end = min(batch_words[job + 5u] + batch_words[job + 7u], batch.first_path + batch.path_count);
+    let job = job_of(pixel, JOB_FIRST_PIXEL);
+    let pixels = batch_words[job + JOB_PIXELS];
+    let begin = batch_words[job + JOB_FIRST_PATH] + pixel - batch_words[job + JOB_FIRST_PIXEL];
+    let end = min(batch_words[job + JOB_FIRST_PATH] + batch_words[job + JOB_PATHS], batch.first_path + batch.path_count);
     // The first of its samples that is in this pass.
     var number = begin;
     if batch.first_path > begin {
@@ -25,25 +27,25 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     for (; number < end; number += pixels) {
         let path = number - batch.first_path;
         // Asked of the bits: a compiler may take all numbers to be sound.
-        let found = bits(RADIANCE, path).xyz;
+        let found = bits(PATH_RADIANCE, path).xyz;
         let is_sound = all((found & vec3(0x7f800000u)) != vec3(0x7f800000u));
-        let factor = field(RECEIVER_NORMAL, path).w;
+        let factor = field(PATH_RECEIVER_NORMAL, path).w;
         let radiance = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound)) * factor;
         let light = luminance(radiance);
         radiance_sum += radiance;
-        albedo_sum += field(ALBEDO, path);
+        albedo_sum += field(PATH_ALBEDO, path);
         square_sum += light * light;
         count += 1.0;
         dropped += select(1.0, 0.0, is_sound);
         if batch.normal_at != NONE || batch.depth_at != NONE {
-            normal_sum += field(NORMAL, path);
+            normal_sum += field(PATH_NORMAL, path);
         }
     }
     let at = pixel * batch.stride;
     add_sum(at, radiance_sum);
-    sums[at + 3u] += albedo_sum.w;
-    sums[at + 4u] += square_sum;
-    sums[at + 5u] += count;
+    sums[at + SUM_ALPHA] += albedo_sum.w;
+    sums[at + SUM_SQUARE] += square_sum;
+    sums[at + SUM_COUNT] += count;
     sums[at + batch.stride - 1u] += dropped;
     if batch.albedo_at != NONE {
         add_sum(at + batch.albedo_at, albedo_sum.xyz);

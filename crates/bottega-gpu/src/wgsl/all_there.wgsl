@@ -1,3 +1,5 @@
+// No twin.
+//
 // Of scenes in which nothing is cut out.
 
 fn is_there(hit: Hit, ray: Ray) -> bool {

@@ -1,29 +1,32 @@
+// No twin.
+//
 // Whether a candidate hit counts where surfaces may let rays pass. It depends on the segment of the path and on the surface
 // alone, so all candidates of one ray may be asked in any order and more than once.
 
 var<private> asking: Sampler;
 var<private> asking_depth: u32;
+
 // The bit by which a surface has another number for a shadow ray than for a path: it must not hear what the path heard.
 var<private> asking_shadow: u32;
 
 fn ask_as(path: u32, depth: u32, is_shadow: bool) {
     asking = sampler_from(path);
     asking_depth = depth;
-    asking_shadow = select(0u, 0x80000000u, is_shadow);
+    asking_shadow = select(0u, ASKS_AS_SHADOW, is_shadow);
 }
 
 fn is_there(hit: Hit, ray: Ray) -> bool {
     var place: SurfacePlace;
     var is_left = 0u;
-    if (hit.instance & SPHERE) != 0u {
-        let sphere = sphere_at(hit.instance & ~SPHERE);
-        place.material = scene_words[sphere + 8u];
+    if (hit.instance & HIT_SPHERE) != 0u {
+        let sphere = sphere_at(hit.instance & ~HIT_SPHERE);
+        place.material = scene_words[sphere + SPHERE_MATERIAL];
         place.vertex_alpha = 1.0;
         // A sphere is entered and left: these are two surfaces.
-        let from_center = ray.origin + hit.t * ray.direction - vec3_at(sphere);
+        let from_center = ray.origin + hit.t * ray.direction - vec3_at(sphere + SPHERE_CENTER);
         is_left = select(0u, 1u, dot(from_center, ray.direction) > 0.0);
     } else {
-        place.material = scene_words[scene_words[instance_at(hit.instance) + INSTANCE_MESH]];
+        place.material = scene_words[scene_words[instance_at(hit.instance) + INSTANCE_MESH] + MESH_MATERIAL];
     }
     let flags = material_flags(place.material);
     if (flags & MATERIAL_HAS_OPACITY) == 0u {
@@ -32,11 +35,11 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
     if (flags & MATERIAL_NULL) != 0u {
         return false;
     }
-    if (hit.instance & SPHERE) == 0u {
+    if (hit.instance & HIT_SPHERE) == 0u {
         place = place_of(hit.instance, hit.primitive, vec2(hit.u, hit.v));
     } else if (flags & MATERIAL_TEXTURED) != 0u {
-        let sphere = sphere_at(hit.instance & ~SPHERE);
-        let n = direction_or(ray.origin + hit.t * ray.direction - vec3_at(sphere), vec3(0.0, 1.0, 0.0));
+        let sphere = sphere_at(hit.instance & ~HIT_SPHERE);
+        let n = direction_or(ray.origin + hit.t * ray.direction - vec3_at(sphere + SPHERE_CENTER), vec3(0.0, 1.0, 0.0));
         place.uv0 = sphere_uv(sphere, n);
         place.uv1 = place.uv0;
     }
@@ -44,6 +47,6 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
     if there >= 1.0 {
         return true;
     }
-    let number = vec2(hit.primitive ^ asking_shadow ^ is_left, hit.instance ^ (asking_depth << 24u));
+    let number = vec2(hit.primitive ^ asking_shadow ^ is_left, hit.instance ^ (asking_depth << DEPTH_SHIFT));
     return there > 0.0 && hashed(asking, number) < there;
 }

@@ -1,53 +1,55 @@
+// No twin.
+//
 // Paths go on to the next surface, and those that meet none find the environment.
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(GROUP_SIZE)
 fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= atomicLoad(&control[ACTIVE]) {
+    if id.x >= atomicLoad(&control[CONTROL_ACTIVE]) {
         return;
     }
-    let depth = atomicLoad(&control[DEPTH]);
-    let path = queued(ACTIVE_QUEUE + (depth & 1u), id.x);
+    let depth = atomicLoad(&control[CONTROL_DEPTH]);
+    let path = queued(QUEUE_ACTIVE + (depth % QUEUES_ACTIVE), id.x);
     ask_as(path, depth, false);
     var reach = FAR;
     var start = 0.0;
     if depth == 0u {
-        let first = field(HIT, path);
+        let first = field(PATH_HIT, path);
         reach = first.x;
         start = first.y;
     }
-    let hit = traverse(Ray(field(ORIGIN, path).xyz, 0.0, field(DIRECTION, path).xyz, reach), false);
-    if hit.shape == NOTHING {
-        push(MISSED_QUEUE, MISSED, path);
+    let hit = traverse(Ray(field(PATH_ORIGIN, path).xyz, 0.0, field(PATH_DIRECTION, path).xyz, reach), false);
+    if hit.shape == HIT_NOTHING {
+        push(QUEUE_MISSED, CONTROL_MISSED, path);
     } else {
         if depth == 0u {
-            set_field(NORMAL, path, vec4(0.0, 0.0, 0.0, start));
+            set_field(PATH_NORMAL, path, vec4(0.0, 0.0, 0.0, start));
         }
-        set_bits(HIT, path, vec4(bitcast<u32>(hit.t), bitcast<u32>(hit.u), bitcast<u32>(hit.v), hit.shape));
-        push(MET_QUEUE, MET, path);
+        set_bits(PATH_HIT, path, vec4(bitcast<u32>(hit.t), bitcast<u32>(hit.u), bitcast<u32>(hit.v), hit.shape));
+        push(QUEUE_MET, CONTROL_MET, path);
     }
 }
 
 // Shadow rays: what is seen of the lights that were drawn is added.
-@compute @workgroup_size(64)
+@compute @workgroup_size(GROUP_SIZE)
 fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= atomicLoad(&control[LIT_NOW]) {
+    if id.x >= atomicLoad(&control[CONTROL_LIT_NOW]) {
         return;
     }
-    let path = queued(LIT_QUEUE, id.x);
+    let path = queued(QUEUE_LIT, id.x);
     // The depth counts on before this kernel.
-    ask_as(path, atomicLoad(&control[DEPTH]) - 1u, true);
-    var found = field(RADIANCE, path);
+    ask_as(path, atomicLoad(&control[CONTROL_DEPTH]) - 1u, true);
+    var found = field(PATH_RADIANCE, path);
     for (var part = 0u; part < batch.light_samples; part += 1u) {
-        let slot = SHADOW + SHADOW_FIELDS * part;
-        let brought = field(slot + 2u, path).xyz;
+        let slot = PATH_SHADOW + SHADOW_FIELDS * part;
+        let brought = field(slot + SHADOW_BROUGHT, path).xyz;
         if is_black(brought) {
             continue;
         }
-        let origin = field(slot, path);
-        let hit = traverse(Ray(origin.xyz, 0.0, field(slot + 1u, path).xyz, origin.w), true);
-        if hit.shape == NOTHING {
+        let origin = field(slot + SHADOW_ORIGIN, path);
+        let hit = traverse(Ray(origin.xyz, 0.0, field(slot + SHADOW_DIRECTION, path).xyz, origin.w), true);
+        if hit.shape == HIT_NOTHING {
             found += vec4(brought, 0.0);
         }
     }
-    set_field(RADIANCE, path, found);
+    set_field(PATH_RADIANCE, path, found);
 }

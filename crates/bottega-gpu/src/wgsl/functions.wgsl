@@ -1,3 +1,5 @@
+// No twin.
+//
 // Functions that WGSL leaves imprecise, to some units in the last place. Coefficients: Moshier, Cephes (single precision).
 
 fn atan_of(x: f32) -> f32 {

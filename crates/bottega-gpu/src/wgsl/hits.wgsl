@@ -1,14 +1,9 @@
+// No twin.
+//
 // Rays and shapes.
 //
 // WGSL lets an implementation assume that there is no infinity and no NaN: whatever could be either is replaced on the
 // processor's side before it comes here.
-
-struct Ray {
-    origin: vec3<f32>,
-    t_min: f32,
-    direction: vec3<f32>,
-    t_max: f32,
-}
 
 struct Hit {
     t: f32,
@@ -19,11 +14,6 @@ struct Hit {
     // Where it is among the shapes.
     shape: u32,
 }
-
-// Rounding of a slab test, conservatively: 1 + 2 γ₃ (Ize, "Robust BVH Ray Traversal", 2013).
-const SLAB_SLACK: f32 = 1.0000008;
-// Tolerance of the edge tests, relative to the sum of the three: rays through a shared edge must not slip between.
-const EDGE_SLACK: f32 = 0.0000019;
 
 // Edge tests in Plücker coordinates: two triangles that share an edge compute the same number for it, up to its sign.
 // (Davidovič et al., "3D Rasterization: A Bridge between Rasterization and Ray Casting", 2012.)
@@ -77,7 +67,7 @@ fn consider(hit: Hit, ray: Ray, best: ptr<function, Hit>) {
     if !(hit.t > ray.t_min) || hit.t > (*best).t {
         return;
     }
-    if hit.t == (*best).t && (*best).instance != NOTHING {
+    if hit.t == (*best).t && (*best).instance != HIT_NOTHING {
         let later = hit.instance > (*best).instance
             || (hit.instance == (*best).instance && hit.primitive >= (*best).primitive);
         if later {
@@ -95,4 +85,3 @@ fn inverse_of(direction: vec3<f32>) -> vec3<f32> {
     let magnitude = max(abs(direction), smallest);
     return select(-1.0 / magnitude, 1.0 / magnitude, direction >= vec3<f32>(0.0));
 }
-

@@ -1,14 +1,10 @@
+// Twin: `bottega-kernels/src/math.rs`.
+//
 // Elementary functions: what WGSL leaves to the driver (a sine within 2⁻¹¹, a power within 16 units in the last place) is
 // made of + − × ÷ here, as on the processor, so that all devices tell the same to some units in the last place.
 
-const PI: f32 = 3.14159265;
-const TAU: f32 = 6.28318531;
-const FRAC_1_PI: f32 = 0.318309886;
-// The largest number below 1: what a uniform number is clamped to after it was stretched.
-const ONE_MINUS_EPSILON: f32 = 0.99999994;
-
 // Sine and cosine of `turns` full turns, a number in [0, 1].
-fn math_turns(turns: f32) -> vec2f {
+fn math_sin_cos_of_turns(turns: f32) -> vec2f {
     let quarters = 4.0 * turns;
     let nearest = i32(quarters + 0.5);
     let x = (quarters - f32(nearest)) * 1.57079633;
@@ -19,6 +15,10 @@ fn math_turns(turns: f32) -> vec2f {
     let sine = select(c, s, even);
     let cosine = select(s, c, even);
     return vec2f(select(sine, -sine, (nearest & 2) != 0), select(cosine, -cosine, ((nearest + 1) & 2) != 0));
+}
+
+fn math_exp(x: f32) -> f32 {
+    return math_exp2(x * 1.44269504);
 }
 
 // 2^x; 0 below the smallest normal number.
@@ -33,8 +33,8 @@ fn math_exp2(x: f32) -> f32 {
     return p * bitcast<f32>(u32(clamp(i32(k), -126, 127) + 127) << 23u);
 }
 
-fn math_exp(x: f32) -> f32 {
-    return math_exp2(x * 1.44269504);
+fn math_ln(x: f32) -> f32 {
+    return math_log2(x) * 0.693147181;
 }
 
 // Base-2 logarithm of a positive number.
@@ -50,12 +50,8 @@ fn math_log2(x: f32) -> f32 {
     return f32(exponent) + s * p;
 }
 
-fn math_ln(x: f32) -> f32 {
-    return math_log2(x) * 0.693147181;
-}
-
 // x^y of a number that is not negative; 0 of 0.
-fn math_pow(x: f32, y: f32) -> f32 {
+fn math_powf(x: f32, y: f32) -> f32 {
     if x <= 0.0 {
         return 0.0;
     }

@@ -1,26 +1,21 @@
+// No twin.
+//
 // Places on surfaces, as far as textures and emission are concerned.
 
-const INSTANCE_WORDS: u32 = 24u;
-const WORLD_FROM_NORMAL: u32 = 12u;
-const INSTANCE_MESH: u32 = 21u;
-const FIRST_LIGHT: u32 = 22u;
-
-// Places in a mesh's record.
-const TRIANGLES: u32 = 1u;
-const POSITIONS: u32 = 2u;
-const NORMALS: u32 = 3u;
-const UVS: u32 = 4u;
-const COLORS: u32 = 6u;
-const TANGENTS: u32 = 7u;
-
-const SPHERE_WORDS: u32 = 12u;
+// A place on a surface, as far as textures are concerned.
+struct SurfacePlace {
+    material: u32,
+    uv0: vec2<f32>,
+    uv1: vec2<f32>,
+    vertex_alpha: f32,
+}
 
 fn instance_at(instance: u32) -> u32 {
-    return scene_words[AT_INSTANCES] + instance * INSTANCE_WORDS;
+    return scene_words[HEADER_INSTANCES] + instance * INSTANCE_WORDS;
 }
 
 fn sphere_at(sphere: u32) -> u32 {
-    return scene_words[AT_SPHERES] + sphere * SPHERE_WORDS;
+    return scene_words[HEADER_SPHERES] + sphere * SPHERE_WORDS;
 }
 
 // Turns a vector by a unit quaternion, or back by its conjugate.
@@ -35,7 +30,7 @@ fn conjugate(q: vec4<f32>) -> vec4<f32> {
 
 // Texture coordinates on a sphere: u around +y, v from the upper pole down.
 fn sphere_uv(sphere: u32, normal: vec3<f32>) -> vec2<f32> {
-    let n = turned(conjugate(vec4_at(sphere + 4u)), normal);
+    let n = turned(conjugate(vec4_at(sphere + SPHERE_WORLD_FROM_OBJECT)), normal);
     return vec2(0.5 + atan2_of(n.x, n.z) / (2.0 * PI), acos_of(n.y) / PI);
 }
 
@@ -45,7 +40,7 @@ fn weights_of(uv: vec2<f32>) -> vec3<f32> {
 }
 
 fn uv_of_set(mesh: u32, uv_set: u32, corners: vec3<u32>, weights: vec3<f32>, otherwise: vec2<f32>) -> vec2<f32> {
-    let at = scene_words[mesh + UVS + uv_set];
+    let at = scene_words[mesh + MESH_UVS + uv_set];
     if at == NONE {
         return otherwise;
     }
@@ -54,7 +49,7 @@ fn uv_of_set(mesh: u32, uv_set: u32, corners: vec3<u32>, weights: vec3<f32>, oth
 }
 
 fn corners_of(mesh: u32, primitive: u32) -> vec3<u32> {
-    let at = scene_words[mesh + TRIANGLES];
+    let at = scene_words[mesh + MESH_TRIANGLES];
     if at == NONE {
         return vec3(0u);
     }
@@ -63,20 +58,12 @@ fn corners_of(mesh: u32, primitive: u32) -> vec3<u32> {
 
 // Vertex color at a place of a triangle.
 fn color_of(mesh: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec4<f32> {
-    let at = scene_words[mesh + COLORS];
+    let at = scene_words[mesh + MESH_COLORS];
     if at == NONE {
         return vec4<f32>(1.0);
     }
     return vec4_at(at + 4u * corners.x) * weights.x + vec4_at(at + 4u * corners.y) * weights.y
         + vec4_at(at + 4u * corners.z) * weights.z;
-}
-
-// A place on a surface, as far as textures are concerned.
-struct SurfacePlace {
-    material: u32,
-    uv0: vec2<f32>,
-    uv1: vec2<f32>,
-    vertex_alpha: f32,
 }
 
 fn place_of(instance: u32, primitive: u32, uv: vec2<f32>) -> SurfacePlace {
@@ -85,7 +72,7 @@ fn place_of(instance: u32, primitive: u32, uv: vec2<f32>) -> SurfacePlace {
     let weights = weights_of(uv);
     let uv0 = uv_of_set(mesh, 0u, corners, weights, vec2<f32>(0.0));
     let uv1 = uv_of_set(mesh, 1u, corners, weights, uv0);
-    return SurfacePlace(scene_words[mesh], uv0, uv1, color_of(mesh, corners, weights).w);
+    return SurfacePlace(scene_words[mesh + MESH_MATERIAL], uv0, uv1, color_of(mesh, corners, weights).w);
 }
 
 // What a place of a triangle emits.
@@ -95,5 +82,5 @@ fn emitted(place: SurfacePlace) -> vec3<f32> {
 
 // How opaque a place is.
 fn opacity(place: SurfacePlace) -> f32 {
-    return material_opacity(place.material, place.uv0, place.uv1, 0.0, place.vertex_alpha);
+    return material_opacity_at(place.material, place.uv0, place.uv1, 0.0, place.vertex_alpha);
 }

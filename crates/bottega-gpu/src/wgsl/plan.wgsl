@@ -1,44 +1,39 @@
+// No twin.
+//
 // Between the kernels: how many groups of threads the next ones need. One thread.
 
 @group(0) @binding(0) var<storage, read_write> control: array<atomic<u32>>;
 @group(0) @binding(1) var<storage, read_write> groups: array<u32>;
 
-const GROUP_SIZE: u32 = 64u;
-// Places in `groups`, three words each.
-const EXTEND: u32 = 0u;
-const MISS: u32 = 1u;
-const SHADOW: u32 = 2u;
-const SHADE: u32 = 3u;
-
 fn plan(kernel: u32, count: u32) {
-    groups[3u * kernel] = (count + GROUP_SIZE - 1u) / GROUP_SIZE;
-    groups[3u * kernel + 1u] = 1u;
-    groups[3u * kernel + 2u] = 1u;
+    groups[DISPATCH_WORDS * kernel] = (count + GROUP_SIZE - 1u) / GROUP_SIZE;
+    groups[DISPATCH_WORDS * kernel + 1u] = 1u;
+    groups[DISPATCH_WORDS * kernel + 2u] = 1u;
 }
 
 @compute @workgroup_size(1)
 fn plan_extend() {
-    plan(EXTEND, atomicLoad(&control[ACTIVE]));
+    plan(GROUPS_EXTEND, atomicLoad(&control[CONTROL_ACTIVE]));
 }
 
 @compute @workgroup_size(1)
 fn plan_shade() {
-    plan(MISS, atomicLoad(&control[MISSED]));
-    plan(SHADE, atomicLoad(&control[MET]));
+    plan(GROUPS_MISS, atomicLoad(&control[CONTROL_MISSED]));
+    plan(GROUPS_SHADE, atomicLoad(&control[CONTROL_MET]));
 }
 
 // One bounce is done.
 @compute @workgroup_size(1)
 fn plan_next() {
-    let next = atomicLoad(&control[NEXT]);
-    let lit = atomicLoad(&control[LIT]);
-    plan(EXTEND, next);
-    plan(SHADOW, lit);
-    atomicStore(&control[ACTIVE], next);
-    atomicStore(&control[LIT_NOW], lit);
-    atomicStore(&control[NEXT], 0u);
-    atomicStore(&control[MISSED], 0u);
-    atomicStore(&control[LIT], 0u);
-    atomicStore(&control[MET], 0u);
-    atomicAdd(&control[DEPTH], 1u);
+    let next = atomicLoad(&control[CONTROL_NEXT]);
+    let lit = atomicLoad(&control[CONTROL_LIT]);
+    plan(GROUPS_EXTEND, next);
+    plan(GROUPS_SHADOW, lit);
+    atomicStore(&control[CONTROL_ACTIVE], next);
+    atomicStore(&control[CONTROL_LIT_NOW], lit);
+    atomicStore(&control[CONTROL_NEXT], 0u);
+    atomicStore(&control[CONTROL_MISSED], 0u);
+    atomicStore(&control[CONTROL_LIT], 0u);
+    atomicStore(&control[CONTROL_MET], 0u);
+    atomicAdd(&control[CONTROL_DEPTH], 1u);
 }

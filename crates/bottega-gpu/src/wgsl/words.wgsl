@@ -1,23 +1,8 @@
+// No twin.
+//
 // The scene's words (`bottega_render::flat`), and small helpers.
 
 @group(0) @binding(2) var<storage, read> scene_words: array<u32>;
-
-const NONE: u32 = 0xffffffffu;
-// Stands for infinity.
-const FAR: f32 = 3e38;
-
-// Places of the header.
-const AT_INSTANCES: u32 = 0u;
-const AT_SPHERES: u32 = 1u;
-const AT_LIGHTS: u32 = 2u;
-const AT_LIGHT_COUNT: u32 = 3u;
-const AT_TREE: u32 = 4u;
-const AT_TREE_INTENSITY: u32 = 5u;
-const AT_SHINING: u32 = 6u;
-const AT_PARALLEL: u32 = 7u;
-const AT_PARALLEL_COUNT: u32 = 8u;
-const AT_ENVIRONMENT: u32 = 9u;
-const AT_HAS_FAR: u32 = 10u;
 
 fn number_at(at: u32) -> f32 {
     return bitcast<f32>(scene_words[at]);
@@ -74,17 +59,4 @@ fn length_of(v: vec3<f32>) -> f32 {
     }
     let w = v / size;
     return size * sqrt(dot(w, w));
-}
-
-// Two unit vectors that make a right-handed frame with n (Duff et al. 2017).
-struct Basis {
-    s: vec3<f32>,
-    t: vec3<f32>,
-}
-
-fn basis_of(n: vec3<f32>) -> Basis {
-    let side = select(1.0, -1.0, n.z < 0.0);
-    let a = -1.0 / (side + n.z);
-    let b = n.x * n.y * a;
-    return Basis(vec3(1.0 + side * n.x * n.x * a, side * b, -side * n.x), vec3(b, side + n.y * n.y * a, -n.y));
 }

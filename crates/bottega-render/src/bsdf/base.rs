@@ -11,7 +11,7 @@ use super::params::SurfaceParams;
 use super::tables::{Index, Mu, Rough, Tables};
 
 /// Half of the spread of a solid's index of refraction over (n − 1) times its dispersion (KHR_materials_dispersion).
-const DISPERSION_SCALE: f32 = 0.025;
+pub const DISPERSION_SCALE: f32 = 0.025;
 
 /// A mix of metal, opaque dielectric and transmitting dielectric that share their facets.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use bottega_kernels::math;
 use glam::Vec3;
 
 /// Half of 1 / √π.
-const HALF_RSQRT_PI: f32 = 0.25 * FRAC_2_SQRT_PI;
+pub const HALF_RSQRT_PI: f32 = 0.25 * FRAC_2_SQRT_PI;
 
 /// Beckmann's distribution of microfacet normals, in the frame whose +z is the surface's normal.
 ///

@@ -11,7 +11,7 @@ use super::interface::Drawn;
 use super::tables::{Index, Mu, Rough, Tables};
 
 /// Index of refraction of the coat (KHR_materials_clearcoat).
-const IOR: f32 = 1.5;
+pub const IOR: f32 = 1.5;
 
 /// A dielectric GGX layer over all but the sheen, with a normal of its own.
 #[derive(Clone, Copy, Debug)]

@@ -12,7 +12,7 @@ use super::fresnel;
 use super::microfacet::Microfacets;
 
 /// Nodes of the cosine, even from 0 to 1.
-pub(super) const COSINES: usize = 64;
+pub const COSINES: usize = 64;
 /// Nodes of α, even in its root from 0 to 1.
 pub(super) const ROUGHNESS: usize = 48;
 /// Indices of refraction are told apart to this part of 1, and thicknesses to this part of an octave.

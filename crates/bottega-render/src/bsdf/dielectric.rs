@@ -23,7 +23,7 @@ pub(super) struct Dielectric {
 }
 
 /// A rough boundary bends light by so little below this difference from 1 that it counts as smooth.
-const ETA_STEP_MIN: f32 = 1e-3;
+pub const ETA_STEP_MIN: f32 = 1e-3;
 
 impl Dielectric {
     /// `None`: black.

@@ -21,9 +21,13 @@ pub(super) struct Film {
 }
 
 /// Interference terms beyond the constant one: a film coats all colours alike after a few of them.
-const TERMS: usize = 2;
+pub const TERMS: usize = 2;
 /// Below this thickness, in nanometres, the film fades into the outside.
-const FADING: f32 = 0.03;
+pub const FADING: f32 = 0.03;
+/// Cosines at which the film's mean reflectance is asked for.
+pub const MEAN_STEPS: usize = 8;
+/// And at which its greatest reflectance is.
+pub const PEAK_STEPS: usize = 24;
 
 impl Film {
     /// `None` without strength.
@@ -71,21 +75,19 @@ impl Film {
 
     /// The f₀ with which Schlick's term reflects as much of evenly spread light as the film does.
     pub(super) fn mean_f0(&self, f0: Spectrum) -> Spectrum {
-        const STEPS: usize = 8;
         let mut sum = Spectrum::ZERO;
-        for step in 0..STEPS {
-            let cos = ((step as f32 + 0.5) / STEPS as f32).sqrt();
+        for step in 0..MEAN_STEPS {
+            let cos = ((step as f32 + 0.5) / MEAN_STEPS as f32).sqrt();
             sum += self.reflectance(cos, f0);
         }
         // The mean of Schlick's weight is 1 / 21.
-        ((sum / STEPS as f32 - 1.0 / 21.0) * (21.0 / 20.0)).clamp(Spectrum::ZERO, Spectrum::ONE)
+        ((sum / MEAN_STEPS as f32 - 1.0 / 21.0) * (21.0 / 20.0)).clamp(Spectrum::ZERO, Spectrum::ONE)
     }
 
     /// The f₀ with which f₀ + (1 − f₀) `rise(cos)` is nowhere below what the film reflects in any channel.
     pub(super) fn peak_f0(&self, f0: Spectrum, rise: impl Fn(f32) -> f32) -> f32 {
-        const STEPS: usize = 24;
-        (1..=STEPS).fold(0.0f32, |peak, step| {
-            let cos = step as f32 / STEPS as f32;
+        (1..=PEAK_STEPS).fold(0.0f32, |peak, step| {
+            let cos = step as f32 / PEAK_STEPS as f32;
             let rise = rise(cos).min(0.99);
             peak.max((self.reflectance(cos, f0).max_element() - rise) / (1.0 - rise))
         })
@@ -97,17 +99,27 @@ impl Film {
     }
 }
 
+/// The Gaussians of X (two), Y and Z: height, position, variance (table 1 of the paper).
+pub const GAUSSIANS: [[f64; 3]; 4] = [
+    [5.4856e-13, 1.6810e6, 4.3278e9],
+    [9.7470e-14, 2.2399e6, 4.5282e9],
+    [4.4201e-13, 1.7953e6, 9.3046e9],
+    [5.2481e-13, 2.2084e6, 6.6121e9],
+];
+/// The integral of Y, by which they are divided.
+pub const GAUSSIANS_NORM: f64 = 1.0685e-7;
+
 /// How the observer's three colours see light whose spectrum is cos(2π path / λ + turn): the Fourier transform of the
 /// colour matching functions, fitted by Gaussians (eq. 10), in linear Rec. 709. `path` in nanometres; `turn` by channel.
 fn sensitivity(path: f32, turn: Spectrum) -> Spectrum {
     let phase = TAU * path * 1e-9;
-    let gauss = |height: f32, position: f32, variance: f32, turn: f32| {
+    let gauss = |index: usize, turn: f32| {
+        let [height, position, variance] = GAUSSIANS[index].map(|number| number as f32);
         height * (TAU * variance).sqrt() * math::cos(position * phase + turn) * math::exp(-variance * phase * phase)
-            / 1.0685e-7
+            / GAUSSIANS_NORM as f32
     };
-    let x = gauss(5.4856e-13, 1.6810e6, 4.3278e9, turn.x) + gauss(9.7470e-14, 2.2399e6, 4.5282e9, turn.x);
-    let y = gauss(4.4201e-13, 1.7953e6, 9.3046e9, turn.y);
-    let z = gauss(5.2481e-13, 2.2084e6, 6.6121e9, turn.z);
+    let x = gauss(0, turn.x) + gauss(1, turn.x);
+    let (y, z) = (gauss(2, turn.y), gauss(3, turn.z));
     Spectrum::new(
         3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
         -0.969_266 * x + 1.876_010_8 * y + 0.041_556 * z,

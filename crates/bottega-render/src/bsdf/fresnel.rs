@@ -67,10 +67,10 @@ pub fn schlick_weight(cos_o: f32) -> f32 {
     m2 * m2 * m
 }
 
-/// Largest index of refraction that is told from larger ones, and its inverse the smallest; and the difference from 1
-/// below which a rough boundary would be too narrow a lobe for single precision.
-pub(super) const IOR_MAX: f32 = 5.0;
-pub(super) const IOR_STEP_MIN: f32 = 5e-3;
+/// Largest index of refraction that is told from larger ones, and its inverse the smallest.
+pub const IOR_MAX: f32 = 5.0;
+/// The difference of an index from 1 below which a rough boundary would be too narrow a lobe for single precision.
+pub const IOR_STEP_MIN: f32 = 5e-3;
 
 /// Fresnel term of a dielectric with the strength and tint of KHR_materials_specular.
 ///

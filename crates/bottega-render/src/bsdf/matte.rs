@@ -24,9 +24,10 @@ pub(super) struct RoughMatte {
     multiple: Spectrum,
 }
 
-/// How much of the first term is lost by roughness 1, and how much of its mean the second one brings.
-const LOSS: f32 = 0.5 - 2.0 / (3.0 * PI);
-const GAIN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
+/// How much of the first term is lost by roughness 1.
+pub const LOSS: f32 = 0.5 - 2.0 / (3.0 * PI);
+/// How much of its mean the second one brings.
+pub const GAIN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl RoughMatte {
     /// `deviation`: of the slopes, in radians.

@@ -23,7 +23,7 @@ enum Normals {
 }
 
 /// Values above this one say no more: every direction is as likely.
-const ALPHA_MAX: f32 = 10.0;
+pub const ALPHA_MAX: f32 = 10.0;
 
 impl Microfacets {
     pub(super) const SMOOTH: Self = Self { normals: Normals::Smooth, shadowing: Shadowing::Correlated };

@@ -26,6 +26,7 @@ mod beckmann;
 mod coat;
 mod coated;
 mod conductor;
+pub mod constants;
 mod cover;
 mod dielectric;
 mod diffuse;
@@ -96,6 +97,11 @@ impl LobeFlags {
     pub const GLOSSY: Self = Self(8);
     /// A single direction.
     pub const DELTA: Self = Self(16);
+
+    /// A bit for each flag.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
 
     /// Whether all flags of `other` are set.
     pub const fn contains(self, other: Self) -> bool {

@@ -92,7 +92,7 @@ impl Plastic {
 }
 
 /// About the mean over the hemisphere of what a boundary lets through.
-const MEAN_THROUGH: f32 = 0.9;
+pub const MEAN_THROUGH: f32 = 0.9;
 
 /// Share of the light at a cosine that reaches the base below a smooth boundary and an absorbing layer.
 fn through_smooth(eta: f32, thickness: f32, cos: f32) -> f32 {

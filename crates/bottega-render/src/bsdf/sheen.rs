@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::tables::{Mu, Rough, Tables};
 
 /// Smaller roughness than this is read as this: the lobe would be a line along the horizon.
-const ROUGHNESS_MIN: f32 = 0.1;
+pub const ROUGHNESS_MIN: f32 = 0.1;
 
 /// A layer of fibers on top of everything.
 ///
@@ -70,10 +70,13 @@ fn charlie(alpha: f32, fit: &[f32; 5], cos_o: f32, cos_i: f32, h: Vec3) -> f32 {
     density / (4.0 * cos_o * cos_i * (1.0 + lambda(fit, cos_o) + lambda(fit, cos_i)))
 }
 
+/// Coefficients of the shadowing's fit for α = 0.
+pub const NARROW: [f32; 5] = [25.3245, 3.32435, 0.16801, -1.27393, -4.85967];
+/// And for α = 1.
+pub const WIDE: [f32; 5] = [21.5473, 3.82987, 0.19823, -1.97760, -4.32054];
+
 /// Coefficients of the shadowing's fit for one roughness.
 fn fit(alpha: f32) -> [f32; 5] {
-    const NARROW: [f32; 5] = [25.3245, 3.32435, 0.16801, -1.27393, -4.85967];
-    const WIDE: [f32; 5] = [21.5473, 3.82987, 0.19823, -1.97760, -4.32054];
     let narrow = (1.0 - alpha) * (1.0 - alpha);
     std::array::from_fn(|i| narrow * NARROW[i] + (1.0 - narrow) * WIDE[i])
 }

@@ -248,7 +248,7 @@ fn of_conductor(
 }
 
 /// More events within a layer than this are not followed.
-const MAX_DEPTH: u32 = 1000;
+pub const MAX_DEPTH: u32 = 1000;
 
 /// NaN becomes the lower end.
 fn within_range(x: f32, low: f32, high: f32) -> f32 {

@@ -14,13 +14,15 @@ use super::fresnel;
 use super::ggx::Ggx;
 use super::sheen;
 
-const MU: usize = 32;
+/// Nodes of a curve.
+pub const MU: usize = 32;
 /// Numbers of a curve, with its mean and its peak.
 pub(super) const CURVE: usize = MU + 2;
-const ROUGHNESS: usize = 16;
+/// Nodes of the roughness.
+pub const ROUGHNESS: usize = 16;
 /// Nodes of the index of refraction, even in √r, r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine at which total
 /// reflection sets in goes with √r.
-const INDEX: usize = 12;
+pub const INDEX: usize = 12;
 const R_MAX: f32 = (fresnel::IOR_MAX - 1.0) / (fresnel::IOR_MAX + 1.0);
 
 /// Values by μ for one roughness (and index), and their mean 2 ∫ v μ dμ.

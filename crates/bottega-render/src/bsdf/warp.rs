@@ -6,7 +6,7 @@ use bottega_kernels::math;
 use glam::Vec3;
 
 /// The largest number below 1: what a uniform number is clamped to after it was stretched.
-pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
+pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// A direction of the upper hemisphere (+z) with density cos θ / π. Never below the horizon; z may be 0.
 #[inline(always)]

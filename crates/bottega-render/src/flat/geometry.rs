@@ -3,16 +3,16 @@
 use bottega_scene::{Mesh, Scene};
 use glam::{Mat3, Vec3};
 
-use super::{INSTANCE_WORDS, MESH_WORDS, NONE, SPHERE_WORDS, Words, header};
+use super::{InstanceRecord, MeshRecord, NONE, Portable, SphereRecord, Words, header};
 use crate::prepare::{PreparedMaterial, PreparedScene};
 
 /// Words that the geometry takes, at most.
 pub(super) fn count(prepared: &PreparedScene) -> u64 {
     let scene = prepared.scene();
-    let mesh = |mesh: &Mesh| (mesh.memory_bytes() / size_of::<u32>()) as u64 + u64::from(MESH_WORDS);
+    let mesh = |mesh: &Mesh| (mesh.memory_bytes() / size_of::<u32>()) as u64 + u64::from(MeshRecord::WORDS);
     scene.meshes.iter().map(mesh).sum::<u64>()
-        + scene.instances.len() as u64 * u64::from(INSTANCE_WORDS)
-        + scene.spheres.len() as u64 * u64::from(SPHERE_WORDS)
+        + scene.instances.len() as u64 * u64::from(InstanceRecord::WORDS)
+        + scene.spheres.len() as u64 * u64::from(SphereRecord::WORDS)
 }
 
 pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
@@ -21,28 +21,28 @@ pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
         scene.meshes.iter().map(|mesh| write_mesh(mesh, prepared.material(mesh.material).1, words)).collect();
     words.head(header::INSTANCES, words.place());
     for (instance, index) in scene.instances.iter().zip(0..) {
-        let (start, known) = (words.place(), prepared.instance(index));
-        words.mat3(Mat3::from(instance.world_from_object.matrix3));
-        words.vec3(Vec3::from(instance.world_from_object.translation));
-        words.mat3(known.world_from_normal);
-        words.word(meshes[instance.mesh as usize]);
-        words.word(known.first_light);
-        words.fill(start, INSTANCE_WORDS);
+        let known = prepared.instance(index);
+        words.record(&InstanceRecord {
+            world_from_object: Mat3::from(instance.world_from_object.matrix3),
+            translation: Vec3::from(instance.world_from_object.translation),
+            world_from_normal: known.world_from_normal,
+            mesh: meshes[instance.mesh as usize],
+            first_light: known.first_light,
+        });
     }
     words.head(header::SPHERES, words.place());
     for (sphere, index) in scene.spheres.iter().zip(0..) {
-        let start = words.place();
-        words.vec3(sphere.center);
-        words.number(sphere.radius);
-        words.numbers(&sphere.world_from_object.to_array());
-        words.word(sphere.material);
-        words.word(prepared.lights().of_sphere(index));
-        words.fill(start, SPHERE_WORDS);
+        words.record(&SphereRecord {
+            center: sphere.center,
+            radius: sphere.radius,
+            world_from_object: sphere.world_from_object.into(),
+            material: sphere.material,
+            light: prepared.lights().of_sphere(index),
+        });
     }
 }
 
-/// The record: material, and the places of triangles, positions, normals, both sets of texture coordinates, colours and tangents.
-/// What its material asks nothing of is left out.
+/// Writes the arrays of a mesh, then its record. What its material asks nothing of is left out.
 fn write_mesh(mesh: &Mesh, material: &PreparedMaterial, words: &mut Words) -> u32 {
     let lifts = !mesh.normals.is_empty() && !material.transmits;
     let wants_uvs = material.is_textured || material.needs_tangents;
@@ -57,17 +57,14 @@ fn write_mesh(mesh: &Mesh, material: &PreparedMaterial, words: &mut Words) -> u3
     let uvs = |set: usize| wants_uvs && !mesh.uvs[set].is_empty();
     let has_tangents = material.needs_tangents && !mesh.tangents.is_empty();
     let is_indexed = !mesh.normals.is_empty() || !mesh.colors.is_empty() || uvs(0) || uvs(1) || has_tangents;
-    let record = [
-        mesh.material,
-        place_of(is_indexed, &|words| mesh.triangles.iter().for_each(|triangle| words.words(triangle))),
-        place_of(lifts, &|words| mesh.positions.iter().for_each(|&p| words.vec3(p))),
-        place_of(!mesh.normals.is_empty(), &|words| mesh.normals.iter().for_each(|&n| words.vec3(n))),
-        place_of(uvs(0), &|words| mesh.uvs[0].iter().for_each(|&uv| words.vec2(uv))),
-        place_of(uvs(1), &|words| mesh.uvs[1].iter().for_each(|&uv| words.vec2(uv))),
-        place_of(!mesh.colors.is_empty(), &|words| mesh.colors.iter().for_each(|&color| words.vec4(color))),
-        place_of(has_tangents, &|words| mesh.tangents.iter().for_each(|&tangent| words.vec4(tangent))),
-    ];
-    let place = words.place();
-    words.words(&record);
-    place
+    let record = MeshRecord {
+        material: mesh.material,
+        triangles: place_of(is_indexed, &|words| mesh.triangles.iter().for_each(|triangle| words.words(triangle))),
+        positions: place_of(lifts, &|words| mesh.positions.iter().for_each(|&p| words.vec3(p))),
+        normals: place_of(!mesh.normals.is_empty(), &|words| mesh.normals.iter().for_each(|&n| words.vec3(n))),
+        uvs: [0, 1].map(|set| place_of(uvs(set), &|words| mesh.uvs[set].iter().for_each(|&uv| words.vec2(uv)))),
+        colors: place_of(!mesh.colors.is_empty(), &|words| mesh.colors.iter().for_each(|&color| words.vec4(color))),
+        tangents: place_of(has_tangents, &|words| mesh.tangents.iter().for_each(|&tangent| words.vec4(tangent))),
+    };
+    words.record(&record)
 }

@@ -8,11 +8,7 @@ use crate::{
     sampler,
 };
 
-/// Camera and filter of a picture as words: the camera (world from camera, four columns of three; half of the picture's extent
-/// along x and y; shift of the lens; two over the size in pixels; its kind (0 perspective, 1 parallel, 2 equirectangular, 3 of equal
-/// areas); radius of the lens; distance in focus;
-/// width and spread of a pixel's cone; distances of the near and the far plane), then the filter (radius, place of its quantiles or [`NONE`](super::NONE), the factor of
-/// its samples, where it turns negative), then the quantiles.
+/// Camera and filter of a picture as words: a [`PictureRecord`](super::PictureRecord), then the quantiles of the filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatPicture {
     /// See there.
@@ -32,7 +28,7 @@ impl FlatPicture {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         let mut words = Words::default();
-        CameraRays::new(camera, view.width, view.height).write(&mut words);
+        words.record(&CameraRays::new(camera, view.width, view.height).record());
         FilterSampler::new(filter).write(&mut words);
         Ok(Self { words: words.into_inner().0 })
     }

@@ -1,9 +1,9 @@
 //! An array of words that grows.
 
 use bottega_scene::TextureMap;
-use glam::{Mat3, Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
-use super::NONE;
+use super::Portable;
 
 #[derive(Debug, Default)]
 pub(crate) struct Words(Vec<u32>, Vec<(u32, TextureMap)>);
@@ -28,18 +28,6 @@ impl Words {
         self.0[place] = word;
     }
 
-    pub(crate) fn word(&mut self, word: u32) {
-        self.0.push(word);
-    }
-
-    pub(crate) fn flag(&mut self, flag: bool) {
-        self.0.push(u32::from(flag));
-    }
-
-    pub(crate) fn number(&mut self, number: f32) {
-        self.0.push(number.to_bits());
-    }
-
     pub(crate) fn numbers(&mut self, numbers: &[f32]) {
         self.0.extend(numbers.iter().map(|number| number.to_bits()));
     }
@@ -48,10 +36,16 @@ impl Words {
         self.0.extend_from_slice(words);
     }
 
-    /// A place for the number of a picture; [`NONE`] where there is none.
-    pub(crate) fn picture(&mut self, map: Option<TextureMap>) {
-        self.1.extend(map.map(|map| (self.place(), map)));
-        self.word(NONE);
+    /// Writes a record; returns its place.
+    pub(crate) fn record(&mut self, record: &impl Portable) -> u32 {
+        let place = self.place();
+        record.put(&mut self.0);
+        place
+    }
+
+    /// The word there is to be the number of a picture.
+    pub(crate) fn picture(&mut self, place: u32, map: TextureMap) {
+        self.1.push((place, map));
     }
 
     pub(crate) fn vec2(&mut self, v: Vec2) {
@@ -64,16 +58,5 @@ impl Words {
 
     pub(crate) fn vec4(&mut self, v: Vec4) {
         self.numbers(&v.to_array());
-    }
-
-    /// Column by column.
-    pub(crate) fn mat3(&mut self, m: Mat3) {
-        self.numbers(&m.to_cols_array());
-    }
-
-    /// Zeros up to the end of a record that begins at `start`.
-    pub(crate) fn fill(&mut self, start: u32, record: u32) {
-        debug_assert!(self.place() <= start + record, "a record of {} words", self.place() - start);
-        self.0.resize((start + record) as usize, 0);
     }
 }

@@ -8,7 +8,8 @@ mod volume;
 pub use path::PathIntegrator;
 
 pub(crate) use path::light::shadow_ray;
-pub(crate) use path::{BLEND, PathRecord, Wanted, bsdf_at, exp};
+pub use path::{BLEND, DEPTH_SHIFT, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
+pub(crate) use path::{PathRecord, Wanted, bsdf_at, exp};
 pub use photon::PhotonIntegrator;
 pub(crate) use photon::{Hands, SensorPlace, is_broad, is_matte, sensing_settings};
 pub(crate) use turns::Painting;

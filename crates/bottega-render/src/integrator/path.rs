@@ -35,22 +35,24 @@ use crate::{
 pub(super) use branch::{BRANCHES_MAX, Branch};
 
 /// Greatest probability with which a path survives Russian roulette.
-pub(super) const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
+pub const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
 /// How far from its target a shadow ray ends, as a share of its length.
-pub(super) const SHADOW_MARGIN: f32 = 1e-4;
+pub const SHADOW_MARGIN: f32 = 1e-4;
 /// Cost of a vertex, in traversal steps.
 const VERTEX_STEPS: f32 = 8.0;
 /// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
 /// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
-pub(crate) const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+pub const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Where the depth of a vertex begins in the keys of both.
+pub const DEPTH_SHIFT: u32 = 56;
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 /// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
 /// samples.
 const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Growth of the beam after a scattering that spreads over one steradian.
-pub(super) const SCATTERED_SPREAD: f32 = 0.05;
+pub const SCATTERED_SPREAD: f32 = 0.05;
 
 /// Which values beside radiance a sample is asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -440,7 +442,7 @@ impl Path<'_> {
             return false;
         }
         let mut place = None;
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, &point, chance, &mut place);
         if self.integrator.wanted.cost {
             self.record.counts.meet(bsdf, known);
@@ -541,7 +543,7 @@ impl Path<'_> {
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
         let asks = asks.of_vertex(self.depth);
         is_there(self.integrator.prepared, ray, hit, asks, |surface| {
-            self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
+            self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
         })
     }
 

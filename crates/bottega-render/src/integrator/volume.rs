@@ -13,7 +13,9 @@ use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::Vec3;
 
-use super::path::{BLEND, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at};
+use super::path::{
+    BLEND, DEPTH_SHIFT, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at,
+};
 use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
@@ -221,7 +223,7 @@ impl Path<'_> {
         let asks = asks.of_vertex(self.depth);
         known.is_null && known.media[0] != known.media[1]
             || is_there(self.prepared, ray, hit, asks, |surface| {
-                self.sampler.hashed(surface ^ u64::from(self.depth) << 56)
+                self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
             })
     }
 
@@ -388,7 +390,7 @@ impl Path<'_> {
             }
         }
         let mut place = None;
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << 56 ^ u64::from(point.material));
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, point, chance, &mut place);
         if self.wants_cost {
             self.record.counts.meet(bsdf, prepared.material(point.material).1);

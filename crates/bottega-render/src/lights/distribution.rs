@@ -1,6 +1,6 @@
 //! Densities on the unit square that are given by a table, and places drawn by them.
 
-use crate::flat::{NONE, Words};
+use crate::flat::{NONE, TableRecord, Words};
 
 /// The largest number below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -32,12 +32,12 @@ impl Cells {
     }
 
     /// Writes it down: size, and the places of the sums along each row and of those of the rows.
-    pub(super) fn write(&self, words: &mut Words) -> [u32; 5] {
-        let conditional = words.place();
+    pub(super) fn write(&self, words: &mut Words) -> TableRecord {
+        let sums = words.place();
         words.numbers(&self.conditional);
         let marginal = words.place();
         words.numbers(&self.marginal);
-        [self.columns as u32, self.rows as u32, NONE, conditional, marginal]
+        TableRecord { columns: self.columns as u32, rows: self.rows as u32, values: NONE, sums, marginal }
     }
 
     fn row(&self, row: usize) -> &[f32] {
@@ -140,14 +140,14 @@ impl Bilinear {
     }
 
     /// Writes it down: size, and the places of the values, the sums along each row and those of the rows.
-    pub(super) fn write(&self, words: &mut Words) -> [u32; 5] {
+    pub(super) fn write(&self, words: &mut Words) -> TableRecord {
         let values = words.place();
         words.numbers(&self.values);
         let sums = words.place();
         words.numbers(&self.sums);
         let marginal = words.place();
         words.numbers(&self.marginal);
-        [self.columns as u32, self.rows as u32, values, sums, marginal]
+        TableRecord { columns: self.columns as u32, rows: self.rows as u32, values, sums, marginal }
     }
 
     fn row_sums(&self, row: usize) -> &[f32] {

@@ -9,7 +9,7 @@ use glam::{Mat3, Vec2, Vec3};
 use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
 use crate::{
-    flat::{NONE, Words},
+    flat::{EnvironmentRecord, NONE, Record as _, TableRecord, Words, code, place_of},
     luminance,
     sampler::Quad,
     sampling::uniform_sphere,
@@ -187,20 +187,25 @@ impl EnvironmentLight {
     /// integral, picture, what the table says of itself, scale and offset of its rows. Not its portals.
     pub(crate) fn write(&self, words: &mut Words) -> u32 {
         let (kind, table) = match &self.table {
-            Table::None => (0, [NONE; 5]),
-            Table::Uniform => (1, [NONE; 5]),
-            Table::Bilinear(table) => (2, table.write(words)),
-            Table::Cells(table) => (3, table.write(words)),
+            Table::None => (code::DENSITY_NONE, TableRecord::NONE),
+            Table::Uniform => (code::DENSITY_UNIFORM, TableRecord::NONE),
+            Table::Bilinear(table) => (code::DENSITY_BILINEAR, table.write(words)),
+            Table::Cells(table) => (code::DENSITY_CELLS, table.write(words)),
         };
-        let place = words.place();
-        words.word(kind);
-        words.flag(self.mapping == EnvironmentMapping::EqualArea);
-        words.vec3(self.factor);
-        words.mat3(self.world_from_environment);
-        words.number(self.integral);
-        words.picture(self.picture);
-        words.words(&table);
-        words.numbers(&[self.rows.scale, self.rows.offset]);
+        let place = words.record(&EnvironmentRecord {
+            kind,
+            is_equal_area: self.mapping == EnvironmentMapping::EqualArea,
+            factor: self.factor,
+            world_from_environment: self.world_from_environment,
+            integral: self.integral,
+            picture: NONE,
+            table,
+            rows_scale: self.rows.scale,
+            rows_offset: self.rows.offset,
+        });
+        if let Some(picture) = self.picture {
+            words.picture(place + const { place_of(EnvironmentRecord::FIELDS, "picture") }, picture);
+        }
         place
     }
 

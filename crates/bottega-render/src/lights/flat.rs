@@ -5,19 +5,10 @@ use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
 use glam::{Mat3, Vec3};
 
 use super::{Light, Lights};
-use crate::flat::{LIGHT_WORDS, NONE, Words, header};
-
-/// The first word of a light's record.
-mod kind {
-    pub(super) const SURFACE: u32 = 0;
-    pub(super) const SPHERE: u32 = 1;
-    pub(super) const POINT: u32 = 2;
-    pub(super) const SPOT: u32 = 3;
-    pub(super) const GONIOMETRIC: u32 = 4;
-    pub(super) const PROJECTOR: u32 = 5;
-    /// Gives no light.
-    pub(super) const DARK: u32 = 6;
-}
+use crate::flat::{
+    NONE, ParallelRecord, PictureLightRecord, PointLightRecord, Record as _, ShiningRecord, SphereLightRecord,
+    SpotLightRecord, Words, code, header, place_of,
+};
 
 impl Lights {
     /// Writes down all but where spheres and instances have theirs.
@@ -26,67 +17,77 @@ impl Lights {
         self.tree.write(words);
         words.head(header::LIGHTS, words.place());
         for light in &self.lights {
-            let start = words.place();
             match light {
-                Light::Surface(surface) => {
-                    words.word(kind::SURFACE);
-                    surface.write(words);
+                Light::Surface(surface) => _ = words.record(&surface.record()),
+                Light::Sphere(sphere) => {
+                    words.record(&SphereLightRecord { kind: code::LIGHT_SPHERE, sphere: *sphere });
                 }
-                Light::Sphere(index) => words.words(&[kind::SPHERE, *index]),
                 Light::Punctual(index) => write_punctual(scene.lights[*index as usize].kind, words),
             }
-            words.fill(start, LIGHT_WORDS);
         }
         let parts = words.place();
         words.words(&self.parts);
         words.head(header::SHINING, words.place());
         for triangle in &self.triangles {
-            let first = parts + triangle.first_part;
-            words.words(&[first, triangle.shape.code(), u32::from(triangle.is_second), triangle.grid.side()]);
+            words.record(&ShiningRecord {
+                parts: parts + triangle.first_part,
+                shape: triangle.shape.code(),
+                is_second: triangle.is_second,
+                side: triangle.grid.side(),
+            });
         }
         words.head(header::PARALLEL, words.place());
         words.head(header::PARALLEL_COUNT, self.parallel.len() as u32);
         for light in &self.parallel {
             let LightKind::Directional { irradiance, .. } = scene.lights[light.light as usize].kind else { continue };
-            words.vec3(light.to_light);
-            words.vec3(irradiance);
-            words.number(light.illuminance);
+            words.record(&ParallelRecord { to_light: light.to_light, irradiance, illuminance: light.illuminance });
         }
         let environment = self.environment.as_ref().map_or(NONE, |environment| environment.write(words));
         words.head(header::ENVIRONMENT, environment);
     }
 }
 
-/// Kind, position, intensity, and what belongs to the kind.
+/// Writes a light without extent.
 fn write_punctual(light: LightKind, words: &mut Words) {
-    let mut common = |kind: u32, position: Vec3, intensity: Spectrum| {
-        words.word(kind);
-        words.vec3(position);
-        words.vec3(intensity);
-    };
+    let point = |kind: u32, position: Vec3, intensity: Spectrum| PointLightRecord { kind, position, intensity };
+    let no_spot = |point| SpotLightRecord { point, direction: Vec3::ZERO, cos_inner: 0.0, cos_outer: 0.0, falloff: 0 };
     match light {
-        LightKind::Point { position, intensity } => common(kind::POINT, position, intensity),
+        LightKind::Point { position, intensity } => {
+            words.record(&no_spot(point(code::LIGHT_POINT, position, intensity)));
+        }
         LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
-            common(kind::SPOT, position, intensity);
-            words.vec3(direction);
-            words.numbers(&[cos_inner, cos_outer]);
-            words.word(match falloff {
-                SpotFalloff::SquaredCosine => 0,
-                SpotFalloff::SmoothCosine => 1,
-                SpotFalloff::LinearAngle => 2,
-            });
+            let falloff = match falloff {
+                SpotFalloff::SquaredCosine => code::SPOT_SQUARED_COSINE,
+                SpotFalloff::SmoothCosine => code::SPOT_SMOOTH_COSINE,
+                SpotFalloff::LinearAngle => code::SPOT_LINEAR_ANGLE,
+            };
+            let point = point(code::LIGHT_SPOT, position, intensity);
+            words.record(&SpotLightRecord { point, direction, cos_inner, cos_outer, falloff });
         }
         LightKind::Goniometric { position, world_from_light, image, intensity } => {
-            common(kind::GONIOMETRIC, position, intensity);
-            words.mat3(world_from_light);
-            words.picture(Some(TextureMap { smooth: false, ..TextureMap::new(image) }));
+            let point = point(code::LIGHT_GONIOMETRIC, position, intensity);
+            let picture = TextureMap { smooth: false, ..TextureMap::new(image) };
+            write_picture_light(point, world_from_light, picture, [0.0; 2], words);
         }
         LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
-            common(kind::PROJECTOR, world_from_light.translation.into(), intensity);
-            words.mat3(Mat3::from(world_from_light.matrix3));
-            words.picture(Some(picture));
-            words.numbers(&[math::tan(0.5 * vertical_fov), aspect]);
+            let point = point(code::LIGHT_PROJECTOR, world_from_light.translation.into(), intensity);
+            let size = [math::tan(0.5 * vertical_fov), aspect];
+            write_picture_light(point, Mat3::from(world_from_light.matrix3), picture, size, words);
         }
-        LightKind::Directional { .. } => words.word(kind::DARK),
+        LightKind::Directional { .. } => {
+            words.record(&no_spot(point(code::LIGHT_DARK, Vec3::ZERO, Spectrum::ZERO)));
+        }
     }
+}
+
+fn write_picture_light(
+    point: PointLightRecord,
+    world_from_light: Mat3,
+    picture: TextureMap,
+    [half_height, aspect]: [f32; 2],
+    words: &mut Words,
+) {
+    const PICTURE: u32 = place_of(PictureLightRecord::FIELDS, "picture");
+    let place = words.record(&PictureLightRecord { point, world_from_light, picture: NONE, half_height, aspect });
+    words.picture(place + PICTURE, picture);
 }

@@ -37,13 +37,15 @@ pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, Emitted};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
+pub use surface::SOLID_ANGLE_MIN;
 use surface::{Grid, Panel, Shape, SurfaceLight};
+pub use tree::DISTANCE_SQUARED_MIN;
 use tree::LightTree;
 pub(crate) use tree::{Arc, Segment};
 
 /// Least probability with which light from infinitely far away is asked for, and least probability with which it is not,
 /// where there is light of both kinds: what is estimated of them knows nothing of shadows.
-const SHARE_MIN: f32 = 0.1;
+pub const SHARE_MIN: f32 = 0.1;
 
 /// Stands for "no light" in the number of a light.
 pub(crate) const NO_LIGHT: u32 = u32::MAX;

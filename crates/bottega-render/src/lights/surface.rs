@@ -14,7 +14,7 @@ use super::{
     triangle::SphericalTriangle,
 };
 use crate::{
-    flat::Words,
+    flat::{SurfaceLightRecord, code},
     interaction::{emitted, opacity_at},
     luminance,
     prepare::PreparedScene,
@@ -23,7 +23,7 @@ use crate::{
 
 /// A light that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling is as
 /// good, cheaper and more precise.
-const SOLID_ANGLE_MIN: f32 = 0.25;
+pub const SOLID_ANGLE_MIN: f32 = 0.25;
 /// How far from square the corner of a rectangle may be, and its fourth corner from its place, relative to its sides.
 const RECTANGLE_TOLERANCE: f32 = 1e-4;
 /// Greatest number of parts along a side of a textured light.
@@ -180,11 +180,13 @@ impl Panel {
 }
 
 impl Shape {
-    /// 0 of a triangle; of a rectangle, 16 + its corner + 4 × the opposite one.
+    /// See [`code::PANEL_TRIANGLE`].
     pub(super) fn code(self) -> u32 {
         match self {
-            Self::Triangle => 0,
-            Self::Rectangle { corner, opposite } => 16 + u32::from(corner) + 4 * u32::from(opposite),
+            Self::Triangle => code::PANEL_TRIANGLE,
+            Self::Rectangle { corner, opposite } => {
+                code::PANEL_RECTANGLE | u32::from(corner) | u32::from(opposite) << code::PANEL_OPPOSITE_SHIFT
+            }
         }
     }
 }
@@ -259,12 +261,11 @@ enum Strategy {
 
 impl SurfaceLight {
     /// Writes it down: instance, triangle, shape, corner and sides of the panel, place and size of the part, material.
-    pub(super) fn write(&self, words: &mut Words) {
+    pub(super) fn record(&self) -> SurfaceLightRecord {
         let Panel { instance, triangle, corner, x, y, shape } = self.panel;
-        words.words(&[instance, triangle, shape.code()]);
-        [corner, x, y].into_iter().for_each(|v| words.vec3(v));
-        words.numbers(&[self.part.s, self.part.t, self.part.size]);
-        words.word(self.material);
+        let (shape, part) = (shape.code(), Vec3::new(self.part.s, self.part.t, self.part.size));
+        let material = self.material;
+        SurfaceLightRecord { kind: code::LIGHT_SURFACE, instance, triangle, shape, corner, x, y, part, material }
     }
 
     /// Index of the material.

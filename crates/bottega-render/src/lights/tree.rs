@@ -14,7 +14,7 @@ use glam::{Vec3, Vec4};
 use super::{NO_LIGHT, Receiver, bounds::LightBounds};
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
-    flat::{Words, header},
+    flat::{TreeNodeRecord, Words, header},
 };
 
 /// Children of a node: as many as a vector unit has lanes everywhere.
@@ -24,7 +24,7 @@ const BUCKETS: usize = 12;
 /// Depth from which on halves are of equal count, so that no input makes the tree deep.
 const BALANCED_DEPTH: usize = 48;
 /// Least squared distance, so that nothing is infinitely near.
-const DISTANCE_SQUARED_MIN: f32 = 1e-20;
+pub const DISTANCE_SQUARED_MIN: f32 = 1e-20;
 
 /// One number for each child.
 type Lanes = [f32; WIDTH];
@@ -242,16 +242,7 @@ impl LightTree {
         words.head(header::LIGHT_COUNT, self.light_count);
         words.head(header::TREE_INTENSITY, self.intensity.to_bits());
         for node in &self.nodes {
-            for lanes in node.center.iter().chain(&node.half).chain(&node.axis) {
-                words.numbers(lanes);
-            }
-            for lanes in
-                [&node.radius, &node.cos_spread, &node.sin_spread, &node.cos_emission, &node.two_sided, &node.intensity]
-            {
-                words.numbers(lanes);
-            }
-            words.words(&node.child);
-            words.words(&node.end);
+            words.record(&node.record());
         }
     }
 
@@ -522,6 +513,31 @@ fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32
 }
 
 impl Node {
+    fn record(&self) -> TreeNodeRecord {
+        let ([center_x, center_y, center_z], [half_x, half_y, half_z]) = (self.center, self.half);
+        let [axis_x, axis_y, axis_z] = self.axis;
+        let Self { radius, cos_spread, sin_spread, cos_emission, two_sided, intensity, child, end, .. } = *self;
+        TreeNodeRecord {
+            center_x,
+            center_y,
+            center_z,
+            half_x,
+            half_y,
+            half_z,
+            axis_x,
+            axis_y,
+            axis_z,
+            radius,
+            cos_spread,
+            sin_spread,
+            cos_emission,
+            two_sided,
+            intensity,
+            child,
+            end,
+        }
+    }
+
     const EMPTY: Self = Self {
         center: [[0.0; WIDTH]; 3],
         half: [[0.0; WIDTH]; 3],

@@ -42,7 +42,7 @@ impl Bench {
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-        let source = format!("{BINDINGS}\n{}\n{shader}", source(features));
+        let source = format!("{}{BINDINGS}\n{}\n{shader}", crate::shared::source(), source(features));
         let before = Instant::now();
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("test"),

@@ -46,11 +46,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let along_v = case_vec3(c + 12u);
     var normal = ns;
     if relief.kind != RELIEF_NONE {
-        let uv = select(uv0, uv1, texture_uv_set(relief.map) == 1u);
+        let uv = select(uv0, uv1, lookup_uv_set(relief.map) == 1u);
         if relief.kind == RELIEF_NORMALS {
-            normal = relief_mapped(relief.map, relief.scale, uv, footprint, ns, vec4f(along_u, case_f32(c + 15u)));
+            normal = relief_mapped_normal(relief.map, relief.scale, uv, footprint, ns, vec4f(along_u, case_f32(c + 15u)));
         } else {
-            normal = relief_bumped(relief.map, relief.scale, uv, footprint, ns, along_u, along_v);
+            normal = relief_bumped_normal(relief.map, relief.scale, uv, footprint, ns, along_u, along_v);
         }
     }
     answer_vec3(a, normal);
@@ -66,11 +66,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var coat = ns;
     let map = material_coat_map(material);
     if map != 0u {
-        let uv = select(uv0, uv1, texture_uv_set(map) == 1u);
-        coat = relief_mapped(map, material_coat_scale(material), uv, footprint, ns, vec4f(along_u, case_f32(c + 15u)));
+        let uv = select(uv0, uv1, lookup_uv_set(map) == 1u);
+        coat = relief_mapped_normal(map, material_coat_scale(material), uv, footprint, ns, vec4f(along_u, case_f32(c + 15u)));
     }
     answer_vec3(a + 16u, coat);
-    answers[a + 19u] = relief_factor(relief_lifted(along_u, relief.shadows), along_v);
+    answers[a + 19u] = lifted_factor(lifted_new(along_u, relief.shadows), along_v);
 }
 ";
 

@@ -38,8 +38,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     var point = surface_point_plain(1u);
     point.uv0 = vec2f(bitcast<f32>(cases[id.x]), 0.5);
-    var b = bsdf_at(0u, point, normalize(vec3f(0.3, 0.4, 1.0)), vec3f(1.0));
-    let value = bsdf_eval(&b, normalize(vec3f(0.5, -0.4, 0.3)));
+    var b = surface_scattering(0u, point, normalize(vec3f(0.3, 0.4, 1.0)), vec3f(1.0));
+    let value = bsdf_eval_pdf(&b, normalize(vec3f(0.5, -0.4, 0.3)));
     answers[id.x * 4u] = value.value.x;
     answers[id.x * 4u + 1u] = value.value.y;
     answers[id.x * 4u + 2u] = value.value.z;

@@ -39,10 +39,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     point.coat_normal = case_vec3(c + 12u);
     point.lifted = vec4f(0.0, 0.0, 1.0, -1.0);
     if case_f32(c + 18u) >= 0.0 {
-        point.lifted = relief_lifted(case_vec3(c + 15u), case_f32(c + 18u) > 0.0);
+        point.lifted = lifted_new(case_vec3(c + 15u), case_f32(c + 18u) > 0.0);
     }
-    var b = bsdf_at(material, point, case_vec3(c + 19u), case_vec3(c + 28u));
-    let value = bsdf_eval(&b, case_vec3(c + 22u));
+    var b = surface_scattering(material, point, case_vec3(c + 19u), case_vec3(c + 28u));
+    let value = bsdf_eval_pdf(&b, case_vec3(c + 22u));
     let drawn = bsdf_sample(&b, case_vec3(c + 25u));
     let a = id.x * 24u;
     answer_vec3(a, value.value);
@@ -56,6 +56,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     answers[a + 16u] = bsdf_roughness(&b);
     answers[a + 17u] = select(0.0, 1.0, bsdf_is_black(&b)) + select(0.0, 2.0, bsdf_is_delta_only(&b))
         + select(0.0, 4.0, bsdf_is_transmissive(&b));
-    answers[a + 18u] = material_opacity(material, point.uv0, point.uv1, point.footprint, point.vertex_color.w);
+    answers[a + 18u] = material_opacity_at(material, point.uv0, point.uv1, point.footprint, point.vertex_color.w);
     answer_vec3(a + 19u, material_emission(material, point.uv0, point.uv1, point.footprint));
 }

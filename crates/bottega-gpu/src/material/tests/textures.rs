@@ -18,8 +18,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let handle = material_words[material_head(cases[c]) + 11u];
     let uv = vec2f(bitcast<f32>(cases[c + 1u]), bitcast<f32>(cases[c + 2u]));
     let footprint = bitcast<f32>(cases[c + 3u]);
-    let value = texture_eval(handle, uv, footprint);
-    let slopes = texture_slopes(handle, uv, footprint);
+    let value = image_eval(handle, uv, footprint);
+    let slopes = image_slopes(handle, uv, footprint);
     for (var i = 0u; i < 4u; i++) {
         answers[id.x * 12u + i] = value[i];
         answers[id.x * 12u + 4u + i] = slopes.u[i];

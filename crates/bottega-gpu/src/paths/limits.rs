@@ -1,0 +1,32 @@
+//! Which work paths are not followed for.
+
+use bottega_hra::DataId;
+use bottega_image::Aov;
+use bottega_render::BlockWork;
+
+use super::batch::{PATHS_MAX, path_count};
+
+/// Most pixels of a batch, which bounds what comes back at once.
+pub(super) const PIXELS_MAX: u64 = 1 << 20;
+
+/// Why work of other scenes is given back.
+pub(super) const OTHER_SCENE: &str = "another scene is on the device";
+
+/// Why a block is given back; `None`: it is painted.
+///
+/// - `data`: the scene that is on the device.
+pub(super) fn refusal(data: DataId, block: &BlockWork) -> Option<String> {
+    if block.scene.data_id() != data {
+        return Some(OTHER_SCENE.to_owned());
+    }
+    if block.tile.layout().offset(Aov::Cost).is_some() {
+        return Some("the cost of a pixel is not known to devices".to_owned());
+    }
+    if block.settings.photons.is_some() {
+        return Some("photon mapping is not known to devices".to_owned());
+    }
+    if block.tile.rect().area() > PIXELS_MAX || path_count(block) >= PATHS_MAX {
+        return Some("too large a block".to_owned());
+    }
+    None
+}

@@ -1,0 +1,226 @@
+// Twin: `bottega-scene/src/image/lookup.rs`.
+//
+// Looking a picture up: wrapping, bilinear within a mip level, linear between levels; as `bottega_scene::Image::eval`.
+//
+// `texture_words`: the linear values of the 256 codes of sRGB; then maps and pictures as `material/textures.rs` writes them.
+
+// By how much a lookup grows with u and with v.
+struct TextureSlopes {
+    u: vec4f,
+    v: vec4f,
+}
+
+struct TexturePlace {
+    first: u32,
+    second: u32,
+    // Of the second.
+    weight: f32,
+}
+
+struct TextureQuad {
+    a: vec4f,
+    b: vec4f,
+    c: vec4f,
+    d: vec4f,
+    // Weights of the second column and row.
+    u: f32,
+    v: f32,
+}
+
+fn lookup_f32(at: u32) -> f32 {
+    return bitcast<f32>(texture_words[at]);
+}
+
+fn lookup_vec2(at: u32) -> vec2f {
+    return vec2f(lookup_f32(at), lookup_f32(at + 1u));
+}
+
+fn lookup_uv_set(map: u32) -> u32 {
+    return texture_words[(map & TEXTURE_HANDLE) + MAP_FLAGS] & MAP_UV_SET;
+}
+
+// One texel of a level whose texels begin at `at`, linear.
+fn lookup_texel(format: u32, at: u32, index: u32) -> vec4f {
+    let is_srgb = (format >> IMAGE_SRGB_SHIFT) != 0u;
+    switch format & IMAGE_FORMAT_MASK {
+        case TEXTURE_GRAY8: {
+            let code = (texture_words[at + (index >> 2u)] >> ((index & 3u) * 8u)) & 0xffu;
+            if is_srgb {
+                return vec4f(vec3f(lookup_f32(code)), 1.0);
+            }
+            return vec4f(vec3f(f32(code) / TEXEL_8_MAX), 1.0);
+        }
+        case TEXTURE_RGBA8: {
+            let word = texture_words[at + index];
+            let code = vec4u(word & 0xffu, (word >> 8u) & 0xffu, (word >> 16u) & 0xffu, word >> 24u);
+            let alpha = f32(code.w) / TEXEL_8_MAX;
+            if is_srgb {
+                return vec4f(lookup_f32(code.x), lookup_f32(code.y), lookup_f32(code.z), alpha);
+            }
+            return vec4f(vec3f(code.xyz) / TEXEL_8_MAX, alpha);
+        }
+        case TEXTURE_RGBA16: {
+            let low = texture_words[at + 2u * index];
+            let high = texture_words[at + 2u * index + 1u];
+            return vec4f(vec4u(low & 0xffffu, low >> 16u, high & 0xffffu, high >> 16u)) / TEXEL_16_MAX;
+        }
+        case TEXTURE_RGB32: {
+            let start = at + 3u * index;
+            return vec4f(lookup_f32(start), lookup_f32(start + 1u), lookup_f32(start + 2u), 1.0);
+        }
+        default: {
+            let start = at + 4u * index;
+            return vec4f(lookup_f32(start), lookup_f32(start + 1u), lookup_f32(start + 2u), lookup_f32(start + 3u));
+        }
+    }
+}
+
+// Linear RGBA of the picture as a map lays it on a surface; `footprint`: width of the lookup in units of `uv`.
+fn image_eval(handle: u32, uv: vec2f, footprint: f32) -> vec4f {
+    let map = handle & TEXTURE_HANDLE;
+    let image = texture_words[map + MAP_IMAGE];
+    let flags = texture_words[map + MAP_FLAGS];
+    let at = lookup_place(map, uv);
+    let format = texture_words[image + IMAGE_FORMAT];
+    let last = texture_words[image + IMAGE_LEVEL_COUNT] - 1u;
+    let levels = image + IMAGE_WORDS;
+    let detail = lookup_level_of_detail(map, footprint);
+    var level = 0u;
+    var rest = 0.0;
+    if detail > 0.0 {
+        level = u32(detail);
+        rest = detail - f32(level);
+        if level >= last {
+            return lookup_texel(format, texture_words[levels + LEVEL_WORDS * last + LEVEL_TEXELS], 0u);
+        }
+    } else if (flags & MAP_SMOOTH) == 0u {
+        return lookup_nearest(format, levels, flags, at);
+    }
+    var value = vec4f(0.0);
+    // Both levels by the same code: it is long.
+    for (var i = 0u; i < 2u; i++) {
+        let q = lookup_around(format, levels + LEVEL_WORDS * (level + i), flags, at);
+        let upper = q.a * (1.0 - q.u) + q.b * q.u;
+        let lower = q.c * (1.0 - q.u) + q.d * q.u;
+        let here = upper * (1.0 - q.v) + lower * q.v;
+        value = select(here, value + (here - value) * rest, i == 1u);
+        if rest == 0.0 {
+            break;
+        }
+    }
+    return value;
+}
+
+// By how much `image_eval` grows with u and with v.
+fn image_slopes(handle: u32, uv: vec2f, footprint: f32) -> TextureSlopes {
+    let map = handle & TEXTURE_HANDLE;
+    let image = texture_words[map + MAP_IMAGE];
+    let flags = texture_words[map + MAP_FLAGS];
+    let at = lookup_place(map, uv);
+    let format = texture_words[image + IMAGE_FORMAT];
+    let last = texture_words[image + IMAGE_LEVEL_COUNT] - 1u;
+    let levels = image + IMAGE_WORDS;
+    let detail = max(lookup_level_of_detail(map, footprint), 0.0);
+    let level = u32(detail);
+    let rest = detail - f32(level);
+    if ((flags & MAP_SMOOTH) == 0u && detail == 0.0) || (level >= last && detail > 0.0) {
+        return TextureSlopes(vec4f(0.0), vec4f(0.0));
+    }
+    // Every other copy of a mirrored picture is turned round.
+    let turned_u = ((flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK) == TEXTURE_WRAP_MIRROR && lookup_fraction(0.5 * at.x) > 0.5;
+    let turned_v = ((flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK) == TEXTURE_WRAP_MIRROR && lookup_fraction(0.5 * at.y) > 0.5;
+    var along_x = vec4f(0.0);
+    var along_y = vec4f(0.0);
+    for (var i = 0u; i < 2u; i++) {
+        let place = levels + LEVEL_WORDS * (level + i);
+        let q = lookup_around(format, place, flags, at);
+        let width = f32(texture_words[place + LEVEL_WIDTH]) * select(1.0, -1.0, turned_u);
+        let height = f32(texture_words[place + LEVEL_HEIGHT]) * select(1.0, -1.0, turned_v);
+        let x = ((q.b - q.a) * (1.0 - q.v) + (q.d - q.c) * q.v) * width;
+        let y = ((q.c - q.a) * (1.0 - q.u) + (q.d - q.b) * q.u) * height;
+        along_x = select(x, along_x + (x - along_x) * rest, i == 1u);
+        along_y = select(y, along_y + (y - along_y) * rest, i == 1u);
+        if rest == 0.0 {
+            break;
+        }
+    }
+    let x_axis = lookup_vec2(map + MAP_X_AXIS);
+    let y_axis = lookup_vec2(map + MAP_Y_AXIS);
+    return TextureSlopes(along_x * x_axis.x + along_y * x_axis.y, along_x * y_axis.x + along_y * y_axis.y);
+}
+
+// log₂ of the footprint in texels of the finest level, linear between powers of two as on the processor.
+fn lookup_level_of_detail(map: u32, footprint: f32) -> f32 {
+    if !(footprint > 0.0) {
+        return 0.0;
+    }
+    let width = min(footprint, 1e9);
+    let bits = bitcast<u32>(min(lookup_f32(map + MAP_TEXELS_SQUARED) * width * width, TEXELS_SQUARED_MAX));
+    return 0.5 * (f32(i32(bits >> 23u) - 127) + f32(bits & 0x7fffffu) * (1.0 / 8388608.0));
+}
+
+fn lookup_place(map: u32, uv: vec2f) -> vec2f {
+    let x_axis = lookup_vec2(map + MAP_X_AXIS);
+    let y_axis = lookup_vec2(map + MAP_Y_AXIS);
+    return x_axis * uv.x + y_axis * uv.y + lookup_vec2(map + MAP_OFFSET);
+}
+
+// A texture coordinate brought into [0, 1].
+fn lookup_wrapped(x: f32, wrap: u32) -> f32 {
+    switch wrap {
+        case TEXTURE_WRAP_REPEAT: {
+            return lookup_fraction(x);
+        }
+        case TEXTURE_WRAP_MIRROR: {
+            let phase = 2.0 * lookup_fraction(0.5 * x);
+            return select(phase, 2.0 - phase, phase > 1.0);
+        }
+        default: {
+            return clamp(x, 0.0, 1.0);
+        }
+    }
+}
+
+// x − ⌊x⌋, or 0 where a float has no fraction any more.
+fn lookup_fraction(x: f32) -> f32 {
+    if abs(x) < 8388608.0 {
+        let rest = x - trunc(x);
+        return select(rest, rest + 1.0, rest < 0.0);
+    }
+    return 0.0;
+}
+
+fn lookup_neighbors(x: f32, wrap: u32, size: u32) -> TexturePlace {
+    let last = i32(size) - 1;
+    let center = lookup_wrapped(x, wrap) * f32(size) + 0.5;
+    let second = min(i32(center), last + 1);
+    let first = second - 1;
+    let weight = center - f32(second);
+    if wrap == TEXTURE_WRAP_REPEAT {
+        return TexturePlace(u32(select(first, last, first < 0)), u32(select(second, 0, second > last)), weight);
+    }
+    return TexturePlace(u32(max(first, 0)), u32(min(second, last)), weight);
+}
+
+// The four texels around a point, upper row first. `level`: the place of its record.
+fn lookup_around(format: u32, level: u32, flags: u32, at: vec2f) -> TextureQuad {
+    let start = texture_words[level + LEVEL_TEXELS];
+    let width = texture_words[level + LEVEL_WIDTH];
+    let x = lookup_neighbors(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK, width);
+    let y = lookup_neighbors(at.y, (flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK, texture_words[level + LEVEL_HEIGHT]);
+    var quad: TextureQuad;
+    quad.a = lookup_texel(format, start, y.first * width + x.first);
+    quad.b = lookup_texel(format, start, y.first * width + x.second);
+    quad.c = lookup_texel(format, start, y.second * width + x.first);
+    quad.d = lookup_texel(format, start, y.second * width + x.second);
+    quad.u = x.weight;
+    quad.v = y.weight;
+    return quad;
+}
+
+fn lookup_nearest(format: u32, level: u32, flags: u32, at: vec2f) -> vec4f {
+    let size = vec2u(texture_words[level + LEVEL_WIDTH], texture_words[level + LEVEL_HEIGHT]);
+    let inside = vec2f(lookup_wrapped(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK), lookup_wrapped(at.y, (flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK));
+    let texel = min(vec2u(inside * vec2f(size)), size - 1u);
+    return lookup_texel(format, texture_words[level + LEVEL_TEXELS], texel.y * size.x + texel.x);
+}

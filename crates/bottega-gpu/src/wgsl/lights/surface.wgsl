@@ -1,0 +1,164 @@
+// Twin: `bottega-render/src/lights/surface.rs`.
+//
+// Surfaces that shine, as lights.
+
+// A surface that shines, or a part of it: its record, corner and sides.
+struct Panel {
+    record: u32,
+    is_rectangle: bool,
+    corner: vec3<f32>,
+    x: vec3<f32>,
+    y: vec3<f32>,
+    normal: vec3<f32>,
+    double_area: f32,
+}
+
+// The place along the sides of a panel at barycentric coordinates of one of its triangles.
+fn shape_place_of(shape: u32, is_second: bool, uv: vec2<f32>) -> vec2<f32> {
+    if shape == PANEL_TRIANGLE {
+        return uv;
+    }
+    let weights = weights_of(uv);
+    let turn = select(shape & PANEL_CORNER_MASK, (shape >> PANEL_OPPOSITE_SHIFT) & PANEL_CORNER_MASK, is_second);
+    let along = vec2(weights[(turn + 1u) % 3u], weights[(turn + 2u) % 3u]);
+    return select(along, 1.0 - along, is_second);
+}
+
+// The place of a triangle at a place along the sides: barycentric coordinates, and whether it is the second of a rectangle.
+fn panel_triangle_at(shape: u32, place: vec2<f32>) -> vec3<f32> {
+    if shape == PANEL_TRIANGLE {
+        return vec3(place, 0.0);
+    }
+    let corner = shape & PANEL_CORNER_MASK;
+    let opposite = (shape >> PANEL_OPPOSITE_SHIFT) & PANEL_CORNER_MASK;
+    let is_second = place.x + place.y > 1.0;
+    let along = select(
+        vec3(1.0 - place.x - place.y, place),
+        vec3(place.x + place.y - 1.0, 1.0 - place),
+        is_second,
+    );
+    let turn = select(corner, opposite, is_second);
+    // weights[(turn + i) % 3] = along[i].
+    let b = vec2(along[(4u - turn) % 3u], along[(5u - turn) % 3u]);
+    return vec3(b, select(0.0, 1.0, is_second));
+}
+
+// The part of a panel at a place, of a grid of `side` cells a side.
+fn grid_part_at(shape: u32, side: u32, place: vec2<f32>) -> u32 {
+    let scaled = place * f32(side);
+    let row = min(u32(max(scaled.y, 0.0)), side - 1u);
+    let cell = min(u32(max(scaled.x, 0.0)), side - 1u);
+    if shape != PANEL_TRIANGLE {
+        return row * side + cell;
+    }
+    let columns = side - row;
+    let column = min(cell, columns - 1u);
+    let within = scaled.x - f32(column) + scaled.y - f32(row);
+    // Rows above have 2n − 1 parts, n of them shrinking by one a row.
+    let above = side * side - columns * columns;
+    return above + 2u * column + select(0u, 1u, within > 1.0 && column + 1u < columns);
+}
+
+fn panel_of(record: u32) -> Panel {
+    let corner = vec3_at(record + SURFACE_LIGHT_CORNER);
+    let x = vec3_at(record + SURFACE_LIGHT_X);
+    let y = vec3_at(record + SURFACE_LIGHT_Y);
+    let part = vec3_at(record + SURFACE_LIGHT_PART);
+    var panel: Panel;
+    panel.record = record;
+    panel.is_rectangle = scene_words[record + SURFACE_LIGHT_SHAPE] != PANEL_TRIANGLE;
+    panel.corner = corner + x * part.x + y * part.y;
+    panel.x = x * part.z;
+    panel.y = y * part.z;
+    panel.normal = cross(panel.x, panel.y);
+    panel.double_area = length_of(panel.normal);
+    return panel;
+}
+
+// Whether it is seen under so large an angle that it is sampled by that: an upper bound, good enough from afar.
+fn surface_light_is_near(panel: ptr<function, Panel>, origin: vec3<f32>) -> bool {
+    let share = select(1.0 / 3.0, 0.5, (*panel).is_rectangle);
+    let middle = (*panel).corner + ((*panel).x + (*panel).y) * share - origin;
+    return surface_light_area(panel) > SOLID_ANGLE_MIN * dot(middle, middle);
+}
+
+fn surface_light_area(panel: ptr<function, Panel>) -> f32 {
+    return (*panel).double_area * select(0.5, 1.0, (*panel).is_rectangle);
+}
+
+fn surface_light_sample(record: u32, origin: vec3<f32>, u: vec2<f32>) -> LightSample {
+    var panel = panel_of(record);
+    var place = u;
+    var solid_angle = 0.0;
+    if panel.is_rectangle {
+        if surface_light_is_near(&panel, origin) {
+            let seen = spherical_rectangle_new(panel.corner, panel.x, panel.y, origin);
+            solid_angle = seen.area;
+            if seen.area > 0.0 {
+                place = spherical_rectangle_sample(seen, u);
+            }
+        }
+    } else {
+        place = uniform_triangle(u);
+        if surface_light_is_near(&panel, origin) {
+            let seen = spherical_triangle_new(panel.corner, panel.x, panel.y, origin);
+            solid_angle = seen.area;
+            if seen.area > 0.0 {
+                place = spherical_triangle_sample(seen, panel.corner, panel.x, panel.y, origin, u);
+                if place.x < 0.0 {
+                    return no_light();
+                }
+            }
+        }
+    }
+    let to_light = panel.corner + panel.x * place.x + panel.y * place.y - origin;
+    let distance = length_of(to_light);
+    // The projected area times the distance, above 0 where the front is seen.
+    let facing = -dot(panel.normal, to_light);
+    let material = scene_words[record + SURFACE_LIGHT_MATERIAL];
+    let flags = material_flags(material);
+    let side = select(MATERIAL_EMITS_BACK, MATERIAL_EMITS_FRONT, facing > 0.0);
+    if !(distance > 0.0) || facing == 0.0 || (flags & side) == 0u {
+        return no_light();
+    }
+    var pdf = 0.0;
+    if solid_angle > 0.0 {
+        pdf = 1.0 / solid_angle;
+    } else {
+        let projected = abs(facing) * (surface_light_area(&panel) / panel.double_area);
+        pdf = distance * distance * distance / max(projected, 1e-37);
+    }
+    if !(pdf < FAR) {
+        return no_light();
+    }
+    var radiance: vec3<f32>;
+    if (flags & (MATERIAL_TEXTURED | MATERIAL_HAS_OPACITY)) == 0u {
+        radiance = material_emission(material, vec2<f32>(0.0), vec2<f32>(0.0), 0.0);
+    } else {
+        let part = vec3_at(record + SURFACE_LIGHT_PART);
+        let on_panel = part.xy + place * part.z;
+        let at = panel_triangle_at(scene_words[record + SURFACE_LIGHT_SHAPE], on_panel);
+        let surface = place_of(scene_words[record + SURFACE_LIGHT_INSTANCE], scene_words[record + SURFACE_LIGHT_TRIANGLE] + u32(at.z), at.xy);
+        radiance = emitted(surface) * opacity(surface);
+    }
+    return LightSample(to_light / distance, distance, radiance, pdf, false);
+}
+
+fn surface_light_pdf(record: u32, origin: vec3<f32>, p: vec3<f32>) -> f32 {
+    var panel = panel_of(record);
+    if surface_light_is_near(&panel, origin) {
+        var solid_angle = 0.0;
+        if panel.is_rectangle {
+            solid_angle = spherical_rectangle_new(panel.corner, panel.x, panel.y, origin).area;
+        } else {
+            solid_angle = spherical_triangle_new(panel.corner, panel.x, panel.y, origin).area;
+        }
+        if solid_angle > 0.0 {
+            return 1.0 / solid_angle;
+        }
+    }
+    let to_light = p - origin;
+    let distance = length_of(to_light);
+    let projected = abs(dot(panel.normal, to_light)) * (surface_light_area(&panel) / panel.double_area);
+    return select(0.0, distance * distance * distance / max(projected, 1e-37), projected > 0.0);
+}

@@ -1,0 +1,168 @@
+//! Records of 32-bit words: one declaration says what is written and where a device finds each field.
+
+use glam::{Mat3, Vec2, Vec3, Vec4};
+
+/// A value of a fixed number of words.
+pub trait Portable {
+    /// Words that it takes.
+    const WORDS: u32;
+    /// Appends these words.
+    fn put(&self, words: &mut Vec<u32>);
+}
+
+/// A [`Portable`] that is made of named fields, one after the other; declared by [`record!`](crate::record).
+pub trait Record: Portable {
+    /// Where its fields are, in their order.
+    const FIELDS: &'static [Place];
+}
+
+/// Where a field of a record is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The field's name.
+    pub name: &'static str,
+    /// Words between the beginning of the record and the field.
+    pub first: u32,
+}
+
+/// Lays fields out one after the other.
+pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [Place; N] {
+    let mut places = [Place { name: "", first: 0 }; N];
+    let (mut index, mut first) = (0, 0);
+    while index < N {
+        places[index] = Place { name: fields[index].0, first };
+        first += fields[index].1;
+        index += 1;
+    }
+    places
+}
+
+/// The first word of a field. Evaluated by the compiler, an unknown name is an error of compilation.
+pub const fn place_of(fields: &[Place], name: &str) -> u32 {
+    let mut index = 0;
+    while index < fields.len() {
+        if is_same(fields[index].name.as_bytes(), name.as_bytes()) {
+            return fields[index].first;
+        }
+        index += 1;
+    }
+    panic!("no such field")
+}
+
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut index = 0;
+    while index < a.len() && index < b.len() && a[index] == b[index] {
+        index += 1;
+    }
+    index == a.len() && index == b.len()
+}
+
+/// Declares a struct as a [`Record`]. With `in N`, the record is filled up with zeros to N words.
+///
+/// ```
+/// bottega_render::record! {
+///     /// A ball.
+///     pub struct Ball in 4 {
+///         /// Its middle.
+///         pub center: glam::Vec2,
+///         pub material: u32,
+///     }
+/// }
+/// use bottega_render::flat::{Portable, Record, place_of};
+/// const MATERIAL: u32 = place_of(Ball::FIELDS, "material");
+/// let mut words = Vec::new();
+/// Ball { center: glam::Vec2::ZERO, material: 7 }.put(&mut words);
+/// assert_eq!((words, MATERIAL, Ball::WORDS), (vec![0, 0, 7, 0], 2, 4));
+/// ```
+#[macro_export]
+macro_rules! record {
+    ($(#[$attribute:meta])* $visible:vis struct $name:ident $(in $words:literal)? {
+        $( $(#[$field_attribute:meta])* $field_visible:vis $field:ident: $type:ty ),* $(,)?
+    }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        $visible struct $name { $( $(#[$field_attribute])* $field_visible $field: $type ),* }
+
+        impl $crate::flat::Record for $name {
+            const FIELDS: &'static [$crate::flat::Place] = &$crate::flat::places(
+                [$( (stringify!($field), <$type as $crate::flat::Portable>::WORDS) ),*]);
+        }
+
+        impl $crate::flat::Portable for $name {
+            const WORDS: u32 = {
+                let own = 0 $( + <$type as $crate::flat::Portable>::WORDS )*;
+                $( assert!(own <= $words, "the record is longer than it may be"); let own = $words; )?
+                own
+            };
+            fn put(&self, words: &mut Vec<u32>) {
+                let start = words.len();
+                $( $crate::flat::Portable::put(&self.$field, words); )*
+                words.resize(start + <Self as $crate::flat::Portable>::WORDS as usize, 0);
+            }
+        }
+    };
+}
+
+impl Portable for u32 {
+    const WORDS: u32 = 1;
+    fn put(&self, words: &mut Vec<u32>) {
+        words.push(*self);
+    }
+}
+
+impl Portable for i32 {
+    const WORDS: u32 = 1;
+    fn put(&self, words: &mut Vec<u32>) {
+        words.push(self.cast_unsigned());
+    }
+}
+
+impl Portable for bool {
+    const WORDS: u32 = 1;
+    fn put(&self, words: &mut Vec<u32>) {
+        words.push(u32::from(*self));
+    }
+}
+
+impl Portable for f32 {
+    const WORDS: u32 = 1;
+    fn put(&self, words: &mut Vec<u32>) {
+        words.push(self.to_bits());
+    }
+}
+
+impl<T: Portable, const N: usize> Portable for [T; N] {
+    const WORDS: u32 = T::WORDS * N as u32;
+    fn put(&self, words: &mut Vec<u32>) {
+        self.iter().for_each(|part| part.put(words));
+    }
+}
+
+impl Portable for Vec2 {
+    const WORDS: u32 = 2;
+    fn put(&self, words: &mut Vec<u32>) {
+        self.to_array().put(words);
+    }
+}
+
+impl Portable for Vec3 {
+    const WORDS: u32 = 3;
+    fn put(&self, words: &mut Vec<u32>) {
+        self.to_array().put(words);
+    }
+}
+
+impl Portable for Vec4 {
+    const WORDS: u32 = 4;
+    fn put(&self, words: &mut Vec<u32>) {
+        self.to_array().put(words);
+    }
+}
+
+/// Column by column.
+impl Portable for Mat3 {
+    const WORDS: u32 = 9;
+    fn put(&self, words: &mut Vec<u32>) {
+        self.to_cols_array().put(words);
+    }
+}
