@@ -9,14 +9,18 @@
 //!
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
 
+mod budget;
 mod camera;
 mod error;
+mod eval;
 mod excess;
 mod file;
 mod framing;
 mod gltf;
 mod grid;
+mod hints;
 mod image;
+mod import;
 mod integrator;
 mod light;
 mod load;
@@ -27,7 +31,9 @@ mod mesh_file;
 mod mitsuba;
 mod model;
 pub mod objects_only;
+mod options;
 mod origin;
+mod param;
 mod pbrt;
 mod resource;
 mod shapes;
@@ -43,21 +49,25 @@ mod values;
 
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
+pub use eval::Uvs;
 pub use grid::{Blend, Grid, GridError};
 pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};
 pub use integrator::{Follows, IntegratorHint, PhotonHints};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
-pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
-pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Sides};
+pub use hints::{FilmFilter, Metadata, RenderHints};
+pub use load::{Loaded, load};
+pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};
 pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
+pub use options::LoadOptions;
+pub use param::{ColorParam, ScalarParam};
 pub use resource::SceneFile;
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
     Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
-pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Uvs, Wrap};
+pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.

@@ -8,7 +8,8 @@ use glam::DQuat;
 use serde_json::Value;
 
 use super::accessor::{Accessor, find};
-use super::{Source, document, pointer, shortened};
+use super::source::Source;
+use super::{document, pointer, shortened};
 use crate::SceneError;
 use crate::error::Warnings;
 

@@ -6,8 +6,9 @@ use draco_core::{DataType, DecodeLimits, DecoderBuffer, MeshDecoder, PointAttrib
 use rayon::prelude::*;
 
 use super::accessor::{Accessor, Component, view_bytes};
-use super::mesh::Shape;
-use super::{Source, document};
+use super::shape::Shape;
+use super::document;
+use super::source::Source;
 use crate::SceneError;
 
 /// A decompressed primitive.

@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use super::accessor::find;
 use super::texture::{Textures, Use};
-use super::{Source, document};
+use super::document;
+use super::source::Source;
 use crate::error::Warnings;
 use crate::{
     AlphaMode, Anisotropy, Channel, ColorParam, Iridescence, Layered, Material, Medium, MediumId, Relief, ScalarParam,

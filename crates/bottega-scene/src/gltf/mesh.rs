@@ -4,32 +4,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::accessor::{Accessor, Component};
 use super::draco::{DracoMesh, DracoMeshes};
-use super::node::Hierarchy;
-use super::{Source, document, skin};
+use super::hierarchy::Hierarchy;
+use super::shape::Shape;
+use super::source::Source;
+use super::{document, skin};
 use crate::error::Warnings;
 use crate::model::COORDINATE_MAX;
 use crate::{Material, Mesh, SceneError};
-
-/// One primitive as one or more nodes show it.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Shape {
-    pub(super) mesh: usize,
-    pub(super) primitive: usize,
-    pub(super) material: Option<usize>,
-    /// Bits of the weights of the morph targets; absent ones are 0.
-    pub(super) weights: Vec<u32>,
-    pub(super) skin: Option<usize>,
-}
-
-impl Shape {
-    pub(super) fn primitive<'a>(&self, source: &Source<'a>) -> &'a document::Primitive {
-        &source.document.meshes[self.mesh].primitives[self.primitive]
-    }
-
-    pub(super) fn place(&self, member: &str) -> String {
-        format!("meshes[{}].primitives[{}]{member}", self.mesh, self.primitive)
-    }
-}
 
 /// How vertices make triangles.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -6,8 +6,9 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::accessor::find;
-use super::node::Hierarchy;
-use super::{Source, document, shortened};
+use super::hierarchy::Hierarchy;
+use super::source::Source;
+use super::{document, shortened};
 use crate::error::Warnings;
 use crate::{Camera, Clip, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
 

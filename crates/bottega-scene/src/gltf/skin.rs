@@ -3,9 +3,9 @@
 use glam::{Affine3A, DAffine3, DMat4, Mat3A, Vec3A};
 use rayon::prelude::*;
 
-use super::Source;
+use super::source::Source;
 use super::accessor::{Accessor, find};
-use super::node::Hierarchy;
+use super::hierarchy::Hierarchy;
 use crate::error::Warnings;
 use crate::{Mesh, SceneError};
 

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::accessor::{find, view_bytes};
 use super::uri::{Reference, resolve};
-use super::{Source, document, shortened};
+use super::source::Source;
+use super::{document, shortened};
 use crate::error::Warnings;
 use crate::image::{Decoded, Encoding, Header, PictureFault, unreadable};
 use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};

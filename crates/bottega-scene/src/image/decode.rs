@@ -12,8 +12,8 @@ use bottega_image::{
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::texels::{DecodedTexels, zeroed};
 use super::{Encoding, Image, color_space, ktx2, pfm};
-use crate::values;
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -203,16 +203,6 @@ pub(crate) struct Decoded {
     notes: Vec<String>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum DecodedTexels {
-    Gray8(Vec<u8>),
-    Rgb8(Vec<[u8; 3]>),
-    Rgba8(Vec<[u8; 4]>),
-    Rgba16(Vec<[u16; 4]>),
-    Rgb32(Vec<[f32; 3]>),
-    Rgba32(Vec<[f32; 4]>),
-}
-
 impl Decoded {
     /// Decodes the file whose header was read. An error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
@@ -255,17 +245,6 @@ impl Decoded {
             _ => vec![255; count],
         };
         (self.width, self.height, alpha)
-    }
-}
-
-impl DecodedTexels {
-    /// Makes sound numbers of floats; see [`values::mend`].
-    fn mend(&mut self) -> Option<String> {
-        match self {
-            Self::Rgb32(texels) => values::mend(texels.as_flattened_mut()),
-            Self::Rgba32(texels) => values::mend(texels.as_flattened_mut()),
-            _ => None,
-        }
     }
 }
 
@@ -350,19 +329,13 @@ fn read<T: Pod>(decoder: impl ImageDecoder, count: usize) -> Result<Vec<T>, Stri
     Ok(texels)
 }
 
-pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
-    let mut texels = Vec::new();
-    texels.try_reserve_exact(count).map_err(|_| format!("there is no memory for {count} pixels"))?;
-    texels.resize(count, T::zeroed());
-    Ok(texels)
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec4;
     use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
 
     use super::*;
+    use crate::values;
 
     fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
         let mut file = Cursor::new(Vec::new());

@@ -9,6 +9,7 @@ mod pictures;
 mod pyramid;
 mod raw;
 mod srgb;
+mod texels;
 
 use glam::Vec4;
 

@@ -1,7 +1,7 @@
 //! PFM, portable float maps: `PF` for colours or `Pf` for gray, the size, a scale whose sign gives the order of bytes, and
 //! rows of floats, the lowest row first.
 
-use super::decode::{DecodedTexels, zeroed};
+use super::texels::{DecodedTexels, zeroed};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Header {

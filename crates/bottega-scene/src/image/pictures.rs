@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{Decoded, Encoding, Header, Image, PictureFault};
 use crate::error::Warnings;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{ImageId, SceneError};

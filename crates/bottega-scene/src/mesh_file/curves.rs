@@ -5,9 +5,9 @@ use std::path::Path;
 
 use glam::Vec4;
 
-use super::Source;
+use super::source::Source;
 use super::lines::{Block, Fault, float, next_word};
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 use crate::text::{decode, shortened};
 use crate::{COORDINATE_MAX, SceneError};
 

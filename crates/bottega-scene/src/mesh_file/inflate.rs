@@ -2,9 +2,9 @@
 
 use std::io::Read;
 
-use super::Source;
+use super::source::Source;
 use crate::SceneError;
-use crate::load::Held;
+use crate::budget::Held;
 
 /// The first bytes of a gzip file (RFC 1952).
 pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::Source;
+use super::source::Source;
 use super::lines::{self, Fault, Located, float, next_word};
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 use crate::text::{Text, decode, shortened};
 
 /// A material as the file describes it. `None` where it is silent.

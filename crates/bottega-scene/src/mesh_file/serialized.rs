@@ -9,8 +9,9 @@ use std::path::Path;
 use bytemuck::Pod;
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{Source, finish, inflate};
-use crate::load::MemoryBudget;
+use super::source::Source;
+use super::{finish, inflate};
+use crate::budget::MemoryBudget;
 use crate::model::COORDINATE_MAX;
 use crate::text::shortened;
 use crate::{Mesh, SceneError};

@@ -2,9 +2,8 @@
 
 use glam::Vec3;
 
-use super::Importer;
+use super::importer::Importer;
 use super::document::{Class, Object, ObjectId, Property};
-use super::texture::Use;
 use super::value::Value;
 use super::xml::Place;
 use crate::spectrum::{Sampled, read_spd};
@@ -19,6 +18,18 @@ pub(super) enum Role {
     Radiance,
     /// Any other spectrum, such as an index of refraction.
     Unbounded,
+}
+
+/// What a texture is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Use {
+    /// The main colour of a surface, which that of a mesh multiplies.
+    Base,
+    Color(Role),
+    /// Its luminance.
+    Number,
+    /// Its numbers as they are: a normal map.
+    Vector,
 }
 
 impl Importer<'_> {

@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4};
 
-use super::Importer;
+use super::importer::Importer;
 use super::document::Object;
 use super::mesh::Normals;
 use super::shape::Part;

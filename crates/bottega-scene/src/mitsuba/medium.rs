@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3};
 
-use super::Importer;
+use super::importer::Importer;
 use super::color::Role;
 use super::document::{Class, Object, ObjectId};
 use super::volume::{self, Volume};

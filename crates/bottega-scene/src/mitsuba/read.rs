@@ -11,7 +11,7 @@ use super::transform;
 use super::value::{self, Value};
 use super::xml::{self, Element, Fault, Place};
 use crate::SceneError;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
 

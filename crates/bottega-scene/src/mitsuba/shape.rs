@@ -4,63 +4,21 @@ use std::collections::BTreeMap;
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 
-use super::Importer;
-use super::bsdf::{Needs, turned};
-use super::document::{Class, Document, Object, ObjectId};
+use super::importer::Importer;
+use super::bsdf::turned;
+use super::document::{Class, Object, ObjectId};
 use super::mesh::{Normals, place};
+use super::shared::{Ball, Group, Needs, mesh_key};
 use super::sdf::{self, SdfGrid, SdfNormals};
 use super::solids;
 use super::volume::{self, Numbers};
 use super::xml::Place;
-use crate::model::MeshBounds;
 use crate::origin::{centered, rounding};
 use crate::text::shortened;
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 
 /// Meshes with fewer triangles are not worth an instance.
 const SHARED_MIN: usize = 256;
-
-/// What a mesh from a file is made of, apart from where it is: plugin, properties, and what stands within it.
-pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
-
-/// The key of a shape that is in a file.
-fn mesh_key(object: &Object) -> Option<MeshKey> {
-    if !matches!(object.plugin.as_str(), "obj" | "ply" | "serialized") {
-        return None;
-    }
-    let properties = object.properties.iter().filter(|property| property.name != "to_world");
-    // Files are looked for beside the one that asks for them, too.
-    let mut texts: Vec<String> =
-        properties.map(|property| format!("{} {:?} {}", property.name, property.value, property.at.file)).collect();
-    texts.sort();
-    let mut parts: Vec<ObjectId> = object.children.iter().map(|child| child.object).collect();
-    parts.sort();
-    Some((object.plugin.clone(), texts, parts))
-}
-
-/// Meshes that several shapes show.
-#[derive(Debug, Default)]
-pub(super) struct Shared {
-    /// How many shapes, and the mesh once it is there; of one with few triangles every shape gets its own.
-    meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
-    /// Mirrored copies, where they were asked for.
-    mirrored: BTreeMap<u32, u32>,
-    /// Where the middles of meshes were that were moved.
-    centers: BTreeMap<u32, DVec3>,
-    bounds: MeshBounds,
-}
-
-impl Shared {
-    /// Counts the shapes of a document.
-    pub(super) fn new(document: &Document) -> Self {
-        let mut shared = Self::default();
-        for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
-            shared.meshes.entry(key).or_default().0 += 1;
-        }
-        shared.meshes.retain(|_, (uses, _)| *uses > 1);
-        shared
-    }
-}
 
 /// A shape in the space of its group.
 #[derive(Clone, Debug)]
@@ -71,25 +29,6 @@ pub(super) enum Part {
     Sphere(Ball),
     /// An instance of a group.
     Group(ObjectId, DMat4),
-}
-
-/// An analytic sphere: the unit sphere, transformed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ball {
-    to_group: DMat4,
-    /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
-    /// an instance does not count.
-    inward: bool,
-    material: u32,
-    needs: Needs,
-}
-
-/// What instances of a group place: nested groups are flattened.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Group {
-    /// Mesh of the scene, and where it is.
-    meshes: Vec<(u32, DMat4)>,
-    balls: Vec<Ball>,
 }
 
 impl Importer<'_> {

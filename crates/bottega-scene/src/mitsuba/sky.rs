@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
-use super::Importer;
+use super::importer::Importer;
 use super::color::Role;
 use super::document::Object;
 use crate::{Environment, Image, SceneError, Spectrum};

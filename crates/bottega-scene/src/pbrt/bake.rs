@@ -6,7 +6,7 @@ use glam::{Affine2, DVec3, Vec2, Vec4};
 
 use super::context::Context;
 use super::mapping::Laid;
-use super::texture::{Node, PictureNode, constant, texel_center};
+use super::texture_tree::{Node, PictureNode, constant};
 use super::token::Place;
 use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
 
@@ -279,4 +279,9 @@ pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
         (image.texel(x / parts, y / parts).truncate() * cosine.powi(3) as f32).to_array()
     };
     Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
+}
+
+/// Texture coordinates for pictures that are made here.
+fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
+    Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
 }

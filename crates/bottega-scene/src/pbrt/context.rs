@@ -8,7 +8,7 @@ use super::params::Params;
 use super::token::{Fault, Place};
 use crate::SceneError;
 use crate::error::Warnings;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
 

@@ -1,6 +1,6 @@
 //! What tells a file for pbrt-v3 from one for pbrt-v4.
 
-use super::parser::old_version;
+use super::params::UPGRADE;
 use super::token::{Fault, Place, Token};
 
 /// Directives and their types that only pbrt-v3 (or v2) has.
@@ -39,6 +39,11 @@ pub(super) fn check(directive: &str, kind: &str, at: Place) -> Result<(), Fault>
     if is_old { Err(old_version(at, directive, kind)) } else { Ok(()) }
 }
 
+/// What to say of a file for pbrt-v3.
+fn old_version(at: Place, what: &str, name: &str) -> Fault {
+    at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
+}
+
 /// Whether an option changes the picture.
 pub(super) fn option_matters(name: &str, value: &Token<'_>) -> bool {
     let name: String = name.chars().filter(|c| *c != '_' && *c != '-').flat_map(char::to_lowercase).collect();
@@ -75,3 +80,4 @@ mod tests {
         assert!(option_matters("nonsense", &on));
     }
 }
+

@@ -4,10 +4,11 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
+use super::color_space::LUMINANCE;
 use super::context::{Context, Outcome};
 use super::film::Exposure;
-use super::light::{LUMINANCE, axes};
 use super::params::Params;
+use super::place::axes;
 use super::texture::Textures;
 use super::token::Place;
 use super::world::Entity;

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::color::{ColorSpace, white_balance};
+use super::color_space::{ColorSpace, white_balance};
 use super::context::{Context, Outcome};
 use super::token::Place;
 use super::world::{Entity, World};

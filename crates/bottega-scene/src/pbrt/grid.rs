@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::color::Meaning;
+use super::color_space::Meaning;
 use super::context::{Context, Outcome};
 use super::film::Exposure;
 use super::params::{Params, Values};

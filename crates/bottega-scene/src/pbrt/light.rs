@@ -7,19 +7,16 @@ use std::f64::consts::PI;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
-use super::color::Meaning;
+use super::color_space::{LUMINANCE, Meaning};
 use super::context::{Context, Outcome};
 use super::environment::Surroundings;
 use super::film::Exposure;
+use super::place::axes;
 use super::texture::Textures;
 use super::token::Place;
-use super::transform::axes_and_scale;
 use super::world::{Entity, World};
 use crate::text::shortened;
 use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
-
-/// Luminance of linear Rec. 709.
-pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 /// The lights of a scene, some of which wait for their pictures.
 #[derive(Default)]
@@ -311,17 +308,4 @@ fn direction(ctm: &DAffine3, vector: DVec3, at: Place) -> Outcome<Vec3> {
     direction
         .map(|direction| direction.as_vec3().normalize())
         .ok_or_else(|| at.fault("the light has no direction").into())
-}
-
-/// The axes of a transformation, orthonormal; they may mirror.
-pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: Place) -> Outcome<DMat3> {
-    let (axes, scale) = axes_and_scale(ctm);
-    let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
-    if !axes.is_finite() || !is_perpendicular {
-        return Err(at.fault("the transformation of the light is singular or skewed").into());
-    }
-    if scale.max_element() > 1.001 * scale.min_element() {
-        context.unsupported(at, "the scale of the light's space is left out: it would distort the light");
-    }
-    Ok(axes)
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::color::{Color, Meaning};
+use super::color::Color;
+use super::color_space::Meaning;
 use super::context::{Context, Outcome};
 use super::medium::preset_coefficients;
 use super::params::Params;

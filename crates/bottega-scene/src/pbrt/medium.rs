@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::color::{ColorSpace, Meaning};
+use super::color_space::{ColorSpace, Meaning};
 use super::context::{Context, Outcome};
 use super::film::Exposure;
 use super::grid;

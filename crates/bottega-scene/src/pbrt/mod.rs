@@ -17,6 +17,7 @@ mod bake;
 mod build;
 mod camera;
 mod color;
+mod color_space;
 mod context;
 mod dialect;
 mod environment;
@@ -32,6 +33,7 @@ mod parser;
 mod place;
 mod shape;
 mod texture;
+mod texture_tree;
 mod token;
 mod transform;
 mod world;
@@ -43,7 +45,8 @@ use context::{Context, Outcome};
 use parser::Parser;
 
 use crate::error::Warnings;
-use crate::load::{Imported, Metadata, RenderHints, Request};
+use crate::hints::{Metadata, RenderHints};
+use crate::import::{Imported, Request};
 use crate::{Scene, SceneError};
 
 /// Whether a file looks like one of ours, by its name.

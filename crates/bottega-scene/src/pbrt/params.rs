@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use glam::{DVec2, DVec3};
 
-use super::color::ColorSpace;
+use super::color_space::ColorSpace;
 use super::token::{Fault, Place, Token, Tokens};
 use crate::text::shortened;
 

@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use glam::DAffine3;
 
-use super::color::ColorSpace;
+use super::color_space::ColorSpace;
 use super::context::{Context, Outcome};
-use super::params::{Params, UPGRADE};
+use super::params::Params;
 use super::token::{Fault, Place, Token, Tokens};
 use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, Target, World};
 use super::{dialect, shape};
@@ -463,9 +463,4 @@ pub(super) fn text(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<(St
         Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),
         None => Err(ended(at, word)),
     }
-}
-
-/// What to say of a file for pbrt-v3, for [`dialect`].
-pub(super) fn old_version(at: Place, what: &str, name: &str) -> Fault {
-    at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
 }

@@ -121,3 +121,16 @@ impl Joined {
         self.meshes.into_values()
     }
 }
+
+/// The axes of a transformation, orthonormal; they may mirror.
+pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: Place) -> Outcome<DMat3> {
+    let (axes, scale) = axes_and_scale(ctm);
+    let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
+    if !axes.is_finite() || !is_perpendicular {
+        return Err(at.fault("the transformation of the light is singular or skewed").into());
+    }
+    if scale.max_element() > 1.001 * scale.min_element() {
+        context.unsupported(at, "the scale of the light's space is left out: it would distort the light");
+    }
+    Ok(axes)
+}

@@ -6,10 +6,12 @@ use std::rc::Rc;
 use glam::{Affine2, DVec3, Vec2};
 
 use super::bake::{Bake, projection_image, scalar_image};
-use super::color::{Color, ColorSpace, Meaning};
+use super::color::Color;
+use super::color_space::{ColorSpace, Meaning};
 use super::context::{Context, Outcome};
 use super::mapping::{Laid, Mappings, within_frame};
 use super::params::Params;
+use super::texture_tree::{Node, PictureNode, constant, parts};
 use super::token::Place;
 use super::world::{Entity, World};
 use crate::image::{Encoding, Framed, Pictures};
@@ -20,37 +22,6 @@ use crate::{
 
 /// Trees with more parts are replaced.
 const PARTS_MAX: usize = 64;
-
-/// A texture.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Node {
-    Constant(DVec3),
-    Picture(PictureNode),
-    /// The product of both.
-    Scale(Rc<Node>, Rc<Node>),
-    /// From the first to the second by the third.
-    Mix(Rc<Node>, Rc<Node>, Rc<Node>),
-    /// The first where both coordinates are even, or both odd.
-    Checkerboard(Laid, Rc<Node>, Rc<Node>),
-    /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
-    Bilinear(Laid, [DVec3; 4]),
-}
-
-/// A picture laid on a surface.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct PictureNode {
-    /// As [`Pictures`] counts.
-    pub(super) picture: ImageId,
-    /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
-    pub(super) is_scalar: bool,
-    pub(super) laid: Laid,
-    pub(super) wrap: Wrap,
-    pub(super) smooth: bool,
-    pub(super) scale: f64,
-    pub(super) invert: bool,
-    /// Exponent by which the codes of the file become linear, where that is not sRGB.
-    pub(super) gamma: Option<f64>,
-}
 
 /// What an image of the scene will be made of.
 enum Slot {
@@ -472,33 +443,4 @@ impl<'a, 'w> Textures<'a, 'w> {
             gamma,
         }))
     }
-}
-
-/// The value of a tree that is the same everywhere.
-pub(super) fn constant(node: &Node) -> Option<DVec3> {
-    match node {
-        Node::Constant(value) => Some(*value),
-        Node::Picture(_) => None,
-        Node::Scale(a, b) => Some(constant(a)? * constant(b)?),
-        Node::Mix(a, b, amount) => {
-            let (a, b, amount) = (constant(a)?, constant(b)?, constant(amount)?);
-            Some(a + (b - a) * amount)
-        }
-        Node::Checkerboard(_, a, b) => constant(a).filter(|value| constant(b) == Some(*value)),
-        Node::Bilinear(_, [first, rest @ ..]) => rest.iter().all(|value| value == first).then_some(*first),
-    }
-}
-
-/// How many parts a tree has, seen as a tree.
-fn parts(node: &Node) -> usize {
-    match node {
-        Node::Constant(_) | Node::Picture(_) | Node::Bilinear(..) => 1,
-        Node::Scale(a, b) | Node::Checkerboard(_, a, b) => parts(a) + parts(b) + 1,
-        Node::Mix(a, b, amount) => parts(a) + parts(b) + parts(amount) + 1,
-    }
-}
-
-/// Texture coordinates for pictures that are made here.
-pub(super) fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
-    Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
 }

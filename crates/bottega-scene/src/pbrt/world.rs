@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
 
-use super::color::ColorSpace;
+use super::color_space::ColorSpace;
 use super::params::{Param, Params};
-use super::shape::Geometry;
+use super::shape::geometry::Geometry;
 use super::token::Place;
 
 /// A thing with a type and parameters: `Material "diffuse" …`.

@@ -13,7 +13,7 @@ use super::accessor::find;
 use super::document::{BufferView, Document, Meshopt};
 use super::shortened;
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 
 /// Decompresses every buffer view that is compressed; `None` for the others.
 pub(super) fn decompress(

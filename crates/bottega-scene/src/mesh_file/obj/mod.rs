@@ -3,6 +3,7 @@
 //! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named; so are faces that refer
 //! to what is not there, or to vertices that are none.
 
+mod file;
 pub(super) mod materials;
 mod parse;
 mod weld;
@@ -10,54 +11,19 @@ mod weld;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
+use file::Run;
 use parse::{Parsed, Statement};
 
-use super::{Source, finish, lines};
-use crate::load::{Held, MemoryBudget};
+use super::source::Source;
+use super::{finish, lines};
+use crate::budget::{Held, MemoryBudget};
 use crate::text::{Text, decode};
 use crate::{Mesh, SceneError};
 
-/// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
-type Corner = [u32; 3];
-
-/// Stands for an absent index.
-const NONE: u32 = u32::MAX;
-
-/// A file as it was read.
-pub(crate) struct ObjFile<'a> {
-    source: Source<'a>,
-    positions: Vec<Vec3>,
-    /// Linear; empty where no vertex has a colour.
-    colors: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-    normals: Vec<Vec3>,
-    triangles: Vec<[Corner; 3]>,
-    /// What holds from a triangle on.
-    runs: Vec<Run>,
-    /// Names of the materials, in the order of their first use.
-    materials: Vec<String>,
-    /// The libraries of materials that it names, and the line of each.
-    pub(crate) libraries: Vec<(String, usize)>,
-    /// Each keyword that was left out, and the line of the first one.
-    left_out: Vec<(String, usize)>,
-    /// Lines, and what else is to be told of them.
-    notes: Vec<(usize, String)>,
-    /// The memory of all this.
-    _held: Vec<Held<'a>>,
-}
-
-/// Triangles that share a material and a smoothing group.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    first: usize,
-    /// Index into the names; `None`: before the first `usemtl`.
-    material: Option<usize>,
-    /// 0: flat.
-    smoothing: u32,
-}
+pub(crate) use file::ObjFile;
 
 /// The triangles of one material.
 pub(crate) struct ObjPart {

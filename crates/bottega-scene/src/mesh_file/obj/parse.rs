@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 
 use super::super::lines::{Block, Fault, Located, float, integer, next_number, next_word};
-use super::{Corner, NONE};
+use super::file::{Corner, NONE};
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
 use crate::text::shortened;

@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::Source;
+use super::super::source::Source;
 use super::super::lines::{self, Block, Fault, Located, float, integer, next_word};
-use super::Wanted;
-use super::header::{Element, Header};
+use super::header::{Element, Header, Wanted};
+use super::role::Role;
 use super::strips::Strip;
-use super::vertices::{self, Role, Slices, UNSOUND};
+use super::vertices::{self, Slices, UNSOUND};
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
 

@@ -3,11 +3,11 @@
 
 use rayon::prelude::*;
 
-use super::super::Source;
-use super::Wanted;
-use super::header::{Element, Header, Kind, Property};
+use super::super::source::Source;
+use super::header::{Element, Header, Kind, Property, Wanted};
+use super::role::Role;
 use super::strips::Strip;
-use super::vertices::{self, Role, Slices, UNSOUND};
+use super::vertices::{self, Slices, UNSOUND};
 use crate::{Mesh, SceneError};
 
 /// Rows that one thread decodes at a time.

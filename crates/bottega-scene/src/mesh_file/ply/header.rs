@@ -1,8 +1,8 @@
 //! What a PLY file says of its elements.
 
-use super::super::Source;
+use super::super::source::Source;
 use super::super::lines::{Fault, Located, integer, next_word};
-use super::vertices::Role;
+use super::role::Role;
 use crate::SceneError;
 use crate::text::{column, shortened};
 
@@ -142,6 +142,14 @@ impl Element {
             property.count.is_some() && matches!(&property.name[..], b"vertex_indices" | b"vertex_index")
         })
     }
+}
+
+/// Some numbers of the rows of an element.
+pub(super) struct Wanted<'a> {
+    /// Which of the elements.
+    pub(super) element: usize,
+    /// Which of its properties; none of them is a list.
+    pub(super) properties: &'a [usize],
 }
 
 #[derive(Clone, Debug)]

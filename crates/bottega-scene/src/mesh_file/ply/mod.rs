@@ -6,16 +6,19 @@
 mod ascii;
 mod binary;
 mod header;
+mod role;
 mod strips;
 mod vertices;
 
 use std::path::Path;
 
 use glam::Vec4;
-use header::{Element, Encoding, Header};
+use header::{Element, Encoding, Header, Wanted};
+use role::Role;
 
-use super::{Source, clean, finish, inflate};
-use crate::load::MemoryBudget;
+use super::source::Source;
+use super::{clean, finish, inflate};
+use crate::budget::MemoryBudget;
 use crate::text::decode;
 use crate::{Mesh, SceneError};
 
@@ -40,7 +43,7 @@ pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> R
         };
         let roles = faces.roles();
         let channel = |property: usize| match roles[property] {
-            Some(vertices::Role::Color(channel)) => Some((property, channel)),
+            Some(Role::Color(channel)) => Some((property, channel)),
             _ => None,
         };
         let (properties, channels): (Vec<usize>, Vec<usize>) = (0..roles.len()).filter_map(channel).unzip();
@@ -101,14 +104,6 @@ pub(crate) fn attribute(
         })?;
         Ok(Some(attribute))
     })
-}
-
-/// Some numbers of the rows of an element.
-struct Wanted<'a> {
-    /// Which of the elements.
-    element: usize,
-    /// Which of its properties; none of them is a list.
-    properties: &'a [usize],
 }
 
 /// Visits the rows of an element: the numbers that are wanted, and how many corners a face has.

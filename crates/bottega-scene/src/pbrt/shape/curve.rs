@@ -8,7 +8,7 @@ use glam::{DVec3, Vec2};
 use super::super::context::{Context, Outcome};
 use super::super::params::Params;
 use super::super::token::Place;
-use super::{Geometry, positions};
+use super::geometry::{Geometry, positions};
 use crate::Mesh;
 use crate::text::shortened;
 use crate::tube::bezier_of_bspline;

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::super::context::{Context, Outcome};
 use super::super::params::Params;
 use super::super::token::Place;
-use super::{Geometry, indices, matching, positions, texture_coordinate};
+use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
 /// How far the triangles may be from the patch, in diagonals of the patch.

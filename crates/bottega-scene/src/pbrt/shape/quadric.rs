@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use super::super::params::Params;
 use super::super::token::{Fault, Place};
-use super::{Geometry, texture_coordinate};
+use super::geometry::{Geometry, texture_coordinate};
 use crate::{COORDINATE_MAX, Mesh};
 
 /// Corners of a whole turn.

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec2};
 use super::super::context::{Context, Outcome};
 use super::super::params::Params;
 use super::super::token::Place;
-use super::{Geometry, indices, positions};
+use super::geometry::{Geometry, indices, positions};
 use crate::Mesh;
 
 /// Each level has four times the triangles.

@@ -5,7 +5,7 @@ use glam::Vec4;
 use super::super::context::{Context, Outcome};
 use super::super::params::Params;
 use super::super::token::Place;
-use super::{Geometry, indices, matching, positions, texture_coordinate};
+use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Geometry> {
