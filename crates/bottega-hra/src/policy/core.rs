@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use super::account::Account;
 use super::bin::Bin;
+use super::choice::Choice;
 use super::demand::Demand;
 use super::flow::Flow;
 use super::incident::{Fault, Incidents};
 use super::lane::{Flight, Health, Lane, Launch};
 use super::length::BinLength;
-use super::placement::{Choice, Planned};
+use super::plan::Planned;
 use super::roster::Roster;
 use super::time::Time;
 use super::unit::{Chunk, Unit};

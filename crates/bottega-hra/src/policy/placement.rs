@@ -8,9 +8,10 @@
 use std::time::Duration;
 
 use super::bin::Head;
+use super::choice::{ASK_AGAIN_MIN, Choice};
 use super::core::{Core, Out};
 use super::lane::{Health, Lane};
-use super::plan::{self, ByPrimitive, Kind, Plan};
+use super::plan::{self, ByPrimitive, Kind, Planned};
 use super::time::Time;
 use super::unit::{Data, Unit};
 use crate::{Primitive, ResourceId};
@@ -24,39 +25,8 @@ const PLAN_VALID_MIN: Duration = Duration::from_millis(5);
 const SHARE_MIN: f64 = 0.01;
 /// Part of what is left to do that one packet may hold of a resource's own share.
 const PACKET_SHARE: f64 = 0.2;
-/// Shortest and longest time after which a resource that got nothing asks again.
-const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
+/// Longest time after which a resource that got nothing asks again.
 const ASK_AGAIN_MAX: Duration = Duration::from_secs(1);
-
-/// What a resource gets.
-pub(super) enum Choice<T> {
-    /// A unit that failed elsewhere.
-    Retry(Unit<T>),
-    /// So many units from there.
-    Draw { head: Head, units: usize },
-    /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
-    Decline { until: Time, sooner: Vec<ResourceId> },
-    /// There is nothing that it can do.
-    Nothing,
-}
-
-impl<T> Choice<T> {
-    /// Nothing just now: what it should do is on its way into the bin.
-    fn shortly(now: Time) -> Self {
-        Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }
-    }
-}
-
-/// A plan, and how far it was followed.
-pub(super) struct Planned {
-    plan: Plan,
-    valid_until: Time,
-    live: ByPrimitive<bool>,
-    /// By resource: its row in the plan.
-    rows: Vec<usize>,
-    /// By resource and primitive: planned time less time spent, in nanoseconds.
-    owed: Vec<ByPrimitive<f64>>,
-}
 
 /// How fast what is left gets less.
 struct Pace {

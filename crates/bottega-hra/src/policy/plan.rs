@@ -7,6 +7,7 @@
 //! best by the hour. That is Ricardo's comparative advantage: not what one does faster than others, but what one does
 //! least badly. It is also what keeps those busy who can do little: who can do more is paid better elsewhere.
 
+use super::time::Time;
 use crate::Primitive;
 
 const COUNT: usize = Primitive::COUNT;
@@ -230,6 +231,17 @@ pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
         speed += own;
     }
     if speed > 0.0 { level + (amount - done).max(0.0) / speed } else { f64::INFINITY }
+}
+
+/// A plan, and how far it was followed.
+pub(super) struct Planned {
+    pub(super) plan: Plan,
+    pub(super) valid_until: Time,
+    pub(super) live: ByPrimitive<bool>,
+    /// By resource: its row in the plan.
+    pub(super) rows: Vec<usize>,
+    /// By resource and primitive: planned time less time spent, in nanoseconds.
+    pub(super) owed: Vec<ByPrimitive<f64>>,
 }
 
 #[cfg(test)]

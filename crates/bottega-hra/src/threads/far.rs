@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::direct::{quietly, recover, take_works};
 use super::settle::{Attempt, lost};
-use super::shared::Shared;
+use super::shared::{Answer, Shared};
 use super::sync::lock;
 use crate::policy::core::Next;
 use crate::policy::incident::Fault;
@@ -40,25 +40,6 @@ pub trait WindowedResource<W: Work>: Send {
     /// Bytes of memory that are free for data, if the resource can tell; asked after it ran out of memory.
     fn memory_free(&self) -> Option<u64> {
         None
-    }
-}
-
-/// Bounds of what is under way to a far resource. Within them the allocator finds the least that keeps it busy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
-    /// Packets that may be under way at once; at least 1.
-    pub packets: usize,
-    /// Most units in a packet; at least 1.
-    pub units_per_packet: usize,
-    /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
-    /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
-    /// since. Also the longest time that shutting down waits for it.
-    pub patience: Duration,
-}
-
-impl Default for Window {
-    fn default() -> Self {
-        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10) }
     }
 }
 
@@ -121,15 +102,6 @@ impl<W: Work> Drop for Reply<W> {
             self.answer(Vec::new(), None, Fault::Died);
         }
     }
-}
-
-/// What came back of a packet.
-pub(crate) struct Answer<W: Work> {
-    sequence: u64,
-    outcomes: Vec<Result<W::Output, Failed<W>>>,
-    busy: Option<Duration>,
-    /// What it means if a unit came back undone.
-    fault: Fault,
 }
 
 /// Serves `resource` until the allocator is shut down or the resource given up.

@@ -4,17 +4,17 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use super::alarm::Alarm;
 use super::clients::{ClientId, Clients};
-use super::far::Answer;
 use super::inlets::Inlets;
 use super::room::Room;
 use super::sync::{Post, lock, wait};
-use super::watch::Alarm;
 use crate::policy::core::{Core, Out};
+use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
 use crate::policy::time::Time;
 use crate::policy::unit::Unit;
-use crate::{Primitive, ResourceDescriptor, ResourceId, Work};
+use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Work};
 
 /// What a unit carries.
 pub(crate) struct Job<W: Work> {
@@ -33,6 +33,15 @@ pub(crate) struct LanePost<W: Work> {
     pub(crate) post: Post,
     pub(crate) ledger: Mutex<Ledger<Job<W>>>,
     pub(crate) inbox: Mutex<Vec<Answer<W>>>,
+}
+
+/// What came back of a packet.
+pub(crate) struct Answer<W: Work> {
+    pub(crate) sequence: u64,
+    pub(crate) outcomes: Vec<Result<W::Output, Failed<W>>>,
+    pub(crate) busy: Option<Duration>,
+    /// What it means if a unit came back undone.
+    pub(crate) fault: Fault,
 }
 
 /// How the thread of a lane ends.
