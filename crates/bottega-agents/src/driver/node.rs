@@ -12,7 +12,7 @@ use std::{
 
 use tokio::sync::{broadcast, mpsc as lanes, oneshot};
 
-pub use super::fitted::{Anything, Reports};
+pub use super::fitted::{Anything, NodeMachine, Reports};
 use super::{
     asker::Asker,
     fitted::{Fitted, own},
@@ -23,7 +23,7 @@ use super::{
     local::{LocalPlatform, Mailbox, NameTaken},
 };
 use crate::{
-    AclMessage, AgentId, BoxedMachine, Bus, Performative, StateMachine, StoreRequest, Ticket,
+    AclMessage, AgentId, Bus, Performative, StateMachine, StoreRequest, Ticket,
     acc::{Letter, Outbound},
     entry_store::EntryStore,
     gateway::{ChannelEffect, ChannelReport, FirstForms, Gateway, GatewayConfig, Passage, PlainContent},
@@ -33,9 +33,6 @@ use crate::{
     },
     wire::Calendar,
 };
-
-/// What lives on a node: agents whose effects and reports are their own.
-pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
 /// Messages that go out at the same time; all to one address go one after the other.
 const LANES: usize = 8;

@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::FileStoreError;
+use super::error::FileStoreError;
 
 const MAGIC: [u8; 8] = *b"BOTTEGA\x03";
 const HEAD_BYTES: u64 = 16;

@@ -4,10 +4,12 @@
 //! what others have written meanwhile, compares, adds its record, has the disk keep it, and lets go. A log much longer
 //! than what it tells is written anew. An entry whose value is empty text is gone.
 
+mod error;
 mod log;
 
 use std::{collections::BTreeMap, path::Path};
 
+pub use error::FileStoreError;
 use log::{Log, News, Record};
 
 use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::Addressed};
@@ -24,20 +26,6 @@ const COMPACT_BYTES_MIN: u64 = 1 << 20;
 const COMPACT_RATIO: u64 = 4;
 /// What a record takes besides name and value, at most, in bytes.
 const RECORD_BYTES: u64 = 32;
-
-/// Why a file is no store.
-#[derive(Debug, thiserror::Error)]
-pub enum FileStoreError {
-    /// The file cannot be read or written.
-    #[error("cannot use the file of the store")]
-    Io(#[from] std::io::Error),
-    /// It is something else.
-    #[error("this is no file of a store, or one of another version")]
-    Magic,
-    /// There is no room for it.
-    #[error("too large for the store")]
-    TooLarge,
-}
 
 /// A store in a file. `V` is text of some kind, `W` who asks.
 #[derive(Debug)]

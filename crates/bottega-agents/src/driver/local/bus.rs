@@ -2,10 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{
-    mailbox::Mailbox,
-    state::{Shared, State},
-};
+use super::state::{Mailbox, Shared, State};
 use crate::{
     AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket,
     bus::{BLOBS_MAX, Blob, BlobId, Bus},

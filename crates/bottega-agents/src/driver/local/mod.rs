@@ -4,7 +4,6 @@
 //! mailbox fills or the next deadline comes: nothing polls.
 
 mod bus;
-mod mailbox;
 mod state;
 
 use std::{
@@ -16,11 +15,10 @@ use std::{
 };
 
 pub use bus::LocalBus;
-pub use mailbox::Mailbox;
-pub use state::MAILBOX_MESSAGES_MAX;
+pub use state::{MAILBOX_MESSAGES_MAX, Mailbox, Performer, Uplink};
 use state::{Shared, Slot, State};
 
-use super::{alarm::Alarm, uplink::Uplink};
+use super::alarm::Alarm;
 use crate::{
     AgentId, Event, StateMachine, Time,
     bus::{Beyond, carry_out},
@@ -33,10 +31,6 @@ const TURN_EVENTS_MAX: usize = 32;
 
 /// The shortest time after which a machine is woken again that names a deadline in the past.
 const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
-
-/// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
-/// end through the [`Mailbox`].
-pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
 
 /// A platform in one process.
 pub struct LocalPlatform<M: StateMachine> {

@@ -14,7 +14,9 @@ use async_nats::{
 use tokio::{runtime::Handle, sync::oneshot};
 
 use super::{
-    ANSWER_TIME, BlobError, names,
+    blobs::BlobError,
+    names,
+    options::ANSWER_TIME,
     watch::{News, Written, follow},
 };
 use crate::Key;

@@ -6,7 +6,7 @@ use async_nats::Request;
 use tokio::{runtime::Builder, sync::Semaphore};
 use tokio_stream::StreamExt;
 
-use super::{ANSWER_TIME, Codec, Login, NatsError, NatsOptions, NatsUplink, names, rights::NEWCOMER};
+use super::{Codec, Login, NatsError, NatsOptions, NatsUplink, names, options::ANSWER_TIME, rights::NEWCOMER};
 
 /// The largest request.
 const REQUEST_BYTES_MAX: usize = 1 << 12;

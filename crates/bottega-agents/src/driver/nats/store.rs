@@ -12,7 +12,7 @@ use async_nats::{
 };
 
 use super::{
-    Codec, NatsError, names,
+    codec::Codec, error::NatsError, names,
     watch::{News, Written, follow},
 };
 use crate::{Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, driver::Mailbox};

@@ -7,7 +7,7 @@ use super::{
         management::{DfAgentDescription, ManagementContent, SearchConstraints},
         service::{Said, Todo},
     },
-    RESULTS_BYTES_MAX, RESULTS_MAX, index,
+    entry::{RESULTS_BYTES_MAX, RESULTS_MAX, index},
 };
 use crate::{AgentId, Performative, Revision, Time};
 

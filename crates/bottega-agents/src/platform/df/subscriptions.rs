@@ -15,7 +15,7 @@ use super::{
         ontology::{Object, agent_term, print_content, read_agent, read_content},
         service::{Change, Said, Todo},
     },
-    Entry, index, is_for,
+    entry::{Entry, index, is_for, largest_of},
     subscription::{Lost, News, PATIENCE, Standing, Subscription, TRY_AGAIN_AFTER, Wish},
 };
 use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wire::Calendar};
@@ -104,7 +104,7 @@ impl Subscriptions {
         if print_content(self.calendar, &self.me, &message.content).len() > WISH_BYTES_MAX {
             let content = ManagementContent::Refused(
                 Function::Search(wish.0.clone(), wish.1),
-                super::largest_of(self.calendar, &wish.0),
+                largest_of(self.calendar, &wish.0),
             );
             todo.send.push(message.reply(Performative::Refuse, self.me.clone(), content));
             return true;
