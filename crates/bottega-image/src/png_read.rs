@@ -6,7 +6,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source, file_bytes},
+    source::{ImageFile, Source, file_bytes},
     tone::linear_from_srgb,
 };
 

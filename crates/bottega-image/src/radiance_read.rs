@@ -11,7 +11,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source},
+    source::{ImageFile, Source},
 };
 
 /// Headers are shorter than this.

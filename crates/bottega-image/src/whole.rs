@@ -10,7 +10,7 @@ use crate::{
     exr_read::{self, Described, Wanted, Window},
     limits::{Packing, ReadLimits, check_announced},
     radiance_read,
-    read::{Source, guarded},
+    source::{Source, guarded},
 };
 
 /// Whether these are the bytes of an OpenEXR or a Radiance file.

@@ -25,7 +25,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source, file_bytes},
+    source::{ImageFile, Source, file_bytes},
 };
 
 /// The most bytes that one compressed block of a file may unfold to.
