@@ -12,18 +12,20 @@ mod item;
 mod presplit;
 pub(crate) mod refit;
 mod reinsert;
+mod world;
 
 pub use binary::{BinaryTree, Shape};
 pub use bins::Binary;
 
-use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
+use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::arena::Arena;
 use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use crate::{Aabb, Hit};
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 use item::Item;
 use rayon::prelude::*;
+use world::World;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
 /// little left to choose when blocks are filled.)
@@ -61,69 +63,6 @@ fn with_threads<T: Send>(threads: usize, run: impl Fn(bool) -> T + Sync) -> T {
             Ok(pool) => pool.install(|| run(true)),
             Err(_) => run(false),
         },
-    }
-}
-
-/// All triangles of some instances in world space, numbered from 0.
-struct World<'a> {
-    meshes: &'a [MeshGeometry<'a>],
-    instances: &'a [InstanceGeometry],
-    /// (number of the first triangle, instance), ascending in both.
-    starts: Vec<(u32, u32)>,
-    /// Where the instance of each start is put; `None` where it stays in its place.
-    maps: Vec<Option<Affine>>,
-    count: u32,
-}
-
-impl<'a> World<'a> {
-    fn new(
-        meshes: &'a [MeshGeometry<'a>],
-        instances: &'a [InstanceGeometry],
-        chosen: impl Iterator<Item = usize>,
-    ) -> Result<Self, BuildError> {
-        let (mut starts, mut count, limit) = (Vec::new(), 0usize, u32::MAX as usize - 1);
-        for i in chosen {
-            let triangles = meshes[instances[i].mesh as usize].triangles.len();
-            if triangles != 0 {
-                starts.push((count as u32, i as u32));
-            }
-            count = count.saturating_add(triangles);
-            if count > limit {
-                return Err(BuildError::TooMany { what: "triangles", count, limit });
-            }
-        }
-        let map = |&(_, instance): &(u32, u32)| {
-            let map = instances[instance as usize].world_from_object;
-            (map != Affine3A::IDENTITY).then(|| Affine::new(&map))
-        };
-        let maps = starts.iter().map(map).collect();
-        Ok(Self { meshes, instances, starts, maps, count: count as u32 })
-    }
-
-    /// Which start a triangle belongs to.
-    fn find(&self, id: u32) -> usize {
-        self.starts.partition_point(|f| f.0 <= id) - 1
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        let start = self.find(id);
-        let (first, instance) = self.starts[start];
-        let mesh = &self.meshes[self.instances[instance as usize].mesh as usize];
-        let [a, b, c] = mesh.triangles[(id - first) as usize].map(|i| mesh.positions[i as usize].to_array());
-        match &self.maps[start] {
-            Some(map) => [map.point(a), map.point(b), map.point(c)],
-            None => [a, b, c],
-        }
-    }
-
-    /// Refuses triangles that their transform moved out of the range of numbers.
-    fn check(&self, items: &[Item], parallel: bool) -> Result<(), BuildError> {
-        let bad = |item: &&Item| !item.is_finite();
-        let bad = if parallel { items.par_iter().find_first(bad) } else { items.iter().find(bad) };
-        match bad {
-            Some(bad) => Err(BuildError::TransformNotFinite { instance: self.starts[self.find(bad.id())].1 as usize }),
-            None => Ok(()),
-        }
     }
 }
 

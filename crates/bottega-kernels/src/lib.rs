@@ -19,13 +19,15 @@ mod accel;
 mod arena;
 mod build;
 pub mod compiled;
+mod geometry;
 mod instance;
 mod memory;
 mod ray;
 mod traverse;
 mod tree;
 
-pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+pub use accel::Accel;
 pub use build::{Binary, BinaryTree, Shape};
+pub use geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 pub use memory::prefetch;
 pub use ray::{Aabb, Hit, Ray};

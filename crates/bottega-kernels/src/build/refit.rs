@@ -1,8 +1,8 @@
 //! A tree made to fit geometry that has moved: boxes and leaves are written anew, what is below what stays.
 
-use super::World;
+use super::world::World;
 use crate::Aabb;
-use crate::accel::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 use crate::instance::{self, Affine};
 use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
 use glam::Vec3;
