@@ -6,7 +6,8 @@ use super::{
     places::{Places, VariablePlaces},
 };
 use crate::{
-    block::{FunctionBlock, InputVariable, Limits, OutputVariable, RuleBlock, Term},
+    block::{FunctionBlock, InputVariable, OutputVariable, RuleBlock, Term},
+    limits::Limits,
     membership::Membership,
     operators::{Accumulation, Method},
 };
@@ -50,14 +51,19 @@ pub fn parse_document(text: &str) -> Result<Document> {
     Ok(document)
 }
 
-/// Reads a text with one function block.
-pub(crate) fn parse_one(text: &str) -> Result<FunctionBlock> {
-    let mut blocks = parse_document(text)?.blocks;
-    match (blocks.pop(), blocks.len()) {
-        (Some(block), 0) => Ok(block),
-        (_, others) => {
-            let kind = FclErrorKind::BlockCount(if others == 0 { 0 } else { others + 1 });
-            Err(FclError { at: Position { line: 1, column: 1 }, kind })
+impl FunctionBlock {
+    /// Reads a text that holds one function block. For several, or for warnings, see [`crate::parse_document`].
+    ///
+    /// # Errors
+    /// The first mistake, with line and column.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut blocks = parse_document(text)?.blocks;
+        match (blocks.pop(), blocks.len()) {
+            (Some(block), 0) => Ok(block),
+            (_, others) => {
+                let kind = FclErrorKind::BlockCount(if others == 0 { 0 } else { others + 1 });
+                Err(FclError { at: Position { line: 1, column: 1 }, kind })
+            }
         }
     }
 }
