@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use crate::{
     bars::{self, Row},
-    ci::cargo,
+    cargo::cargo,
     needs,
 };
 
