@@ -1,6 +1,10 @@
 //! Calls of cargo.
 
-use std::{ffi::OsStr, process::Command, time::{Duration, Instant}};
+use std::{
+    ffi::OsStr,
+    process::Command,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, Result, ensure};
 

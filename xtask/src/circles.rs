@@ -58,8 +58,7 @@ impl Graph {
 
     /// Modules that all depend on one another, the largest knot first.
     fn knots(&self) -> Vec<Vec<usize>> {
-        let reached: BTreeMap<usize, Vec<usize>> =
-            self.edges.keys().map(|&from| (from, self.reached(from))).collect();
+        let reached: BTreeMap<usize, Vec<usize>> = self.edges.keys().map(|&from| (from, self.reached(from))).collect();
         let is_mutual = |a: usize, b: usize| {
             let leads = |from: usize, to: usize| reached.get(&from).is_some_and(|reached| reached.contains(&to));
             leads(a, b) && leads(b, a)
@@ -157,9 +156,8 @@ pub(crate) fn roots(repository: &Path) -> Vec<(String, PathBuf)> {
     folders.push(repository.join("xtask"));
     folders.sort();
     let name = |folder: &Path| folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let roots = folders.iter().flat_map(|folder| {
-        ["src/lib.rs", "src/main.rs"].map(|root| (name(folder), folder.join(root)))
-    });
+    let roots =
+        folders.iter().flat_map(|folder| ["src/lib.rs", "src/main.rs"].map(|root| (name(folder), folder.join(root))));
     roots.filter(|(_, root)| root.is_file()).collect()
 }
 
@@ -188,7 +186,10 @@ mod tests {
         }
         for (name, (size, text)) in &largest {
             let allowed = KNOTS.iter().find(|(held, _)| held == name).map_or(0, |(_, size)| *size);
-            assert!(*size <= allowed, "{name}: modules that depend on one another, {allowed} at most in a knot:\n{text}");
+            assert!(
+                *size <= allowed,
+                "{name}: modules that depend on one another, {allowed} at most in a knot:\n{text}"
+            );
             assert!(*size == allowed, "{name}: its largest knot has {size} modules now: say so in KNOTS ({allowed})");
         }
         for (name, _) in KNOTS {
@@ -214,7 +215,11 @@ mod tests {
 
     #[test]
     fn a_circle_is_told_with_its_places() {
-        let found = knots(&[ROOT, ("a.rs", "use crate::B;\npub struct A(B);"), ("b.rs", "pub struct B;\n\nfn f() { crate::a::A::new(); }")]);
+        let found = knots(&[
+            ROOT,
+            ("a.rs", "use crate::B;\npub struct A(B);"),
+            ("b.rs", "pub struct B;\n\nfn f() { crate::a::A::new(); }"),
+        ]);
         let expected = "a knot of 2 modules; its shortest circle:\n  \
             crate::a → crate::b: a.rs:1: `crate::B`\n  crate::b → crate::a: b.rs:3: `crate::a::A::new`\n";
         assert_eq!(found, [expected]);

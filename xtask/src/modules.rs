@@ -80,12 +80,7 @@ impl Modules {
     }
 
     /// `asked`: the names that are being looked up, for imports may run in circles.
-    fn resolve_once(
-        &self,
-        scope: usize,
-        path: &[String],
-        asked: &mut BTreeSet<(usize, String)>,
-    ) -> Option<Meaning> {
+    fn resolve_once(&self, scope: usize, path: &[String], asked: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
         let mut rest = path.iter().map(String::as_str).peekable();
         let mut at = match *rest.peek()? {
             "crate" => {

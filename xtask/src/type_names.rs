@@ -32,9 +32,14 @@ mod tests {
             let known = OFTEN.iter().find(|(known, _)| known == name);
             let most = known.map_or(MODULES_MAX, |(_, count)| *count);
             if places.len() > most {
-                problems.push(format!("`{name}` is declared {} times, {most} at most:\n  {}", places.len(), places.join("\n  ")));
+                problems.push(format!(
+                    "`{name}` is declared {} times, {most} at most:\n  {}",
+                    places.len(),
+                    places.join("\n  ")
+                ));
             } else if known.is_some() && places.len() < most {
-                problems.push(format!("`{name}` is declared only {} times now: say so in OFTEN ({most})", places.len()));
+                problems
+                    .push(format!("`{name}` is declared only {} times now: say so in OFTEN ({most})", places.len()));
             }
         }
         for (name, _) in OFTEN.iter().filter(|(name, _)| !declared.contains_key(*name)) {

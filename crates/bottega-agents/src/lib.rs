@@ -69,6 +69,7 @@ pub mod bus;
 pub mod driver;
 pub mod entry_store;
 pub mod file_store;
+pub mod framing;
 pub mod gateway;
 mod id;
 mod key;

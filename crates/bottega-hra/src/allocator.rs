@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::policy::core::Core;
 use crate::policy::ledger::Ledger;
 use crate::threads::far::WindowedResource;
-use crate::threads::shared::{LaneEnd, LanePost, Shared};
+use crate::threads::shared::{AllocatorState, LaneEnd, LanePost};
 use crate::threads::sync::Post;
 use crate::threads::{direct, far, watch};
 use crate::{CostBook, HraClient, HraConfig, HraReport, Resource, ResourceDescriptor, ResourceId, Window, Work};
@@ -53,7 +53,7 @@ const TEARDOWN_MAX: Duration = Duration::from_secs(2);
 /// ends when its resource answers, or with the process.
 /// Clients may go before or after it.
 pub struct Hra<W: Work> {
-    shared: Arc<Shared<W>>,
+    shared: Arc<AllocatorState<W>>,
     lanes: Vec<Option<JoinHandle<()>>>,
     watch: Option<JoinHandle<()>>,
 }
@@ -81,7 +81,7 @@ impl<W: Work> Hra<W> {
         });
         let posts = posts.collect();
         let core = Core::new(config, described, costs);
-        let shared = Arc::new(Shared::new(core, posts, config.max_delay_bound));
+        let shared = Arc::new(AllocatorState::new(core, posts, config.max_delay_bound));
         let watched = Arc::clone(&shared);
         let watch = thread::Builder::new().name("hra watch".to_owned()).spawn(move || watch::watch(&watched)).ok();
         let lanes = lanes.into_iter().zip(0..).map(|(lane, id)| start(&shared, ResourceId(id), lane)).collect();
@@ -101,7 +101,7 @@ impl<W: Work> Hra<W> {
 }
 
 /// Starts the thread of a lane. A lane whose thread the system refuses is retired at once.
-fn start<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, lane: Lane<W>) -> Option<JoinHandle<()>> {
+fn start<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, lane: Lane<W>) -> Option<JoinHandle<()>> {
     let name = format!("hra {}", shared.lanes[id.index()].descriptor.name.replace('\0', " "));
     let lanes_shared = Arc::clone(shared);
     let run = move || {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::threads::clients::ClientId;
 use crate::threads::results_bin::{ResultsBin, deadline_after};
-use crate::threads::shared::Shared;
+use crate::threads::shared::AllocatorState;
 use crate::threads::submit::{Submitter, into_unit};
 use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 
@@ -21,7 +21,7 @@ pub struct HraClient<W: Work> {
 }
 
 struct Handle<W: Work> {
-    shared: Arc<Shared<W>>,
+    shared: Arc<AllocatorState<W>>,
     id: ClientId,
     results: Arc<ResultsBin<W::Output>>,
 }
@@ -33,7 +33,7 @@ impl<W: Work> Clone for HraClient<W> {
 }
 
 impl<W: Work> HraClient<W> {
-    pub(crate) fn new(shared: Arc<Shared<W>>) -> Self {
+    pub(crate) fn new(shared: Arc<AllocatorState<W>>) -> Self {
         let inlet = shared.inlets.assign();
         let (id, results) = shared.clients.enter();
         Self { handle: Arc::new(Handle { shared, id, results }), inlet }
@@ -92,7 +92,7 @@ impl<W: Work> HraClient<W> {
 
 impl<W: Work> Drop for Handle<W> {
     fn drop(&mut self) {
-        // First the name goes, so that what fails after that is not put back; see `Shared::try_again`.
+        // First the name goes, so that what fails after that is not put back; see `AllocatorState::try_again`.
         self.shared.clients.leave(self.id);
         let _units = self.shared.cancel(self.id); // Dropped here, outside all locks.
     }

@@ -8,10 +8,10 @@ use std::{
 
 use crate::{
     ImageError, Picture,
-    exr_read::{self, Planes, Wanted},
+    exr_read::{self, Planes, WantedChannels},
     limits::ReadLimits,
     png_read, radiance_read,
-    source::{ImageFile, Source, file_bytes, guarded},
+    source::{ImageFile, PictureSource, file_bytes, guarded},
 };
 
 /// Reads a picture: OpenEXR, PNG or Radiance HDR, told apart by their first bytes. 8- and 16-bit values are decoded by
@@ -31,7 +31,7 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
     if file.metadata().is_ok_and(|found| found.is_dir()) {
         return Err(ImageError::read(path, std::io::ErrorKind::IsADirectory.into()));
     }
-    read_from(&Source::new(path, limits), BufReader::new(file), &[]).map(|(file, _)| file)
+    read_from(&PictureSource::new(path, limits), BufReader::new(file), &[]).map(|(file, _)| file)
 }
 
 /// As [`read_image`], with further channels of an OpenEXR file by their full names, such as `depth.Z`: a plane each,
@@ -43,16 +43,16 @@ pub fn read_channels(
 ) -> Result<(ImageFile, Planes), ImageError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
-    read_from(&Source::new(path, limits), BufReader::new(file), names)
+    read_from(&PictureSource::new(path, limits), BufReader::new(file), names)
 }
 
 /// As [`read_image`], of the bytes of a file; `name` stands in errors.
 pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
-    read_from(&Source::new(name.as_ref(), limits), std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
+    read_from(&PictureSource::new(name.as_ref(), limits), std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
 }
 
 fn read_from<R: BufRead + Seek>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     mut input: R,
     names: &[String],
 ) -> Result<(ImageFile, Planes), ImageError> {
@@ -61,7 +61,7 @@ fn read_from<R: BufRead + Seek>(
     let alone = |file| (file, vec![None; names.len()]);
     match start.as_slice() {
         [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || {
-            exr_read::read(source, input, Wanted { names, alpha: false }).map(|read| (read.file, read.planes))
+            exr_read::read(source, input, WantedChannels { names, alpha: false }).map(|read| (read.file, read.planes))
         }),
         [0x89, b'P', b'N', b'G', ..] => guarded(source, "PNG", || png_read::read(source, input)).map(alone),
         start if radiance_read::recognizes(start) => {
@@ -73,7 +73,7 @@ fn read_from<R: BufRead + Seek>(
 }
 
 /// The first bytes of a file, which stays at its beginning.
-fn start_of<R: BufRead + Seek>(source: &Source<'_>, input: &mut R) -> Result<Vec<u8>, ImageError> {
+fn start_of<R: BufRead + Seek>(source: &PictureSource<'_>, input: &mut R) -> Result<Vec<u8>, ImageError> {
     let mut start = Vec::new();
     let read =
         input.by_ref().take(radiance_read::MARK_BYTES as u64).read_to_end(&mut start).and_then(|_| input.rewind());

@@ -22,13 +22,13 @@ pub struct ImageFile {
 }
 
 /// What the readers of all formats need to know.
-pub(crate) struct Source<'a> {
+pub(crate) struct PictureSource<'a> {
     pub(crate) path: &'a Path,
     pub(crate) limits: ReadLimits,
     pub(crate) white_point: WhitePoint,
 }
 
-impl<'a> Source<'a> {
+impl<'a> PictureSource<'a> {
     pub(crate) fn new(path: &'a Path, limits: ReadLimits) -> Self {
         Self { path, limits, white_point: WhitePoint::default() }
     }
@@ -53,14 +53,14 @@ impl<'a> Source<'a> {
 }
 
 /// How long a file is, which stays at its beginning.
-pub(crate) fn file_bytes<R: Seek>(source: &Source<'_>, input: &mut R) -> Result<u64, ImageError> {
+pub(crate) fn file_bytes<R: Seek>(source: &PictureSource<'_>, input: &mut R) -> Result<u64, ImageError> {
     let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length));
     length.map_err(|error| ImageError::read(source.path, error))
 }
 
 /// The decoders are other people's, and fuzzing has found panics in such before: one becomes an error of the file.
 pub(crate) fn guarded<T>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     format: &'static str,
     read: impl FnOnce() -> Result<T, ImageError>,
 ) -> Result<T, ImageError> {

@@ -4,7 +4,7 @@ use crate::build::{self, Built, refit};
 #[cfg(target_arch = "x86_64")]
 use crate::traverse::avx2::{self, Avx2};
 use crate::traverse::portable::Portable;
-use crate::traverse::{self, Any, Closest, Counted, Filtered, Query};
+use crate::traverse::{self, Any, Closest, CountedQuery, Filtered, Query};
 use crate::tree::Tree;
 use crate::{Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Precision, Ray, SphereGeometry};
 
@@ -93,12 +93,12 @@ impl Accel {
 
     /// The closest hit; adds the number of nodes and leaves visited to `steps`.
     pub fn intersect_counted(&self, ray: &Ray, steps: &mut u32) -> Hit {
-        self.query(ray, &mut Counted::<false>(steps))
+        self.query(ray, &mut CountedQuery::<false>(steps))
     }
 
     /// Whether anything is hit; adds the number of nodes and leaves visited to `steps`.
     pub fn occluded_counted(&self, ray: &Ray, steps: &mut u32) -> bool {
-        self.query(ray, &mut Counted::<true>(steps)).is_some()
+        self.query(ray, &mut CountedQuery::<true>(steps)).is_some()
     }
 
     /// The closest hit of every ray. Panics when the lengths differ.

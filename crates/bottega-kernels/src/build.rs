@@ -17,15 +17,15 @@ mod world;
 pub use binary::{BinaryTree, Shape};
 pub use bins::Binary;
 
-use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::arena::Arena;
+use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, Node, PlacedTree, Sphere, Tree, TriangleBlock, WIDTH};
 use crate::{Aabb, Hit};
 use glam::Vec3;
 use item::Item;
 use rayon::prelude::*;
-use world::World;
+use world::BuildWorld;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
 /// little left to choose when blocks are filled.)
@@ -50,7 +50,7 @@ pub(crate) fn build(
 ) -> Result<Built, BuildError> {
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
-        Builder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
+        TreeBuilder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
     })
 }
 
@@ -70,7 +70,7 @@ fn empty_tree() -> Tree {
     Tree { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
 }
 
-struct Builder<'a> {
+struct TreeBuilder<'a> {
     meshes: &'a [MeshGeometry<'a>],
     instances: &'a [InstanceGeometry],
     options: &'a BuildOptions,
@@ -78,7 +78,7 @@ struct Builder<'a> {
     tree: Tree,
 }
 
-impl Builder<'_> {
+impl TreeBuilder<'_> {
     fn build(mut self, spheres: &[SphereGeometry]) -> Result<Built, BuildError> {
         let inverses = self.choose_shared();
         let flat: Vec<usize> = (0..self.instances.len()).filter(|&i| inverses[i].is_none()).collect();
@@ -124,7 +124,7 @@ impl Builder<'_> {
                 return Err(BuildError::TransformNotFinite { instance: index });
             }
             items.push(Item::new(&bounds, self.tree.placed.len() as u32));
-            self.tree.placed.push(Placed { object_from_world: inverse.rows, root, instance: index as u32 });
+            self.tree.placed.push(PlacedTree { object_from_world: inverse.rows, root, instance: index as u32 });
         }
         emit::check("instances", self.tree.placed.len())?;
         self.single_item_tree(&mut items, Child::instance)
@@ -140,7 +140,7 @@ impl Builder<'_> {
 
     /// One tree over all triangles of the instances that are flattened.
     fn world_triangles(&mut self, flat: &[usize]) -> Result<(Child, Aabb), BuildError> {
-        let world = World::new(self.meshes, self.instances, flat.iter().copied())?;
+        let world = BuildWorld::new(self.meshes, self.instances, flat.iter().copied())?;
         self.tree.flat.clone_from(&world.starts);
         let items = self.items(world.count, &|id| world.corners(id));
         world.check(&items, self.parallel)?;

@@ -23,6 +23,7 @@ mod geometry;
 mod instance;
 mod memory;
 mod ray;
+mod split_mix;
 mod traverse;
 mod tree;
 
@@ -31,3 +32,4 @@ pub use build::{Binary, BinaryTree, Shape};
 pub use geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 pub use memory::prefetch;
 pub use ray::{Aabb, Hit, Ray};
+pub use split_mix::{SplitMix64, mix64};

@@ -22,9 +22,9 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 
-use crate::tree::{Child, Node, Placed, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, Node, PlacedTree, Tree, TriangleBlock, WIDTH};
 use crate::{Hit, Ray};
-use lanes::{Job, Lanes};
+use lanes::{LaneJob, Lanes};
 use setup::Wide;
 use stack::{Stack, Storage};
 use triangle::Struck;
@@ -71,8 +71,8 @@ impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
 }
 
 /// The closest or any hit, with the number of visits.
-pub(crate) struct Counted<'a, const ANY: bool>(pub(crate) &'a mut u32);
-impl<const ANY: bool> Query for Counted<'_, ANY> {
+pub(crate) struct CountedQuery<'a, const ANY: bool>(pub(crate) &'a mut u32);
+impl<const ANY: bool> Query for CountedQuery<'_, ANY> {
     const ANY: bool = ANY;
     const FILTERED: bool = false;
     #[inline(always)]
@@ -138,7 +138,7 @@ struct OddJob<'a, S, Q, const ROBUST: bool> {
     best: &'a mut Best,
 }
 
-impl<S: Lanes, Q: Query, const ROBUST: bool> Job for OddJob<'_, S, Q, ROBUST> {
+impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
@@ -363,7 +363,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
     #[inline(always)]
-    fn instance<Q: Query>(&self, placed: &Placed, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+    fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut Best) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
         let m = &placed.object_from_world;
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);

@@ -170,7 +170,7 @@ pub(crate) struct Sphere {
 
 /// An instance of a mesh with a tree of its own.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
+pub(crate) struct PlacedTree {
     /// Rows of the affine map from world to object: x, y, z and translation.
     pub(crate) object_from_world: [[f32; 4]; 3],
     /// The mesh's tree.
@@ -185,7 +185,7 @@ pub(crate) struct Tree {
     /// Nodes and blocks of all trees.
     pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
-    pub(crate) placed: Vec<Placed>,
+    pub(crate) placed: Vec<PlacedTree>,
     /// The top-level tree.
     pub(crate) root: Child,
     /// Instances flattened into world space: (number of the first triangle, instance), ascending in both.
@@ -206,7 +206,7 @@ impl Tree {
     pub(crate) fn memory_bytes(&self) -> usize {
         self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()
-            + self.placed.capacity() * size_of::<Placed>()
+            + self.placed.capacity() * size_of::<PlacedTree>()
             + self.flat.capacity() * size_of::<(u32, u32)>()
     }
 

@@ -34,9 +34,9 @@ impl MemoryBudget {
     }
 
     /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
-    pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<Held<'_>, SceneError> {
+    pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<HeldBytes<'_>, SceneError> {
         self.take(path, "", bytes)?;
-        Ok(Held { budget: self, bytes })
+        Ok(HeldBytes { budget: self, bytes })
     }
 
     /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
@@ -56,12 +56,12 @@ impl MemoryBudget {
 
 /// Bytes that are given back when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Held<'a> {
+pub(crate) struct HeldBytes<'a> {
     budget: &'a MemoryBudget,
     bytes: usize,
 }
 
-impl Drop for Held<'_> {
+impl Drop for HeldBytes<'_> {
     fn drop(&mut self) {
         self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
     }

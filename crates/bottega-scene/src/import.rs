@@ -8,7 +8,7 @@ use crate::resource::Resources;
 use crate::{LoadOptions, Metadata, RenderHints, Scene};
 
 /// What an importer is given.
-pub(crate) struct Request<'a> {
+pub(crate) struct ImportRequest<'a> {
     /// The scene file.
     pub(crate) path: &'a Path,
     /// Its bytes.

@@ -7,13 +7,13 @@ use glam::{DVec3, Mat3, Quat};
 use crate::budget::MemoryBudget;
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
-use crate::image::{Decoded, Encoding, Header, PictureFault, too_large};
-use crate::import::{Imported, Request};
+use crate::image::{Decoded, Encoding, PictureFault, PictureHeader, too_large};
+use crate::import::{ImportRequest, Imported};
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::{
-    Camera, Environment, Image, ImageId, LoadOptions, Metadata, RenderHints, Scene, SceneError, Spectrum, Warning, excess,
-    gltf, mesh_file, mitsuba, pbrt, values,
+    Camera, Environment, Image, ImageId, LoadOptions, Metadata, RenderHints, Scene, SceneError, Spectrum, Warning,
+    excess, gltf, mesh_file, mitsuba, pbrt, values,
 };
 
 /// A scene, and what to tell about it.
@@ -44,7 +44,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut digest = blake3::Hasher::new();
     digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
-    let import: fn(&Request<'_>, &mut Warnings) -> Result<Imported, SceneError> = if gltf::recognizes(path, &file) {
+    let import: fn(&ImportRequest<'_>, &mut Warnings) -> Result<Imported, SceneError> = if gltf::recognizes(path, &file)
+    {
         gltf::import
     } else if mitsuba::recognizes(path, &file) {
         mitsuba::import
@@ -62,7 +63,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let read = |origin: DVec3, budget: &MemoryBudget, digest: &mut blake3::Hasher| {
         let resources = Resources::new(path, options, budget);
         let mut warnings = Warnings::default();
-        let imported = import(&Request { path, file: &file, options, origin, resources: &resources }, &mut warnings)?;
+        let imported =
+            import(&ImportRequest { path, file: &file, options, origin, resources: &resources }, &mut warnings)?;
         let files = resources.finish(digest, &mut warnings);
         Ok::<_, SceneError>((imported, files, warnings))
     };
@@ -137,7 +139,7 @@ fn add_environment(
     let bytes = read_file(path, budget)?;
     digest.update(hash(&bytes).as_bytes());
     let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
-    let header = Header::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
+    let header = PictureHeader::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
         PictureFault::TooLarge { problem } => too_large(path, problem),
         PictureFault::Unreadable { problem } => unreadable(problem),
     })?;

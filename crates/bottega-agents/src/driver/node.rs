@@ -169,7 +169,7 @@ impl Node {
         let is_federated = !setup.federates.is_empty();
         let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
         let gateway = setup.people(&platform, lanes, trace.clone());
-        let network = Network { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
+        let network = NodeNetwork { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
         let (end, ended) = oneshot::channel();
         let about = about(&setup.name, &address);
         let network = thread::Builder::new().name("transport".to_owned()).spawn(move || network.run(about, ended))?;
@@ -424,7 +424,7 @@ fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, gateway: &Gat
 }
 
 /// The sockets of a node.
-struct Network {
+struct NodeNetwork {
     listener: std::net::TcpListener,
     gateway: GatewayReports,
     queues: Vec<lanes::Receiver<Outbound>>,
@@ -432,7 +432,7 @@ struct Network {
     trace: broadcast::Sender<Arc<str>>,
 }
 
-impl Network {
+impl NodeNetwork {
     fn run(self, about: String, ended: oneshot::Receiver<()>) {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
         runtime.block_on(async move {
@@ -476,14 +476,14 @@ async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     while let Some(outbound) = queue.recv().await {
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         if let Err(error) = client::send(&outbound, number).await {
-            let reason = chain(&error);
+            let reason = error_chain(&error);
             gateway.tell(ChannelReport::Failed { outbound: Box::new(outbound), reason });
         }
     }
 }
 
 /// An error with its causes.
-fn chain(error: &dyn std::error::Error) -> String {
+fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(cause) = source {

@@ -15,9 +15,9 @@ use std::collections::BTreeMap;
 pub use acl_xml::{parse_xml, print_xml};
 pub use date::{Calendar, DateTime};
 pub use envelope::{Envelope, Received, parse_envelope, print_envelope};
-pub(crate) use error::bad_value;
 pub use error::WireError;
-pub(crate) use string_form::{Reader, is_word, push_text};
+pub(crate) use error::bad_value;
+pub(crate) use string_form::{TextReader, is_word, push_text};
 pub use string_form::{parse_string, print_string};
 
 use crate::{AgentId, Performative};

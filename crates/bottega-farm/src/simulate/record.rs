@@ -159,10 +159,7 @@ pub enum RecordError {
         problem: String,
     },
     /// It was written by another version.
-    #[error(
-        "it is a record of version {found}; this program reads version {}: record it again",
-        VERSION
-    )]
+    #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
         /// Its version.
         found: u64,

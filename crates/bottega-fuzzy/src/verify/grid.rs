@@ -116,12 +116,12 @@ fn gcd(a: u64, b: u64) -> u64 {
 }
 
 /// The degree of a rule's condition at a place of a grid, without its weight.
-pub(super) struct Place<'a> {
+pub(super) struct ConditionDegree<'a> {
     /// By input; empty where the grid does not ask.
     grades: Vec<&'a [f64]>,
 }
 
-impl<'a> Place<'a> {
+impl<'a> ConditionDegree<'a> {
     pub(super) fn new(inputs: usize) -> Self {
         Self { grades: vec![&[]; inputs] }
     }

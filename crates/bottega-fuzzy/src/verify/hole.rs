@@ -2,7 +2,7 @@
 
 use super::{
     Placed, Verifier,
-    grid::{Grid, Place, leaves},
+    grid::{ConditionDegree, Grid, leaves},
     warning::{Hole, WarningKind},
 };
 
@@ -46,7 +46,7 @@ impl Verifier<'_> {
 
     /// For each cell whether no rule fires there. `None`: that would take too long.
     fn empty_cells(&mut self, grid: &Grid<'_>, rules: &[Placed<'_>]) -> Option<Vec<bool>> {
-        let mut place = Place::new(self.block.inputs.len());
+        let mut place = ConditionDegree::new(self.block.inputs.len());
         let mut empty = vec![false; grid.len as usize];
         // The rule that fired in the last cell most likely fires in the next one, too.
         let mut last = 0;

@@ -9,7 +9,7 @@ mod hole;
 mod pair;
 mod warning;
 
-use grid::{Axis, Grid, Place, leaves};
+use grid::{Axis, ConditionDegree, Grid, leaves};
 pub use warning::{DeadReason, Hole, Warning, WarningKind};
 
 use crate::{
@@ -184,7 +184,7 @@ impl<'a> Verifier<'a> {
             self.unexamined();
             return None;
         };
-        let mut place = Place::new(self.block.inputs.len());
+        let mut place = ConditionDegree::new(self.block.inputs.len());
         let (mut looks, mut fires) = (0, false);
         for index in grid.scattered().take((self.work / cost) as usize) {
             place.go(&grid, index);

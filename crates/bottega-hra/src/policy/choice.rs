@@ -11,7 +11,7 @@ use crate::ResourceId;
 pub(super) const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
 
 /// What a resource gets.
-pub(super) enum Choice<T> {
+pub(super) enum LaneChoice<T> {
     /// A unit that failed elsewhere.
     Retry(Unit<T>),
     /// So many units from there.
@@ -22,7 +22,7 @@ pub(super) enum Choice<T> {
     Nothing,
 }
 
-impl<T> Choice<T> {
+impl<T> LaneChoice<T> {
     /// Nothing just now: what it should do is on its way into the bin.
     pub(super) fn shortly(now: Time) -> Self {
         Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }

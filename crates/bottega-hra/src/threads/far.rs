@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::direct::{quietly, recover, take_works};
 use super::settle::{Attempt, lost};
-use super::shared::{Answer, Shared};
+use super::shared::{AllocatorState, PacketAnswer};
 use super::sync::lock;
 use crate::policy::core::Next;
 use crate::policy::incident::Fault;
@@ -55,7 +55,7 @@ pub struct Packet<W: Work> {
 
 /// Takes the results of one packet. Dropped without use, it says that the packet is lost.
 pub struct Reply<W: Work> {
-    shared: Arc<Shared<W>>,
+    shared: Arc<AllocatorState<W>>,
     lane: ResourceId,
     sequence: u64,
     answered: bool,
@@ -89,7 +89,7 @@ impl<W: Work> Reply<W> {
 
     fn answer(&mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Option<Duration>, fault: Fault) {
         self.answered = true;
-        let answer = Answer { sequence: self.sequence, outcomes, busy, fault };
+        let answer = PacketAnswer { sequence: self.sequence, outcomes, busy, fault };
         let lane = &self.shared.lanes[self.lane.index()];
         lock(&lane.inbox).push(answer);
         lane.post.wake();
@@ -105,13 +105,13 @@ impl<W: Work> Drop for Reply<W> {
 }
 
 /// Serves `resource` until the allocator is shut down or the resource given up.
-pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
+pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
     shared.lanes[id.index()].post.man();
     Driver { shared, id, resource, sent: BTreeMap::new() }.run();
 }
 
 struct Driver<'a, W: Work> {
-    shared: &'a Arc<Shared<W>>,
+    shared: &'a Arc<AllocatorState<W>>,
     id: ResourceId,
     resource: &'a mut dyn WindowedResource<W>,
     /// When the packets under way were sent.
@@ -146,7 +146,7 @@ impl<W: Work> Driver<'_, W> {
         }
     }
 
-    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::Job<W>>) {
+    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::UnitPayload<W>>) {
         let lane = &self.shared.lanes[self.id.index()];
         for data in packet.evicted {
             quietly(|| self.resource.evict(data));
@@ -164,8 +164,8 @@ impl<W: Work> Driver<'_, W> {
     }
 
     /// Settles the units of a packet.
-    fn read(&mut self, answer: Answer<W>) {
-        let Answer { sequence, outcomes, busy, fault } = answer;
+    fn read(&mut self, answer: PacketAnswer<W>) {
+        let PacketAnswer { sequence, outcomes, busy, fault } = answer;
         let sent = self.sent.remove(&sequence).unwrap_or_default();
         let Some(units) = lock(&self.shared.lanes[self.id.index()].ledger).settle(sequence) else {
             return; // Given up before; its units are done elsewhere.

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::shared::Shared;
+use super::shared::AllocatorState;
 use crate::Work;
 use crate::policy::time::Time;
 
 /// Watches until it is ended.
-pub(crate) fn watch<W: Work>(shared: &Arc<Shared<W>>) {
+pub(crate) fn watch<W: Work>(shared: &Arc<AllocatorState<W>>) {
     let alarm = &shared.alarm;
     alarm.post.man();
     while !alarm.ended.load(Ordering::SeqCst) {

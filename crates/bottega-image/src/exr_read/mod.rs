@@ -25,7 +25,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    source::{ImageFile, Source, file_bytes},
+    source::{ImageFile, PictureSource, file_bytes},
 };
 
 /// The most bytes that one compressed block of a file may unfold to.
@@ -36,7 +36,7 @@ pub type Planes = Vec<Option<Vec<f32>>>;
 
 /// What is wanted of a file beside its color.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Wanted<'a> {
+pub(crate) struct WantedChannels<'a> {
     /// Full names of further channels.
     pub(crate) names: &'a [String],
     pub(crate) alpha: bool,
@@ -90,7 +90,7 @@ impl Window {
 }
 
 /// Chooses the color of a file and checks its size; allocates nothing by it.
-pub(crate) fn describe<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<Described, ImageError> {
+pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<Described, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
     let headers = reader.headers();
@@ -100,7 +100,7 @@ pub(crate) fn describe<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> 
     Ok(Described { color, window })
 }
 
-fn choose(source: &Source<'_>, headers: &[Header]) -> Result<Color, ImageError> {
+fn choose(source: &PictureSource<'_>, headers: &[Header]) -> Result<Color, ImageError> {
     find_color(headers).ok_or_else(|| ImageError::NoColor {
         path: source.path.to_owned(),
         found: headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect::<Vec<_>>().join(", "),
@@ -108,7 +108,7 @@ fn choose(source: &Source<'_>, headers: &[Header]) -> Result<Color, ImageError> 
 }
 
 /// What a part announces must be within the limits, and within what the file can hold.
-fn check_header(source: &Source<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
+fn check_header(source: &PictureSource<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
     let size = (header.layer_size.0 as u64, header.layer_size.1 as u64);
     source.check_size(size.0, size.1)?;
     if block_bytes(header) > MAX_BLOCK_BYTES {
@@ -137,9 +137,9 @@ fn packing(compression: Compression) -> Packing {
 
 /// The color of a file, and what else is wanted of it.
 pub(crate) fn read<R: BufRead + Seek>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     mut input: R,
-    wanted: Wanted<'_>,
+    wanted: WantedChannels<'_>,
 ) -> Result<Read, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
@@ -183,7 +183,7 @@ fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &m
 }
 
 /// The channels to read. A part of another size is another picture.
-fn targets(headers: &[Header], color: &Color, wanted: Wanted<'_>) -> Vec<Target> {
+fn targets(headers: &[Header], color: &Color, wanted: WantedChannels<'_>) -> Vec<Target> {
     let (part, size) = (color.part, headers[color.part].layer_size);
     let components = color.channels.iter().enumerate();
     let mut targets: Vec<Target> = components.map(|(i, &channel)| Target { part, channel, to: To::Color(i) }).collect();
@@ -199,7 +199,7 @@ fn targets(headers: &[Header], color: &Color, wanted: Wanted<'_>) -> Vec<Target>
 
 /// Reads all blocks with targets into the canvas, which must then be covered.
 fn read_blocks<R: BufRead + Seek>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     reader: exr::block::reader::Reader<R>,
     headers: &[Header],
     targets: &[Target],
@@ -270,7 +270,7 @@ fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, 
     })
 }
 
-fn failed(source: &Source<'_>, error: Error) -> ImageError {
+fn failed(source: &PictureSource<'_>, error: Error) -> ImageError {
     match error {
         Error::Io(io) => ImageError::read(source.path, io),
         Error::Invalid(what) if what == "reference to missing bytes" => {

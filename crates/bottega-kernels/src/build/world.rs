@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::item::Item;
 
 /// All triangles of some instances in world space, numbered from 0.
-pub(super) struct World<'a> {
+pub(super) struct BuildWorld<'a> {
     pub(super) meshes: &'a [MeshGeometry<'a>],
     pub(super) instances: &'a [InstanceGeometry],
     /// (number of the first triangle, instance), ascending in both.
@@ -18,7 +18,7 @@ pub(super) struct World<'a> {
     pub(super) count: u32,
 }
 
-impl<'a> World<'a> {
+impl<'a> BuildWorld<'a> {
     pub(super) fn new(
         meshes: &'a [MeshGeometry<'a>],
         instances: &'a [InstanceGeometry],

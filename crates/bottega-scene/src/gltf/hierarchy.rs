@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use super::accessor::find;
 use super::animation::{NodePose, Pose};
 use super::document;
-use super::source::Source;
+use super::source::GltfSource;
 use crate::SceneError;
 use crate::error::Warnings;
 
@@ -25,7 +25,7 @@ pub(super) struct Hierarchy {
 
 impl Hierarchy {
     /// Walks the default scene, or the first one, or all nodes where there is no scene.
-    pub(super) fn new(source: &Source<'_>, pose: Pose, warnings: &mut Warnings) -> Result<Self, SceneError> {
+    pub(super) fn new(source: &GltfSource<'_>, pose: Pose, warnings: &mut Warnings) -> Result<Self, SceneError> {
         let document = source.document;
         let has_parent = check_forest(source)?;
         let roots = match (document.scene, document.scenes.len()) {
@@ -69,7 +69,7 @@ impl Hierarchy {
 }
 
 /// Checks that every node has at most one parent and none is its own ancestor. Returns which have a parent.
-fn check_forest(source: &Source<'_>) -> Result<Vec<bool>, SceneError> {
+fn check_forest(source: &GltfSource<'_>) -> Result<Vec<bool>, SceneError> {
     let nodes = &source.document.nodes;
     let mut has_parent = vec![false; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {

@@ -41,12 +41,12 @@ use std::path::Path;
 
 use document::Document;
 use hierarchy::Hierarchy;
-use source::Source;
+use source::GltfSource;
 
-use crate::error::Warnings;
 use crate::budget::MemoryBudget;
+use crate::error::Warnings;
 use crate::hints::{Metadata, RenderHints};
-use crate::import::{Imported, Request};
+use crate::import::{ImportRequest, Imported};
 use crate::text::{decode_utf8, shortened};
 use crate::{Scene, SceneError, objects_only};
 
@@ -90,8 +90,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
-pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, origin, resources } = request;
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
@@ -103,7 +103,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
     let decompressed = meshopt::decompress(&document, &buffers, path, budget)?;
     let bytes = accessor::Bytes { buffers: &buffers, decompressed: &decompressed };
-    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources, origin };
+    let mut source = GltfSource { path, document: &document, bytes, options, variant: None, budget, resources, origin };
     if let Some(name) = &options.variant {
         let variants = document.extensions.variants.as_ref().map_or(&[][..], |extension| &extension.variants);
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::source::Source;
 use super::accessor::{Accessor, find};
 use super::document;
 use super::draco::DracoMeshes;
 use super::flat;
 use super::hierarchy::{Hierarchy, affine};
 use super::mesh;
-use super::shape::Shape;
+use super::shape::PrimitiveShape;
+use super::source::GltfSource;
 use crate::error::Warnings;
 use crate::model::is_placeable;
 use crate::{Instance, Material, Mesh, SceneError};
@@ -21,7 +21,7 @@ use crate::{Instance, Material, Mesh, SceneError};
 #[derive(Default)]
 pub(super) struct Placements {
     /// In the order of their first placement.
-    pub(super) shapes: Vec<Shape>,
+    pub(super) shapes: Vec<PrimitiveShape>,
     list: Vec<Placement>,
 }
 
@@ -34,13 +34,13 @@ struct Placement {
 
 /// Lists what the nodes of the scene show.
 pub(super) fn placements(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     warnings: &mut Warnings,
 ) -> Result<Placements, SceneError> {
     let mut placements = Placements::default();
     // `None`: not a surface.
-    let mut number_of: BTreeMap<Shape, Option<usize>> = BTreeMap::new();
+    let mut number_of: BTreeMap<PrimitiveShape, Option<usize>> = BTreeMap::new();
     for index in hierarchy.visible() {
         let node = &source.document.nodes[index];
         let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
@@ -57,7 +57,7 @@ pub(super) fn placements(
         for primitive in 0..mesh.primitives.len() {
             let material = material(source, &mesh.primitives[primitive]);
             let weights = weights.map(|weights| weights.iter().map(|w| w.to_bits()).collect()).unwrap_or_default();
-            let shape = Shape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
+            let shape = PrimitiveShape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
             let number = match number_of.get(&shape) {
                 Some(&number) => number,
                 None => {
@@ -77,7 +77,7 @@ pub(super) fn placements(
 }
 
 /// The material of a primitive, in the variant that the options ask for (KHR_materials_variants).
-fn material(source: &Source<'_>, primitive: &document::Primitive) -> Option<usize> {
+fn material(source: &GltfSource<'_>, primitive: &document::Primitive) -> Option<usize> {
     let variants = primitive.extensions.variants.as_ref();
     let mapping = source
         .variant
@@ -88,7 +88,7 @@ fn material(source: &Source<'_>, primitive: &document::Primitive) -> Option<usiz
 
 /// EXT_mesh_gpu_instancing: node space from instance space, for each instance.
 fn instances(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     node: usize,
     attributes: &document::InstancingAttributes,
 ) -> Result<Vec<DAffine3>, SceneError> {
@@ -128,7 +128,7 @@ fn instances(
 /// - `hierarchy`: where the joints of skins are.
 /// - `draco`: what the shapes have in compressed form.
 pub(super) fn build(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     placements: &Placements,
     draco: &DracoMeshes,
@@ -136,14 +136,14 @@ pub(super) fn build(
     material_of: &BTreeMap<Option<usize>, u32>,
     warnings: &mut Warnings,
 ) -> Result<(Vec<Mesh>, Vec<Instance>), SceneError> {
-    let read = |shape: &Shape| {
+    let read = |shape: &PrimitiveShape| {
         let mut warnings = Warnings::default();
         let material = material_of[&shape.material];
         let mesh = mesh::read(source, hierarchy, draco, shape, &materials[material as usize], &mut warnings);
         (mesh.map(|mesh| mesh.map(|mesh| Mesh { material, ..mesh })), warnings)
     };
     let read: Vec<_> = placements.shapes.par_iter().map(read).collect();
-    let mut placed = Placed::default();
+    let mut placed = PlacedMeshes::default();
     for (mesh, news) in read {
         warnings.append(news);
         placed.shapes.push(mesh?.map(|mesh| PlacedShape::new(mesh, source.origin != DVec3::ZERO)));
@@ -168,7 +168,7 @@ pub(super) fn build(
 /// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors; one that
 /// makes its mesh flat gets a flat mesh.
 #[derive(Default)]
-struct Placed {
+struct PlacedMeshes {
     /// `None`: no triangle is left of it.
     shapes: Vec<Option<PlacedShape>>,
     /// Meshes in world space.
@@ -188,7 +188,7 @@ struct PlacedShape {
 /// The mesh of an instance.
 enum Which {
     /// A shape, and whether it is mirrored.
-    Shape(usize, bool),
+    PrimitiveShape(usize, bool),
     /// A flat one.
     Flat(usize),
 }
@@ -204,10 +204,10 @@ impl PlacedShape {
 /// The scale that turns a mirrored mesh back.
 const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 
-impl Placed {
+impl PlacedMeshes {
     /// Places a shape, or says why it cannot be placed there. Shapes without triangles are placed nowhere, silently, and so
     /// are those that are scaled to a point, which is how they are hidden (glTF 2.0, section 5.25).
-    fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
+    fn add(&mut self, source: &GltfSource<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
         let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(None) };
         let world = match shape.center {
             DVec3::ZERO => placement.world_from_object,

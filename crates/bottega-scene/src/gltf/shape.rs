@@ -1,11 +1,11 @@
 //! Primitives as nodes show them.
 
 use super::document;
-use super::source::Source;
+use super::source::GltfSource;
 
 /// One primitive as one or more nodes show it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Shape {
+pub(super) struct PrimitiveShape {
     pub(super) mesh: usize,
     pub(super) primitive: usize,
     pub(super) material: Option<usize>,
@@ -14,8 +14,8 @@ pub(super) struct Shape {
     pub(super) skin: Option<usize>,
 }
 
-impl Shape {
-    pub(super) fn primitive<'a>(&self, source: &Source<'a>) -> &'a document::Primitive {
+impl PrimitiveShape {
+    pub(super) fn primitive<'a>(&self, source: &GltfSource<'a>) -> &'a document::Primitive {
         &source.document.meshes[self.mesh].primitives[self.primitive]
     }
 

@@ -6,14 +6,14 @@ use glam::DVec3;
 
 use super::accessor::Bytes;
 use super::document::Document;
+use crate::SceneError;
 use crate::budget::MemoryBudget;
 use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
-use crate::SceneError;
 
 /// What all parts of the importer look at.
-pub(super) struct Source<'a> {
+pub(super) struct GltfSource<'a> {
     pub(super) path: &'a Path,
     pub(super) document: &'a Document,
     pub(super) bytes: accessor::Bytes<'a>,
@@ -26,7 +26,7 @@ pub(super) struct Source<'a> {
     pub(super) origin: DVec3,
 }
 
-impl Source<'_> {
+impl GltfSource<'_> {
     pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }

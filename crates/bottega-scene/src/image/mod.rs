@@ -13,7 +13,7 @@ mod texels;
 
 use glam::Vec4;
 
-pub(crate) use decode::{Decoded, Header, PictureFault};
+pub(crate) use decode::{Decoded, PictureFault, PictureHeader};
 pub(crate) use pictures::{Framed, Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};

@@ -19,9 +19,9 @@ use std::path::Path;
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
-use source::Source;
+use source::MeshSource;
 
-use crate::budget::{Held, MemoryBudget};
+use crate::budget::{HeldBytes, MemoryBudget};
 use crate::{Mesh, SceneError};
 
 pub(crate) use scene::{import, recognizes};
@@ -32,11 +32,11 @@ pub(crate) fn unfolded<'a>(
     path: &'a Path,
     bytes: Vec<u8>,
     budget: &'a MemoryBudget,
-) -> Result<(Vec<u8>, Option<Held<'a>>), SceneError> {
+) -> Result<(Vec<u8>, Option<HeldBytes<'a>>), SceneError> {
     if !bytes.starts_with(inflate::GZIP_MAGIC) {
         return Ok((bytes, None));
     }
-    inflate::gunzip(Source { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
+    inflate::gunzip(MeshSource { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
 }
 
 /// A colour that can be computed with: no channel is negative, infinite or not a number.

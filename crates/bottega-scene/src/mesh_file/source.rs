@@ -10,12 +10,12 @@ use crate::budget::MemoryBudget;
 
 /// The file that is being read, for errors and for the memory that it may take.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct MeshSource<'a> {
     pub(super) path: &'a Path,
     pub(super) budget: &'a MemoryBudget,
 }
 
-impl Source<'_> {
+impl MeshSource<'_> {
     pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }

@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-use super::importer::Importer;
 use super::document::{Class, Object, ObjectId, Property};
+use super::importer::Importer;
 use super::value::Value;
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::spectrum::{Sampled, read_spd};
 use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
 
@@ -167,7 +167,7 @@ impl Importer<'_> {
     }
 
     /// Brings a colour into the range of its role.
-    fn in_range(&mut self, color: Vec3, role: Role, at: Place) -> Vec3 {
+    fn in_range(&mut self, color: Vec3, role: Role, at: XmlPlace) -> Vec3 {
         let most = if role == Role::Reflectance { 1.0 } else { f32::MAX };
         let clamped = color.clamp(Vec3::ZERO, Vec3::splat(most));
         if clamped != color {

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use glam::{DMat4, DVec3};
 
 use super::value::Value;
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::text::shortened;
 
 /// Index of an object in [`Document::objects`].
@@ -76,7 +76,7 @@ impl Class {
 pub(super) struct Property {
     pub(super) name: String,
     pub(super) value: Value,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
     pub(super) used: Cell<bool>,
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Child {
     /// Its role; empty where its class alone tells.
     pub(super) name: String,
     pub(super) object: ObjectId,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
     pub(super) used: Cell<bool>,
 }
 
@@ -98,7 +98,7 @@ pub(super) struct Object {
     pub(super) plugin: String,
     /// Its id in the file; may be empty.
     pub(super) id: String,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
     pub(super) properties: Vec<Property>,
     pub(super) children: Vec<Child>,
 }
@@ -158,7 +158,7 @@ impl Object {
     }
 
     /// A transformation; the identity where there is none.
-    pub(super) fn transform(&self, name: &str) -> Result<DMat4, (Place, String)> {
+    pub(super) fn transform(&self, name: &str) -> Result<DMat4, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(DMat4::IDENTITY),
             Some(Property { value: Value::Transform(matrix), .. }) => Ok(*matrix),
@@ -167,7 +167,7 @@ impl Object {
     }
 
     /// A number.
-    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (Place, String)> {
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
             Some(Property { value: Value::Float(number), .. }) => Ok(Some(*number)),
@@ -177,7 +177,7 @@ impl Object {
     }
 
     /// A whole number.
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (Place, String)> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
             Some(Property { value: Value::Integer(number), .. }) => Ok(Some(*number)),
@@ -187,7 +187,7 @@ impl Object {
     }
 
     /// Yes or no.
-    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (Place, String)> {
+    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(default),
             Some(Property { value: Value::Boolean(value), .. }) => Ok(*value),
@@ -196,7 +196,7 @@ impl Object {
     }
 
     /// A text.
-    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (Place, String)> {
+    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
             Some(Property { value: Value::String(text), .. }) => Ok(Some(text)),
@@ -205,7 +205,7 @@ impl Object {
     }
 
     /// A point or a direction.
-    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (Place, String)> {
+    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
             Some(Property { value: Value::Vector(vector), .. }) => Ok(Some(*vector)),
@@ -216,7 +216,7 @@ impl Object {
 
 impl Property {
     /// That its value is of the wrong kind.
-    pub(super) fn wrong(&self, wanted: &str) -> (Place, String) {
+    pub(super) fn wrong(&self, wanted: &str) -> (XmlPlace, String) {
         (self.at, format!("`{}` is not {wanted}", shortened(&self.name)))
     }
 }

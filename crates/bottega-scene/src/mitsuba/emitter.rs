@@ -2,12 +2,12 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::document::{Object, ObjectId};
 use super::color::{Role, Use};
+use super::document::{Object, ObjectId};
 use super::importer::Importer;
 use super::sensor::{fov_axis, standing, vertical_fov};
 use super::slide::Slide;
-use crate::image::{Encoding, Header};
+use crate::image::{Encoding, PictureHeader};
 use crate::{
     ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum,
     SpotFalloff, TextureMap, Wrap,
@@ -183,7 +183,7 @@ impl Importer<'_> {
             if inner.plugin == "bitmap" {
                 // Its proportions are wanted before it is decoded.
                 let bytes = self.resources.read(&self.filename(inner)?)?;
-                if let Ok(header) = Header::read(&bytes, u64::MAX) {
+                if let Ok(header) = PictureHeader::read(&bytes, u64::MAX) {
                     let (width, height) = header.size();
                     aspect = f64::from(width) / f64::from(height);
                 }

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use glam::{DMat4, DVec3};
 
 use super::document::{Document, Object, ObjectId};
-use super::report::Report;
-use super::shared::{Group, Needs, Shared};
+use super::report::ImportReport;
+use super::shared::{Group, Needs, SharedMeshes};
 use super::slide::Slide;
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::hints::RenderHints;
 use crate::image::Pictures;
 use crate::resource::{Location, Resources};
@@ -27,7 +27,7 @@ pub(super) struct Importer<'a> {
     pub(super) resources: &'a Resources<'a>,
     /// What is taken from all places of the world.
     pub(super) origin: DVec3,
-    pub(super) report: Report,
+    pub(super) report: ImportReport,
     pub(super) pictures: Pictures<'a>,
     pub(super) scene: Scene,
     pub(super) hints: RenderHints,
@@ -39,7 +39,7 @@ pub(super) struct Importer<'a> {
     pub(super) materials: BTreeMap<MaterialKey, (u32, Needs)>,
     pub(super) media: BTreeMap<ObjectId, MediumId>,
     pub(super) groups: BTreeMap<ObjectId, Group>,
-    pub(super) shared: Shared,
+    pub(super) shared: SharedMeshes,
     /// Objects that were looked at: what they hold and nobody asked for is not known.
     pub(super) visited: Vec<bool>,
     /// Whether a texture of the material that is being made is the colours of the mesh.
@@ -73,12 +73,12 @@ impl<'a> Importer<'a> {
     }
 
     /// Books memory for what stands at a place.
-    pub(super) fn take(&self, at: Place, bytes: usize) -> Result<(), SceneError> {
+    pub(super) fn take(&self, at: XmlPlace, bytes: usize) -> Result<(), SceneError> {
         self.placed(at, self.resources.budget().take(self.report.path(at.file), "", bytes))
     }
 
     /// Adds the place to a refusal of memory. Only then: shapes may be millions.
-    pub(super) fn placed(&self, at: Place, taken: Result<(), SceneError>) -> Result<(), SceneError> {
+    pub(super) fn placed(&self, at: XmlPlace, taken: Result<(), SceneError>) -> Result<(), SceneError> {
         taken.map_err(|error| match error {
             SceneError::Limit { path, problem, remedy, .. } => {
                 SceneError::Limit { path, place: self.report.show(at), problem, remedy }
@@ -88,12 +88,18 @@ impl<'a> Importer<'a> {
     }
 
     /// A problem with a value as an error.
-    pub(super) fn bad<T>(&self, result: Result<T, (Place, String)>) -> Result<T, SceneError> {
+    pub(super) fn bad<T>(&self, result: Result<T, (XmlPlace, String)>) -> Result<T, SceneError> {
         result.map_err(|(at, problem)| self.report.invalid(at, problem))
     }
 
     /// A number that is at least `least`, else the default.
-    pub(super) fn number_at_least(&self, object: &Object, name: &str, least: f64, default: f64) -> Result<f64, SceneError> {
+    pub(super) fn number_at_least(
+        &self,
+        object: &Object,
+        name: &str,
+        least: f64,
+        default: f64,
+    ) -> Result<f64, SceneError> {
         let number = self.bad(object.float(name))?.unwrap_or(default);
         if number < least {
             let at = object.property(name).map_or(object.at, |property| property.at);
@@ -104,7 +110,7 @@ impl<'a> Importer<'a> {
 
     /// Finds a file that the scene refers to: beside the scene, in the folders that it names, or beside the file that
     /// refers to it.
-    pub(super) fn find(&self, reference: &str, at: Place) -> Result<Location, SceneError> {
+    pub(super) fn find(&self, reference: &str, at: XmlPlace) -> Result<Location, SceneError> {
         let place = self.report.show(at);
         let beside = match self.report.name(at.file).rsplit_once('/') {
             Some((folder, _)) if at.file > 0 => Some(folder),
@@ -165,5 +171,5 @@ pub(super) struct Manner {
     pub(super) ignores_media: bool,
     /// Whether the camera does not see what shines.
     pub(super) hides_emitters: bool,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
 }

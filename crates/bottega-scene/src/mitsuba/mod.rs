@@ -41,13 +41,13 @@ use bottega_image::WhitePoint;
 use document::{Class, Document, ObjectId};
 use glam::DMat4;
 use importer::{Importer, Manner};
-use report::Report;
-use shared::Shared;
+use report::ImportReport;
+use shared::SharedMeshes;
 
 use crate::error::Warnings;
-use crate::image::Pictures;
 use crate::hints::{Metadata, RenderHints};
-use crate::import::{Imported, Request};
+use crate::image::Pictures;
+use crate::import::{ImportRequest, Imported};
 use crate::{Scene, SceneError};
 
 /// Whether a file looks like one of ours: by its name, or by its outermost element.
@@ -59,9 +59,9 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a file. Lights and cameras may be missing from it.
-pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, origin, resources } = request;
-    let mut report = Report::new(path);
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &ImportRequest { path, file, options, origin, resources } = request;
+    let mut report = ImportReport::new(path);
     let document = Document::read(file, options, resources, &mut report)?;
     let mut importer = Importer {
         document: &document,
@@ -77,7 +77,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         materials: BTreeMap::new(),
         media: BTreeMap::new(),
         groups: BTreeMap::new(),
-        shared: Shared::new(&document),
+        shared: SharedMeshes::new(&document),
         visited: vec![false; document.objects.len()],
         wants_vertex_colors: false,
         wants_face_colors: false,

@@ -2,8 +2,8 @@
 
 use glam::{Affine3A, DMat3, DMat4, DVec3, Vec2};
 
-use super::importer::Importer;
 use super::document::{Class, Object, ObjectId};
+use super::importer::Importer;
 use super::value::{Value, number};
 use crate::hints::FilmFilter;
 use crate::text::shortened;

@@ -27,7 +27,7 @@ pub(super) fn mesh_key(object: &Object) -> Option<MeshKey> {
 
 /// Meshes that several shapes show.
 #[derive(Debug, Default)]
-pub(super) struct Shared {
+pub(super) struct SharedMeshes {
     /// How many shapes, and the mesh once it is there; of one with few triangles every shape gets its own.
     pub(super) meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
     /// Mirrored copies, where they were asked for.
@@ -37,7 +37,7 @@ pub(super) struct Shared {
     pub(super) bounds: MeshBounds,
 }
 
-impl Shared {
+impl SharedMeshes {
     /// Counts the shapes of a document.
     pub(super) fn new(document: &Document) -> Self {
         let mut shared = Self::default();

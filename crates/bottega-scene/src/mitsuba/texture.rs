@@ -2,9 +2,9 @@
 
 use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 
-use super::importer::Importer;
 use super::color::{Role, Use, luminance};
 use super::document::{Object, ObjectId};
+use super::importer::Importer;
 use crate::image::Encoding;
 use crate::text::shortened;
 use crate::{Channel, Image, SceneError, Spectrum, TextureMap, Wrap};

@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::color_space::{ColorSpace, Meaning};
-use super::context::{Context, Outcome};
+use super::context::{Context, PbrtResult};
 use super::params::{Params, Values};
-use super::token::Place;
+use super::token::PbrtPlace;
 use crate::Spectrum;
 use crate::spectrum::{self, Sampled};
 use crate::text::shortened;
@@ -33,7 +33,7 @@ impl Color {
 
 impl Context<'_> {
     /// The colour of a parameter, if it is given.
-    pub(super) fn color(&mut self, params: &Params, name: &str) -> Outcome<Option<Color>> {
+    pub(super) fn color(&mut self, params: &Params, name: &str) -> PbrtResult<Option<Color>> {
         let Some(param) = params.find(name, &["rgb", "spectrum", "blackbody"]) else { return Ok(None) };
         let at = param.at;
         let count = |count: usize| at.fault(format!("`{name}` has {count} values, which is not one colour"));
@@ -77,7 +77,7 @@ impl Context<'_> {
     }
 
     /// A spectrum by name, or from a file.
-    fn named_spectrum(&mut self, name: &str, at: Place) -> Outcome<Color> {
+    fn named_spectrum(&mut self, name: &str, at: PbrtPlace) -> PbrtResult<Color> {
         if let Some(metal) = name.strip_prefix("metal-")
             && let Some((metal, quantity)) = metal.rsplit_once('-')
             && let Some((eta, k)) = spectrum::metal_spectra(metal)

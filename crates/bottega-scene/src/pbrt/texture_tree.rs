@@ -9,15 +9,15 @@ use crate::{ImageId, Wrap};
 
 /// A texture.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Node {
+pub(super) enum TextureNode {
     Constant(DVec3),
     Picture(PictureNode),
     /// The product of both.
-    Scale(Rc<Node>, Rc<Node>),
+    Scale(Rc<TextureNode>, Rc<TextureNode>),
     /// From the first to the second by the third.
-    Mix(Rc<Node>, Rc<Node>, Rc<Node>),
+    Mix(Rc<TextureNode>, Rc<TextureNode>, Rc<TextureNode>),
     /// The first where both coordinates are even, or both odd.
-    Checkerboard(Laid, Rc<Node>, Rc<Node>),
+    Checkerboard(Laid, Rc<TextureNode>, Rc<TextureNode>),
     /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
     Bilinear(Laid, [DVec3; 4]),
 }
@@ -39,25 +39,25 @@ pub(super) struct PictureNode {
 }
 
 /// The value of a tree that is the same everywhere.
-pub(super) fn constant(node: &Node) -> Option<DVec3> {
+pub(super) fn constant(node: &TextureNode) -> Option<DVec3> {
     match node {
-        Node::Constant(value) => Some(*value),
-        Node::Picture(_) => None,
-        Node::Scale(a, b) => Some(constant(a)? * constant(b)?),
-        Node::Mix(a, b, amount) => {
+        TextureNode::Constant(value) => Some(*value),
+        TextureNode::Picture(_) => None,
+        TextureNode::Scale(a, b) => Some(constant(a)? * constant(b)?),
+        TextureNode::Mix(a, b, amount) => {
             let (a, b, amount) = (constant(a)?, constant(b)?, constant(amount)?);
             Some(a + (b - a) * amount)
         }
-        Node::Checkerboard(_, a, b) => constant(a).filter(|value| constant(b) == Some(*value)),
-        Node::Bilinear(_, [first, rest @ ..]) => rest.iter().all(|value| value == first).then_some(*first),
+        TextureNode::Checkerboard(_, a, b) => constant(a).filter(|value| constant(b) == Some(*value)),
+        TextureNode::Bilinear(_, [first, rest @ ..]) => rest.iter().all(|value| value == first).then_some(*first),
     }
 }
 
 /// How many parts a tree has, seen as a tree.
-pub(super) fn parts(node: &Node) -> usize {
+pub(super) fn parts(node: &TextureNode) -> usize {
     match node {
-        Node::Constant(_) | Node::Picture(_) | Node::Bilinear(..) => 1,
-        Node::Scale(a, b) | Node::Checkerboard(_, a, b) => parts(a) + parts(b) + 1,
-        Node::Mix(a, b, amount) => parts(a) + parts(b) + parts(amount) + 1,
+        TextureNode::Constant(_) | TextureNode::Picture(_) | TextureNode::Bilinear(..) => 1,
+        TextureNode::Scale(a, b) | TextureNode::Checkerboard(_, a, b) => parts(a) + parts(b) + 1,
+        TextureNode::Mix(a, b, amount) => parts(a) + parts(b) + parts(amount) + 1,
     }
 }

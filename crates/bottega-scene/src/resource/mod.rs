@@ -12,9 +12,9 @@ use std::sync::{Mutex, PoisonError};
 use spelling::Spellings;
 
 use crate::SceneError;
+use crate::budget::MemoryBudget;
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
-use crate::budget::MemoryBudget;
 use crate::options::LoadOptions;
 use crate::text::shortened;
 

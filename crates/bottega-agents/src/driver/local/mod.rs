@@ -16,7 +16,7 @@ use std::{
 
 pub use bus::LocalBus;
 pub use state::{MAILBOX_MESSAGES_MAX, Mailbox, Performer, Uplink};
-use state::{Shared, Slot, State};
+use state::{PlatformShared, PlatformState, Slot};
 
 use super::alarm::Alarm;
 use crate::{
@@ -34,7 +34,7 @@ const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 
 /// A platform in one process.
 pub struct LocalPlatform<M: StateMachine> {
-    shared: Arc<Shared<M>>,
+    shared: Arc<PlatformShared<M>>,
     threads: Vec<thread::JoinHandle<()>>,
 }
 
@@ -75,8 +75,8 @@ where
         store: Box<dyn EntryStore<M::Value, usize> + Send>,
         uplink: Option<Arc<dyn Uplink<M>>>,
     ) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared {
-            state: Mutex::new(State::new()),
+        let shared = Arc::new(PlatformShared {
+            state: Mutex::new(PlatformState::new()),
             store: Mutex::new(store),
             work: Alarm::default(),
             finished: Condvar::new(),
@@ -217,7 +217,7 @@ impl<M: StateMachine> Drop for LocalPlatform<M> {
 pub struct NameTaken(pub AgentId);
 
 /// Tells the platform when a machine panics, so that nobody waits for it.
-struct PanicNotice<'a, M: StateMachine>(&'a Shared<M>);
+struct PanicNotice<'a, M: StateMachine>(&'a PlatformShared<M>);
 
 impl<M: StateMachine> Drop for PanicNotice<'_, M> {
     fn drop(&mut self) {
@@ -232,7 +232,7 @@ impl<M: StateMachine> Drop for PanicNotice<'_, M> {
     }
 }
 
-fn work<M: StateMachine>(shared: &Arc<Shared<M>>)
+fn work<M: StateMachine>(shared: &Arc<PlatformShared<M>>)
 where
     M::Content: Clone,
     M::Value: Clone,
@@ -271,7 +271,7 @@ where
 }
 
 /// Waits for an agent that has something to do. `None`: the platform closes.
-fn next_agent<M: StateMachine>(shared: &Shared<M>) -> Option<usize> {
+fn next_agent<M: StateMachine>(shared: &PlatformShared<M>) -> Option<usize> {
     let mut state = shared.lock();
     loop {
         if state.closing {
@@ -293,7 +293,7 @@ fn next_agent<M: StateMachine>(shared: &Shared<M>) -> Option<usize> {
 }
 
 /// Puts a machine back after its turn.
-fn rest<M: StateMachine>(shared: &Shared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
+fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
     // A deadline in the past was just answered: do not turn in place.
     let deadline = machine.next_deadline().map(|at| at.max(shared.now() + WAKE_AFTER_MIN));
     let mut state = shared.lock();

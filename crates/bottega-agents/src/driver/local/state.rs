@@ -32,7 +32,7 @@ pub(super) struct Slot<M: StateMachine> {
     pub(super) stopped: bool,
 }
 
-pub(super) struct State<M: StateMachine> {
+pub(super) struct PlatformState<M: StateMachine> {
     pub(super) slots: Vec<Slot<M>>,
     pub(super) index: BTreeMap<AgentId, usize>,
     pub(super) ready: VecDeque<usize>,
@@ -51,8 +51,8 @@ pub(super) struct State<M: StateMachine> {
 
 pub(super) type Store<V> = Box<dyn EntryStore<V, usize> + Send>;
 
-pub(super) struct Shared<M: StateMachine> {
-    pub(super) state: Mutex<State<M>>,
+pub(super) struct PlatformShared<M: StateMachine> {
+    pub(super) state: Mutex<PlatformState<M>>,
     /// Locked before `state` where both are, so that replies arrive in the order of what they tell, and that a store
     /// which takes its time holds up nobody who does not need it.
     pub(super) store: Mutex<Store<M::Value>>,
@@ -65,8 +65,8 @@ pub(super) struct Shared<M: StateMachine> {
     pub(super) uplink: Option<Arc<dyn Uplink<M>>>,
 }
 
-impl<M: StateMachine> Shared<M> {
-    pub(super) fn lock(&self) -> MutexGuard<'_, State<M>> {
+impl<M: StateMachine> PlatformShared<M> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, PlatformState<M>> {
         // No machine runs under the lock, so a panic elsewhere leaves the state whole.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -93,7 +93,7 @@ impl<M: StateMachine> Shared<M> {
     }
 }
 
-impl<M: StateMachine> State<M> {
+impl<M: StateMachine> PlatformState<M> {
     /// Without agents.
     pub(super) fn new() -> Self {
         Self {
@@ -200,7 +200,7 @@ impl<M: StateMachine> State<M> {
 
 /// The mailbox of one agent, for threads outside of the platform: an engine that reports, a user who interrupts.
 pub struct Mailbox<M: StateMachine> {
-    pub(super) shared: Arc<Shared<M>>,
+    pub(super) shared: Arc<PlatformShared<M>>,
     pub(super) agent: usize,
 }
 

@@ -35,18 +35,18 @@ use tokio::{
 };
 use tokio_stream::StreamExt;
 
-use self::{options::ANSWER_TIME, store::Bucket};
 pub use self::{
     blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
-    error::NatsError,
     enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
+    error::NatsError,
     options::{Login, NatsOptions, Tls},
     pin::Pin,
     rights::Rights,
     tiles::NatsTiles,
 };
+use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
 use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time};
 

@@ -21,7 +21,7 @@ pub(super) const ENTRY: &str = "df/entry/";
 
 /// One offer and the write that entered it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct DfEntry {
     pub(super) offer: DfAgentDescription,
     /// The request that it was entered by.
     pub(super) by: Option<String>,
@@ -30,7 +30,7 @@ pub(super) struct Entry {
     pub(super) bytes: usize,
 }
 
-impl Entry {
+impl DfEntry {
     /// What others wrote into the store: what cannot be read is passed over.
     pub(super) fn parse(calendar: Calendar, now: Time, revision: Revision, text: &str) -> Option<Self> {
         let term = sl::parse_term(text).ok()?;

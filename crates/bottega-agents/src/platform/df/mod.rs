@@ -11,7 +11,7 @@ use std::{
 };
 
 pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX};
-use entry::{ENTRY, Entry, holds, index, key, largest_of};
+use entry::{DfEntry, ENTRY, holds, index, key, largest_of};
 use federation::Federation;
 use subscriptions::{Pages, Subscriptions};
 
@@ -56,7 +56,7 @@ pub struct DfConfig {
 pub struct Df {
     config: DfConfig,
     /// By name in small letters.
-    entries: BTreeMap<String, Entry>,
+    entries: BTreeMap<String, DfEntry>,
     /// Of the text of all of them.
     bytes: usize,
     /// What was taken out, and by which write.
@@ -129,7 +129,7 @@ impl Df {
     }
 
     /// Entries that still hold.
-    fn entry(&self, now: Time, name: &AgentId) -> Option<&Entry> {
+    fn entry(&self, now: Time, name: &AgentId) -> Option<&DfEntry> {
         self.entries.get(&index(name)).filter(|entry| holds(&entry.offer, now))
     }
 
@@ -209,7 +209,7 @@ impl Df {
 }
 
 impl Df {
-    fn entered(&mut self, now: Time, name: &str, entry: Entry) {
+    fn entered(&mut self, now: Time, name: &str, entry: DfEntry) {
         if let Some(end) = entry.offer.lease_time {
             self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
         }
@@ -247,7 +247,7 @@ impl Functions for Df {
             return;
         };
         self.ending.remove(name);
-        match Entry::parse(self.config.calendar, now, revision, text) {
+        match DfEntry::parse(self.config.calendar, now, revision, text) {
             Some(entry) => self.entered(now, name, entry),
             None => self.taken_out(now, name, revision),
         }

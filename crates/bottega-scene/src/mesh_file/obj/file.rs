@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::source::Source;
-use crate::budget::Held;
+use super::super::source::MeshSource;
+use crate::budget::HeldBytes;
 
 /// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
 pub(super) type Corner = [u32; 3];
@@ -13,7 +13,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// A file as it was read.
 pub(crate) struct ObjFile<'a> {
-    pub(super) source: Source<'a>,
+    pub(super) source: MeshSource<'a>,
     pub(super) positions: Vec<Vec3>,
     /// Linear; empty where no vertex has a colour.
     pub(super) colors: Vec<Vec3>,
@@ -31,7 +31,7 @@ pub(crate) struct ObjFile<'a> {
     /// Lines, and what else is to be told of them.
     pub(super) notes: Vec<(usize, String)>,
     /// The memory of all this.
-    pub(super) _held: Vec<Held<'a>>,
+    pub(super) _held: Vec<HeldBytes<'a>>,
 }
 
 /// Triangles that share a material and a smoothing group.

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use file::Run;
 use parse::{Parsed, Statement};
 
-use super::source::Source;
+use super::source::MeshSource;
 use super::{finish, lines};
-use crate::budget::{Held, MemoryBudget};
+use crate::budget::{HeldBytes, MemoryBudget};
 use crate::text::{Text, decode};
 use crate::{Mesh, SceneError};
 
@@ -37,7 +37,7 @@ pub(crate) struct ObjPart {
 /// - `path`: for errors.
 /// - `bytes`: the file.
 pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -> Result<ObjFile<'a>, SceneError> {
-    let source = Source { path, budget };
+    let source = MeshSource { path, budget };
     let Text { text, guess } = decode(path, bytes, budget)?;
     let blocks = lines::blocks(text.as_bytes(), 1, true);
     let parsed = (blocks.par_iter())
@@ -47,9 +47,9 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
             let held = budget.hold(path, parsed.memory_bytes())?;
             Ok((parsed, held))
         })
-        .collect::<Vec<Result<(Parsed, Held<'a>), SceneError>>>();
+        .collect::<Vec<Result<(Parsed, HeldBytes<'a>), SceneError>>>();
     let parsed = parsed.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
-    let (mut parsed, held): (Vec<Parsed>, Vec<Held<'a>>) = parsed.into_iter().unzip();
+    let (mut parsed, held): (Vec<Parsed>, Vec<HeldBytes<'a>>) = parsed.into_iter().unzip();
     resolve(source, &blocks, &mut parsed)?;
     let mut file = ObjFile::join(source, parsed, held);
     file.notes.splice(..0, guess);
@@ -62,7 +62,7 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Makes all indices absolute, and checks that they are in range.
-fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
+fn resolve(source: MeshSource<'_>, blocks: &[lines::LineBlock<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
     let mut next = [0usize; 3];
     let bases: Vec<[usize; 3]> = parsed
         .iter()
@@ -88,7 +88,7 @@ fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed
 }
 
 impl<'a> ObjFile<'a> {
-    fn join(source: Source<'a>, parsed: Vec<Parsed>, held: Vec<Held<'a>>) -> Self {
+    fn join(source: MeshSource<'a>, parsed: Vec<Parsed>, held: Vec<HeldBytes<'a>>) -> Self {
         let mut file = Self {
             source,
             positions: Vec::new(),

@@ -1,7 +1,7 @@
 //! What a PLY file says of its elements.
 
-use super::super::source::Source;
-use super::super::lines::{Fault, Located, integer, next_word};
+use super::super::lines::{LineFault, Located, integer, next_word};
+use super::super::source::MeshSource;
 use super::role::Role;
 use crate::SceneError;
 use crate::text::{column, shortened};
@@ -15,7 +15,7 @@ pub(super) enum Encoding {
 
 /// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberKind {
     I8,
     U8,
     I16,
@@ -26,7 +26,7 @@ pub(super) enum Kind {
     F64,
 }
 
-impl Kind {
+impl NumberKind {
     fn new(word: &[u8]) -> Option<Self> {
         Some(match word {
             b"char" | b"int8" => Self::I8,
@@ -69,9 +69,9 @@ impl Kind {
 pub(super) struct Property {
     name: Vec<u8>,
     /// Of the number, or of the elements of the list.
-    pub(super) kind: Kind,
+    pub(super) kind: NumberKind,
     /// How the length of a list is stored; `None`: a single number.
-    pub(super) count: Option<Kind>,
+    pub(super) count: Option<NumberKind>,
 }
 
 #[derive(Clone, Debug)]
@@ -145,7 +145,7 @@ impl Element {
 }
 
 /// Some numbers of the rows of an element.
-pub(super) struct Wanted<'a> {
+pub(super) struct WantedNumbers<'a> {
     /// Which of the elements.
     pub(super) element: usize,
     /// Which of its properties; none of them is a list.
@@ -153,7 +153,7 @@ pub(super) struct Wanted<'a> {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Header {
+pub(super) struct PlyHeader {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
     /// Where the numbers begin.
@@ -163,8 +163,8 @@ pub(super) struct Header {
     pub(super) vertex_count: usize,
 }
 
-impl Header {
-    pub(super) fn parse(source: Source<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
+impl PlyHeader {
+    pub(super) fn parse(source: MeshSource<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let (mut at, mut number) = (0, 0);
@@ -214,7 +214,7 @@ impl Header {
                     elements.push(Element { name, count, properties: Vec::new(), line: number });
                 }
                 Some(b"property") => {
-                    let property = property(words).map_err(|Fault { at, problem }| wrong(problem, at))?;
+                    let property = property(words).map_err(|LineFault { at, problem }| wrong(problem, at))?;
                     let Some(element) = elements.last_mut() else {
                         return Err(wrong("a property before the first element".into(), line));
                     };
@@ -231,7 +231,7 @@ impl Header {
     }
 
     /// Checks that there are vertices and faces, and no more than the rest of the file can hold.
-    fn check(&mut self, source: Source<'_>, body_bytes: usize) -> Result<(), SceneError> {
+    fn check(&mut self, source: MeshSource<'_>, body_bytes: usize) -> Result<(), SceneError> {
         for element in &self.elements {
             // An element is announced at the start of its line.
             let at_element = |problem: String| source.located(Located { line: element.line, column: 1, problem });
@@ -270,19 +270,19 @@ impl Header {
     }
 }
 
-fn property(mut words: &[u8]) -> Result<Property, Fault<'_>> {
-    fn kind<'t>(words: &mut &'t [u8]) -> Result<Kind, Fault<'t>> {
+fn property(mut words: &[u8]) -> Result<Property, LineFault<'_>> {
+    fn kind<'t>(words: &mut &'t [u8]) -> Result<NumberKind, LineFault<'t>> {
         let at = *words;
         let word = next_word(words);
-        let wrong = || Fault::new(at, format!("unknown type of property `{}`", text(word)));
-        word.and_then(Kind::new).ok_or_else(wrong)
+        let wrong = || LineFault::new(at, format!("unknown type of property `{}`", text(word)));
+        word.and_then(NumberKind::new).ok_or_else(wrong)
     }
     let mut rest = words;
     let (count, kind) = if next_word(&mut rest) == Some(b"list") {
         words = rest;
         let count = kind(&mut words)?;
         if !count.is_integer() {
-            return Err(Fault::new(rest, "the length of a list must be a whole number"));
+            return Err(LineFault::new(rest, "the length of a list must be a whole number"));
         }
         (Some(count), kind(&mut words)?)
     } else {

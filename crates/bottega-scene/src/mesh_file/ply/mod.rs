@@ -13,10 +13,10 @@ mod vertices;
 use std::path::Path;
 
 use glam::Vec4;
-use header::{Element, Encoding, Header, Wanted};
+use header::{Element, Encoding, PlyHeader, WantedNumbers};
 use role::Role;
 
-use super::source::Source;
+use super::source::MeshSource;
 use super::{clean, finish, inflate};
 use crate::budget::MemoryBudget;
 use crate::text::decode;
@@ -27,7 +27,7 @@ use crate::{Mesh, SceneError};
 /// - `path`: for errors and for the name of the mesh.
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
-    let mesh = open(Source { path, budget }, bytes, |source, header, bytes| match header.encoding {
+    let mesh = open(MeshSource { path, budget }, bytes, |source, header, bytes| match header.encoding {
         Encoding::Ascii => ascii::read(source, header, bytes),
         Encoding::LittleEndian => binary::read(source, header, bytes, false),
         Encoding::BigEndian => binary::read(source, header, bytes, true),
@@ -37,7 +37,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
 
 /// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it. `None`: they have none.
 pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Option<Vec<Vec4>>, SceneError> {
-    open(Source { path, budget }, bytes, |source, header, bytes| {
+    open(MeshSource { path, budget }, bytes, |source, header, bytes| {
         let Some((element, faces)) = header.elements.iter().enumerate().find(|(_, element)| element.is_faces()) else {
             return Ok(None);
         };
@@ -51,7 +51,7 @@ pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> R
             return Ok(None);
         }
         let mut colors = Vec::new();
-        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+        visit_rows(source, header, bytes, &WantedNumbers { element, properties: &properties }, |values, corners| {
             let mut color = Vec4::ONE;
             for ((&value, &property), &channel) in values.iter().zip(&properties).zip(&channels) {
                 color[channel] = vertices::color(value, faces.properties[property].kind, channel) as f32;
@@ -82,7 +82,7 @@ pub(crate) fn attribute(
     name: &str,
     budget: &MemoryBudget,
 ) -> Result<Option<Attribute>, SceneError> {
-    open(Source { path, budget }, bytes, |source, header, bytes| {
+    open(MeshSource { path, budget }, bytes, |source, header, bytes| {
         let (name, is_of_faces) = match (name.strip_prefix("vertex_"), name.strip_prefix("face_")) {
             (Some(name), _) => (name, false),
             (None, Some(name)) => (name, true),
@@ -95,7 +95,7 @@ pub(crate) fn attribute(
             return Ok(None);
         }
         let mut attribute = Attribute { channels: properties.len(), values: Vec::new() };
-        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+        visit_rows(source, header, bytes, &WantedNumbers { element, properties: &properties }, |values, corners| {
             let number = |channel: usize| clean(Vec4::splat(values[channel % values.len()] as f32)).x;
             let count = if is_of_faces { corners.saturating_sub(2) } else { 1 };
             budget.take(path, "", count * size_of::<[f32; 3]>())?;
@@ -108,10 +108,10 @@ pub(crate) fn attribute(
 
 /// Visits the rows of an element: the numbers that are wanted, and how many corners a face has.
 fn visit_rows(
-    source: Source<'_>,
-    header: &Header,
+    source: MeshSource<'_>,
+    header: &PlyHeader,
     bytes: &[u8],
-    wanted: &Wanted<'_>,
+    wanted: &WantedNumbers<'_>,
     visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
     match header.encoding {
@@ -123,9 +123,9 @@ fn visit_rows(
 
 /// Unfolds a file where it is compressed, and reads its header.
 fn open<T>(
-    source: Source<'_>,
+    source: MeshSource<'_>,
     bytes: &[u8],
-    read: impl FnOnce(Source<'_>, &Header, &[u8]) -> Result<T, SceneError>,
+    read: impl FnOnce(MeshSource<'_>, &PlyHeader, &[u8]) -> Result<T, SceneError>,
 ) -> Result<T, SceneError> {
     let unfolded;
     let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
@@ -136,14 +136,14 @@ fn open<T>(
     };
     let body = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
     if body.starts_with(b"ply") {
-        let header = Header::parse(source, body)?;
+        let header = PlyHeader::parse(source, body)?;
         if header.encoding != Encoding::Ascii {
             return read(source, &header, body);
         }
     }
     // Text from start to end. That the encoding of comments was guessed is nothing to tell of.
     let text = decode(source.path, bytes, source.budget)?.text;
-    let header = Header::parse(source, text.as_bytes())?;
+    let header = PlyHeader::parse(source, text.as_bytes())?;
     if header.encoding != Encoding::Ascii {
         return Err(source.damaged("its header was changed to another encoding, and what follows it with the header"));
     }

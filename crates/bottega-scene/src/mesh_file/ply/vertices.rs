@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::source::Source;
-use super::header::{Element, Kind};
+use super::super::source::MeshSource;
+use super::header::{Element, NumberKind};
 use super::role::Role;
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
@@ -18,7 +18,7 @@ pub(super) struct Slices<'a> {
 }
 
 /// Takes memory for the vertices of an element, those attributes that it has all of.
-pub(super) fn allocate(source: Source<'_>, element: &Element) -> Result<Mesh, SceneError> {
+pub(super) fn allocate(source: MeshSource<'_>, element: &Element) -> Result<Mesh, SceneError> {
     let roles = element.roles();
     let count = element.count;
     let has = |part: &[Role]| part.iter().all(|role| roles.contains(&Some(*role)));
@@ -58,7 +58,7 @@ impl<'a> Slices<'a> {
     }
 
     /// Fills one component of all vertices of the part.
-    pub(super) fn fill(&mut self, role: Role, kind: Kind, values: impl Iterator<Item = f64>) {
+    pub(super) fn fill(&mut self, role: Role, kind: NumberKind, values: impl Iterator<Item = f64>) {
         match role {
             Role::Position(axis) => fill(bytemuck::cast_slice_mut(self.positions), 3, axis, values),
             Role::Normal(axis) => fill(bytemuck::cast_slice_mut(self.normals), 3, axis, values),
@@ -71,7 +71,7 @@ impl<'a> Slices<'a> {
     }
 
     /// Sets one component of one vertex.
-    pub(super) fn set(&mut self, vertex: usize, role: Role, kind: Kind, value: f64) {
+    pub(super) fn set(&mut self, vertex: usize, role: Role, kind: NumberKind, value: f64) {
         let one = vertex..vertex + 1;
         let mut slices = Slices {
             positions: &mut self.positions[one.clone()],
@@ -110,7 +110,7 @@ fn fill(to: &mut [f32], width: usize, component: usize, values: impl Iterator<It
 }
 
 /// A colour of the file as linear value.
-pub(super) fn color(value: f64, kind: Kind, channel: usize) -> f64 {
+pub(super) fn color(value: f64, kind: NumberKind, channel: usize) -> f64 {
     let value = value / kind.color_max();
     if kind.is_integer() && channel < 3 { linear_of_srgb(value.clamp(0.0, 1.0)) } else { value }
 }

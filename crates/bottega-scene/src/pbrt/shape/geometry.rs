@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::super::context::Context;
-use super::super::token::{Fault, Place};
+use super::super::token::{PbrtFault, PbrtPlace};
 use crate::resource::Location;
 use crate::{COORDINATE_MAX, Mesh};
 
@@ -19,7 +19,7 @@ pub(in super::super) enum Geometry {
 }
 
 /// Positions in single precision, within reach.
-pub(super) fn positions(points: &[DVec3], at: Place) -> Result<Vec<Vec3>, Fault> {
+pub(super) fn positions(points: &[DVec3], at: PbrtPlace) -> Result<Vec<Vec3>, PbrtFault> {
     if points.iter().any(|point| point.abs().max_element() > f64::from(COORDINATE_MAX)) {
         return Err(at.fault(format!("a coordinate is beyond {COORDINATE_MAX:e}")));
     }
@@ -33,7 +33,7 @@ pub(super) fn texture_coordinate(uv: DVec2) -> Vec2 {
 }
 
 /// Indices of vertices, of which there are `count`.
-pub(super) fn indices(numbers: &[f64], count: usize, at: Place) -> Result<Vec<u32>, Fault> {
+pub(super) fn indices(numbers: &[f64], count: usize, at: PbrtPlace) -> Result<Vec<u32>, PbrtFault> {
     let index = |&number: &f64| {
         if number >= 0.0 && number < count as f64 {
             Ok(number as u32)
@@ -45,7 +45,13 @@ pub(super) fn indices(numbers: &[f64], count: usize, at: Place) -> Result<Vec<u3
 }
 
 /// Takes what `list` holds if it has as many elements as there are vertices, and says so if not.
-pub(super) fn matching<T>(context: &mut Context<'_>, list: Option<Vec<T>>, name: &str, count: usize, at: Place) -> Vec<T> {
+pub(super) fn matching<T>(
+    context: &mut Context<'_>,
+    list: Option<Vec<T>>,
+    name: &str,
+    count: usize,
+    at: PbrtPlace,
+) -> Vec<T> {
     let list = list.unwrap_or_default();
     if list.is_empty() || list.len() == count {
         return list;

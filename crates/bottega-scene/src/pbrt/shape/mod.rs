@@ -14,13 +14,13 @@ mod triangles;
 use geometry::Geometry;
 use glam::Vec3;
 
-use super::context::{Context, Outcome};
+use super::context::{Context, PbrtResult};
 use super::world::Entity;
-use crate::text::shortened;
 use crate::Mesh;
+use crate::text::shortened;
 
 /// Reads the parameters of a shape. `None`: it is left out, which was told.
-pub(super) fn read(context: &mut Context<'_>, entity: &Entity) -> Outcome<Option<Geometry>> {
+pub(super) fn read(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Option<Geometry>> {
     let (params, at) = (&entity.params, entity.at);
     Ok(Some(match entity.kind.as_str() {
         "plymesh" => {
