@@ -15,12 +15,12 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 /// wait are cancelled and answers that still come are dropped. A client may outlive its allocator; it then takes what
 /// was answered, and submits nothing more.
 pub struct HraClient<W: Work> {
-    handle: Arc<Handle<W>>,
+    handle: Arc<ClientHandle<W>>,
     /// Where its units go in; another for each clone, so that threads do not meet there.
     inlet: usize,
 }
 
-struct Handle<W: Work> {
+struct ClientHandle<W: Work> {
     shared: Arc<AllocatorState<W>>,
     id: ClientId,
     results: Arc<ResultsBin<W::Output>>,
@@ -36,7 +36,7 @@ impl<W: Work> HraClient<W> {
     pub(crate) fn new(shared: Arc<AllocatorState<W>>) -> Self {
         let inlet = shared.inlets.assign();
         let (id, results) = shared.clients.enter();
-        Self { handle: Arc::new(Handle { shared, id, results }), inlet }
+        Self { handle: Arc::new(ClientHandle { shared, id, results }), inlet }
     }
 
     fn as_submitter(&self) -> Submitter<'_, W::Output> {
@@ -90,7 +90,7 @@ impl<W: Work> HraClient<W> {
     }
 }
 
-impl<W: Work> Drop for Handle<W> {
+impl<W: Work> Drop for ClientHandle<W> {
     fn drop(&mut self) {
         // First the name goes, so that what fails after that is not put back; see `AllocatorState::try_again`.
         self.shared.clients.leave(self.id);

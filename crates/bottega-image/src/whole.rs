@@ -7,7 +7,7 @@ use std::{io::Cursor, path::Path};
 
 use crate::{
     ImageError, Picture, WhitePoint,
-    exr_read::{self, Described, WantedChannels, Window},
+    exr_read::{self, Described, ExrWindow, WantedChannels},
     limits::{Packing, ReadLimits, check_announced},
     radiance_read,
     source::{PictureSource, guarded},
@@ -106,7 +106,7 @@ pub fn read_whole(
 
 /// Where the pixels of a file lie in its picture.
 struct Placing {
-    window: Window,
+    window: ExrWindow,
     /// Columns and rows of the picture.
     size: (u32, u32),
     /// The file has no pixel of its picture: then its pixels are the picture.
@@ -114,7 +114,7 @@ struct Placing {
 }
 
 impl Placing {
-    fn of(window: Window) -> Self {
+    fn of(window: ExrWindow) -> Self {
         let overlaps = |offset: i32, size: u32, full: u32| {
             i64::from(offset) < i64::from(full) && i64::from(offset) + i64::from(size) > 0
         };
@@ -125,7 +125,7 @@ impl Placing {
 
     /// - `pixels`: those that the file holds, row by row.
     fn place<T: Copy>(&self, pixels: Vec<T>, outside: T) -> Vec<T> {
-        let Window { size, offset, full_size } = self.window;
+        let ExrWindow { size, offset, full_size } = self.window;
         if self.is_apart || (offset == (0, 0) && size == full_size) {
             return pixels;
         }
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     fn placed(size: (u32, u32), offset: (i32, i32), full_size: (u32, u32)) -> (Vec<u32>, bool) {
-        let placing = Placing::of(Window { size, offset, full_size });
+        let placing = Placing::of(ExrWindow { size, offset, full_size });
         (placing.place((1..=size.0 * size.1).collect(), 0), placing.is_apart)
     }
 

@@ -5,7 +5,7 @@ use crate::build::{self, Built, refit};
 use crate::traverse::avx2::{self, Avx2};
 use crate::traverse::portable::Portable;
 use crate::traverse::{self, Any, Closest, CountedQuery, Filtered, Query};
-use crate::tree::Tree;
+use crate::tree::SceneTrees;
 use crate::{Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Precision, Ray, SphereGeometry};
 
 /// The vector unit to use, found once when a structure is built.
@@ -32,7 +32,7 @@ impl Isa {
 /// instances. Some 65 to 80 bytes a triangle; the meshes given to [`Accel::build`] are not kept.
 #[derive(Debug)]
 pub struct Accel {
-    tree: Tree,
+    tree: SceneTrees,
     bounds: Aabb,
     triangles: usize,
     /// See [`refit::topology`].

@@ -217,6 +217,6 @@ mod tests {
     fn values_beyond_the_end_are_refused() {
         let mut arena = Arena::new();
         arena.grow(7);
-        arena.at::<crate::tree::Node>(4);
+        arena.at::<crate::tree::WideNode>(4);
     }
 }

@@ -20,7 +20,7 @@ pub use bins::Binary;
 use crate::arena::Arena;
 use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, PlacedTree, Sphere, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, Hit};
 use glam::Vec3;
 use item::Item;
@@ -36,7 +36,7 @@ const SPLIT_BUDGET: usize = 4;
 
 /// A finished tree with what the outside asks about it.
 pub(crate) struct Built {
-    pub(crate) tree: Tree,
+    pub(crate) tree: SceneTrees,
     pub(crate) bounds: Aabb,
     pub(crate) triangles: usize,
 }
@@ -66,8 +66,8 @@ fn with_threads<T: Send>(threads: usize, run: impl Fn(bool) -> T + Sync) -> T {
     }
 }
 
-fn empty_tree() -> Tree {
-    Tree { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
+fn empty_tree() -> SceneTrees {
+    SceneTrees { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
 }
 
 struct TreeBuilder<'a> {
@@ -75,7 +75,7 @@ struct TreeBuilder<'a> {
     instances: &'a [InstanceGeometry],
     options: &'a BuildOptions,
     parallel: bool,
-    tree: Tree,
+    tree: SceneTrees,
 }
 
 impl TreeBuilder<'_> {
@@ -227,13 +227,13 @@ impl TreeBuilder<'_> {
         if let [] | [_] = parts[..] {
             return parts.first().map_or(Child::EMPTY, |part| part.0);
         }
-        let mut node = Node::EMPTY;
+        let mut node = WideNode::EMPTY;
         for (slot, part) in parts.iter().enumerate() {
             node.set(slot, &part.1, part.0);
         }
         node.sort_octants(parts.len());
         let line = self.tree.arena.len();
-        self.tree.arena.grow(Node::LINES);
+        self.tree.arena.grow(WideNode::LINES);
         *self.tree.arena.at_mut(line) = node;
         Child::node(line)
     }

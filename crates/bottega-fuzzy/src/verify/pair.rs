@@ -2,7 +2,7 @@
 
 use super::{
     Placed, Verifier,
-    grid::{ConditionDegree, Grid, leaves},
+    grid::{AxisGrid, ConditionDegree, leaves},
     warning::WarningKind,
 };
 use crate::{
@@ -115,7 +115,7 @@ impl Verifier<'_> {
     /// How the degrees of two rules compare, over all values of the inputs. `None`: that would take too long.
     fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<DegreeOrder> {
         let cost = leaves(&a.rule.condition) + leaves(&b.rule.condition);
-        let Some(grid) = Grid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
+        let Some(grid) = AxisGrid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
             self.unexamined();
             return None;
         };

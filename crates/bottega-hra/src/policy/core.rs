@@ -11,7 +11,7 @@ use super::incident::{Fault, Incidents};
 use super::lane::{Flight, Health, LaneState, Launch};
 use super::length::BinLength;
 use super::plan::Planned;
-use super::roster::Roster;
+use super::roster::Capabilities;
 use super::time::Time;
 use super::unit::{Chunk, Unit};
 use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor, ResourceId, Window};
@@ -20,7 +20,7 @@ use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor
 pub(crate) struct Core<T> {
     pub(super) config: HraConfig,
     pub(super) lanes: Vec<LaneState>,
-    pub(super) roster: Roster,
+    pub(super) roster: Capabilities,
     pub(super) bin: Bin<T>,
     pub(super) length: BinLength,
     pub(super) demand: Demand,
@@ -119,7 +119,7 @@ impl<T> Core<T> {
         let mut demand = Demand::default();
         demand.ran_dry(Time::ZERO);
         Self {
-            roster: Roster::new(&descriptors),
+            roster: Capabilities::new(&descriptors),
             lanes: resources.into_iter().map(lane).collect(),
             bin: Bin::new(),
             length: BinLength::new(&config, descriptors.len()),

@@ -56,7 +56,7 @@ pub(crate) struct Read {
 pub(crate) struct Described {
     color: Color,
     /// Columns and rows of the data window, its upper left corner, and columns and rows of the display window.
-    window: Window,
+    window: ExrWindow,
 }
 
 impl Described {
@@ -64,20 +64,20 @@ impl Described {
         self.color.alpha.is_some()
     }
 
-    pub(crate) fn window(&self) -> Window {
+    pub(crate) fn window(&self) -> ExrWindow {
         self.window
     }
 }
 
 /// The pixels that a file holds, and where they lie in the whole picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Window {
+pub(crate) struct ExrWindow {
     pub(crate) size: (u32, u32),
     pub(crate) offset: (i32, i32),
     pub(crate) full_size: (u32, u32),
 }
 
-impl Window {
+impl ExrWindow {
     fn of(header: &Header) -> Self {
         let position = header.own_attributes.layer_position;
         let display = header.shared_attributes.display_window;
@@ -96,7 +96,7 @@ pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input:
     let headers = reader.headers();
     let color = choose(source, headers)?;
     headers.iter().try_for_each(|header| check_header(source, header, bytes_of_file))?;
-    let window = Window::of(&headers[color.part]);
+    let window = ExrWindow::of(&headers[color.part]);
     Ok(Described { color, window })
 }
 
@@ -151,7 +151,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     let conversion = conversion(header, &color, source.white_point, &mut notes);
 
     let targets = targets(&headers, &color, wanted);
-    let window = Window::of(header);
+    let window = ExrWindow::of(header);
     let count = header.layer_size.0 * header.layer_size.1;
     let plane = |to: To| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
     let mut canvas = Canvas {
@@ -161,7 +161,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     };
     read_blocks(source, reader, &headers, &targets, &mut canvas)?;
     conversion.apply(&mut canvas.picture.data);
-    let Window { offset, full_size, .. } = window;
+    let ExrWindow { offset, full_size, .. } = window;
     let file = ImageFile { picture: canvas.picture, offset, full_size, metadata: metadata(header) };
     Ok(Read { file, planes: canvas.planes, alpha: canvas.alpha, notes })
 }

@@ -3,7 +3,7 @@
 use super::bins::Binary;
 use super::collapse::{CollapseChoice, children};
 use crate::arena::{Arena, CacheLine};
-use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
+use crate::tree::{Child, MAX_DEPTH, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
 
@@ -114,13 +114,13 @@ pub(super) fn nodes<'a>(
         plan(binary, choices, 0, 1, if parallel { PARALLEL_ITEMS } else { u32::MAX })
     };
     let base = arena.len();
-    let leaf_base = base + plan.nodes.len() * Node::LINES;
+    let leaf_base = base + plan.nodes.len() * WideNode::LINES;
     let end = leaf_base + plan.leaves.len() * leaf_lines;
     check("cache lines of tree", end)?;
     let (written, lines) = arena.grow(end - base).split_at_mut(leaf_base - base);
-    let written: &mut [Node] = bytemuck::cast_slice_mut(written);
-    let write = |(node, outline): (&mut Node, &Outline)| {
-        *node = Node::EMPTY;
+    let written: &mut [WideNode] = bytemuck::cast_slice_mut(written);
+    let write = |(node, outline): (&mut WideNode, &Outline)| {
+        *node = WideNode::EMPTY;
         let mut out = [0; WIDTH];
         let count = children(binary, choices, outline.binary as usize, &mut out);
         let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
@@ -131,7 +131,7 @@ pub(super) fn nodes<'a>(
                 leaf(leaf_base + (next_leaf - 1) * leaf_lines, &binary[child])
             } else {
                 next_node += 1;
-                Child::node(base + (next_node - 1) * Node::LINES)
+                Child::node(base + (next_node - 1) * WideNode::LINES)
             };
         }
         for (slot, place) in along_longest_axis(binary, &out[..count]).into_iter().enumerate().take(count) {

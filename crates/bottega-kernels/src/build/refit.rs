@@ -4,7 +4,7 @@ use super::world::BuildWorld;
 use crate::Aabb;
 use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, PlacedTree, Sphere, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use glam::Vec3;
 
 /// Which mesh each instance has, and how many triangles that has: what must not change between build and refit.
@@ -14,7 +14,7 @@ pub(crate) fn topology(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometr
 
 /// Fits the tree; returns the box around everything. On an error nothing has changed.
 pub(crate) fn refit(
-    tree: &mut Tree,
+    tree: &mut SceneTrees,
     known: &[(u32, u32)],
     meshes: &[MeshGeometry<'_>],
     instances: &[InstanceGeometry],
@@ -72,7 +72,7 @@ fn placed_bounds(placed: &PlacedTree, instances: &[InstanceGeometry], meshes: &[
 
 /// Writes everything below a child; returns the box around it. No deeper than the tree may be.
 fn subtree(
-    tree: &mut Tree,
+    tree: &mut SceneTrees,
     child: Child,
     precision: Precision,
     placed: &[Aabb],
@@ -87,10 +87,10 @@ fn subtree(
         let mut all = Aabb::EMPTY;
         for (slot, &child) in children[..count].iter().enumerate() {
             let bounds = subtree(tree, child, precision, placed, corners);
-            tree.arena.at_mut::<Node>(index).set(slot, &bounds, child);
+            tree.arena.at_mut::<WideNode>(index).set(slot, &bounds, child);
             all = all.union(&bounds);
         }
-        tree.arena.at_mut::<Node>(index).sort_octants(count);
+        tree.arena.at_mut::<WideNode>(index).sort_octants(count);
         all
     } else if child.is_triangles() {
         let block = tree.arena.at_mut::<TriangleBlock>(index);

@@ -4,7 +4,7 @@
 use super::Query;
 use super::lanes::{LaneJob, LaneRow, Lanes};
 use super::stack::Stack;
-use crate::tree::{Child, Tree, WIDTH};
+use crate::tree::{Child, SceneTrees, WIDTH};
 use crate::{Hit, Ray};
 use std::arch::x86_64::*;
 
@@ -24,9 +24,9 @@ impl Avx2 {
 
 /// [`super::run`], compiled for this unit.
 #[inline(always)]
-pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
         super::run::<_, Q, ROBUST>(unit, tree, ray, query)
     }
     // SAFETY: `unit` proves that the processor has these features.

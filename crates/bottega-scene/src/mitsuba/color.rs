@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::document::{Class, Object, ObjectId, Property};
+use super::document::{Class, Object, ObjectId, ObjectProperty};
 use super::importer::Importer;
 use super::value::Value;
 use super::xml::XmlPlace;
@@ -94,7 +94,7 @@ impl Importer<'_> {
     }
 
     /// The colour of a property.
-    pub(super) fn property_color(&mut self, property: &Property, role: Role) -> Result<Spectrum, SceneError> {
+    pub(super) fn property_color(&mut self, property: &ObjectProperty, role: Role) -> Result<Spectrum, SceneError> {
         let color = match &property.value {
             Value::Rgb(rgb) => *rgb,
             Value::Float(number) => Vec3::splat(*number as f32),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::DMat4;
 
-use super::document::{Child, Class, Document, Object, ObjectId, Property};
+use super::document::{Child, Class, Document, Object, ObjectId, ObjectProperty};
 use super::report::ImportReport;
 use super::transform;
 use super::value::{self, Value};
@@ -81,7 +81,7 @@ impl Document {
 /// Properties and children as they are gathered.
 #[derive(Default)]
 struct Container {
-    properties: Vec<Property>,
+    properties: Vec<ObjectProperty>,
     children: Vec<Child>,
     /// Positions in `children` whose object is still a reference: an index into [`DocumentReader::references`].
     pending: Vec<(usize, usize)>,
@@ -235,7 +235,7 @@ impl DocumentReader<'_, '_> {
                     self.report.warn(at, format!("`{}` is there twice; the first one counts", shortened(&name)));
                     return Ok(());
                 }
-                container.properties.push(Property { name, value, at, used: Cell::new(false) });
+                container.properties.push(ObjectProperty { name, value, at, used: Cell::new(false) });
             }
             Err(fault) => {
                 return Err(self.report.invalid(fault.at, fault.problem));

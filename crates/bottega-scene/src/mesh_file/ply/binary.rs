@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::super::source::MeshSource;
-use super::header::{Element, NumberKind, PlyHeader, Property, WantedNumbers};
+use super::header::{Element, NumberKind, PlyHeader, PlyProperty, WantedNumbers};
 use super::role::Role;
 use super::strips::Strip;
 use super::vertices::{self, Slices, UNSOUND};
@@ -427,7 +427,7 @@ impl Body<'_> {
 }
 
 /// What is read of a row of fixed length: its role, its kind, where it is.
-fn columns(properties: &[Property], roles: &[Option<Role>]) -> Vec<(Role, NumberKind, usize)> {
+fn columns(properties: &[PlyProperty], roles: &[Option<Role>]) -> Vec<(Role, NumberKind, usize)> {
     let mut at = 0;
     let mut columns = Vec::new();
     for (property, role) in properties.iter().zip(roles) {

@@ -7,7 +7,7 @@ use crate::SceneError;
 use crate::text::{column, shortened};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum PlyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -66,7 +66,7 @@ impl NumberKind {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Property {
+pub(super) struct PlyProperty {
     name: Vec<u8>,
     /// Of the number, or of the elements of the list.
     pub(super) kind: NumberKind,
@@ -78,7 +78,7 @@ pub(super) struct Property {
 pub(super) struct Element {
     name: Vec<u8>,
     pub(super) count: usize,
-    pub(super) properties: Vec<Property>,
+    pub(super) properties: Vec<PlyProperty>,
     /// Where the header announces it.
     pub(super) line: usize,
 }
@@ -154,7 +154,7 @@ pub(super) struct WantedNumbers<'a> {
 
 #[derive(Clone, Debug)]
 pub(super) struct PlyHeader {
-    pub(super) encoding: Encoding,
+    pub(super) encoding: PlyEncoding,
     pub(super) elements: Vec<Element>,
     /// Where the numbers begin.
     pub(super) body: usize,
@@ -193,9 +193,9 @@ impl PlyHeader {
                 Some(b"format") => {
                     let at = words;
                     encoding = Some(match next_word(&mut words) {
-                        Some(b"ascii") => Encoding::Ascii,
-                        Some(b"binary_little_endian") => Encoding::LittleEndian,
-                        Some(b"binary_big_endian") => Encoding::BigEndian,
+                        Some(b"ascii") => PlyEncoding::Ascii,
+                        Some(b"binary_little_endian") => PlyEncoding::LittleEndian,
+                        Some(b"binary_big_endian") => PlyEncoding::BigEndian,
                         other => return Err(wrong(format!("unknown format `{}`", text(other)), at)),
                     });
                 }
@@ -238,7 +238,7 @@ impl PlyHeader {
             let announced = |problem: &str| at_element(format!("{} `{}` {problem}", element.count, element.name()));
             // A number in ascii takes a digit and a space.
             let row = match self.encoding {
-                Encoding::Ascii => element.properties.len().min(1),
+                PlyEncoding::Ascii => element.properties.len().min(1),
                 _ => element.least_bytes(),
             };
             if element.count.saturating_mul(row) > body_bytes {
@@ -270,7 +270,7 @@ impl PlyHeader {
     }
 }
 
-fn property(mut words: &[u8]) -> Result<Property, LineFault<'_>> {
+fn property(mut words: &[u8]) -> Result<PlyProperty, LineFault<'_>> {
     fn kind<'t>(words: &mut &'t [u8]) -> Result<NumberKind, LineFault<'t>> {
         let at = *words;
         let word = next_word(words);
@@ -288,7 +288,7 @@ fn property(mut words: &[u8]) -> Result<Property, LineFault<'_>> {
     } else {
         (None, kind(&mut words)?)
     };
-    Ok(Property { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
+    Ok(PlyProperty { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
 }
 
 fn text(word: Option<&[u8]>) -> String {

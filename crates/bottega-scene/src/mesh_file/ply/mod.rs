@@ -13,7 +13,7 @@ mod vertices;
 use std::path::Path;
 
 use glam::Vec4;
-use header::{Element, Encoding, PlyHeader, WantedNumbers};
+use header::{Element, PlyEncoding, PlyHeader, WantedNumbers};
 use role::Role;
 
 use super::source::MeshSource;
@@ -28,9 +28,9 @@ use crate::{Mesh, SceneError};
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
     let mesh = open(MeshSource { path, budget }, bytes, |source, header, bytes| match header.encoding {
-        Encoding::Ascii => ascii::read(source, header, bytes),
-        Encoding::LittleEndian => binary::read(source, header, bytes, false),
-        Encoding::BigEndian => binary::read(source, header, bytes, true),
+        PlyEncoding::Ascii => ascii::read(source, header, bytes),
+        PlyEncoding::LittleEndian => binary::read(source, header, bytes, false),
+        PlyEncoding::BigEndian => binary::read(source, header, bytes, true),
     })?;
     Ok(finish(mesh))
 }
@@ -115,9 +115,9 @@ fn visit_rows(
     visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
     match header.encoding {
-        Encoding::Ascii => ascii::visit_rows(source, header, bytes, wanted, visit),
-        Encoding::LittleEndian => binary::visit_rows(source, header, bytes, false, wanted, visit),
-        Encoding::BigEndian => binary::visit_rows(source, header, bytes, true, wanted, visit),
+        PlyEncoding::Ascii => ascii::visit_rows(source, header, bytes, wanted, visit),
+        PlyEncoding::LittleEndian => binary::visit_rows(source, header, bytes, false, wanted, visit),
+        PlyEncoding::BigEndian => binary::visit_rows(source, header, bytes, true, wanted, visit),
     }
 }
 
@@ -137,14 +137,14 @@ fn open<T>(
     let body = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
     if body.starts_with(b"ply") {
         let header = PlyHeader::parse(source, body)?;
-        if header.encoding != Encoding::Ascii {
+        if header.encoding != PlyEncoding::Ascii {
             return read(source, &header, body);
         }
     }
     // Text from start to end. That the encoding of comments was guessed is nothing to tell of.
     let text = decode(source.path, bytes, source.budget)?.text;
     let header = PlyHeader::parse(source, text.as_bytes())?;
-    if header.encoding != Encoding::Ascii {
+    if header.encoding != PlyEncoding::Ascii {
         return Err(source.damaged("its header was changed to another encoding, and what follows it with the header"));
     }
     read(source, &header, text.as_bytes())
