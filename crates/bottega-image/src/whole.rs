@@ -85,7 +85,7 @@ pub fn read_whole(
     limits: ReadLimits,
     white_point: WhitePoint,
 ) -> Result<WholePicture, ImageError> {
-    let source = PictureSource { white_point, ..Source::new(name.as_ref(), limits) };
+    let source = PictureSource { white_point, ..PictureSource::new(name.as_ref(), limits) };
     if !is_exr(bytes) {
         let (file, notes) = radiance_read::read(&source, bytes, bytes.len() as u64)?;
         return Ok(WholePicture { picture: file.picture, alpha: None, notes });

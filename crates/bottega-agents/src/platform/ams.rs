@@ -162,7 +162,7 @@ impl Ams {
             return Err(FailureReason::InternalError("no room for more agents".to_owned()).into());
         }
         let description = AmsAgentDescription { state: Some(state), ..description.clone() };
-        Ok(Self::write(&AmsEntry { by, ..Entry::of(description) }, &name))
+        Ok(Self::write(&AmsEntry { by, ..AmsEntry::of(description) }, &name))
     }
 
     fn modify(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<Step, NoResult> {

@@ -136,7 +136,7 @@ fn element(start: &BytesStart<'_>) -> Result<XmlElement, String> {
         }
         attributes.push((attribute.key.into_inner().to_owned(), value.into_owned()));
     }
-    Ok(XmlElement { name: start.name().into_inner().to_owned(), attributes, ..Element::default() })
+    Ok(XmlElement { name: start.name().into_inner().to_owned(), attributes, ..XmlElement::default() })
 }
 
 /// XML 1.0, production 2.

@@ -61,7 +61,7 @@ impl Block {
 impl<'c, 'a> Parser<'c, 'a> {
     pub(super) fn new(context: &'c mut Context<'a>) -> Self {
         let bytes_left = context.resources.budget().limit();
-        let world = PbrtWorld { materials: vec![Entity::plain("diffuse")], ..World::default() };
+        let world = PbrtWorld { materials: vec![Entity::plain("diffuse")], ..PbrtWorld::default() };
         Self {
             context,
             world,

@@ -39,7 +39,7 @@ pub use self::{
     blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
-    enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
+    enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
     options::{Login, NatsOptions, Tls},
     pin::Pin,
