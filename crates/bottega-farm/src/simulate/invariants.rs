@@ -3,7 +3,7 @@
 use bottega_agents::{AgentId, driver::Simulator};
 use bottega_image::Rect;
 
-use super::{film::BROKEN_MAX, studio::Studio};
+use super::{film::BROKEN_MAX, studio::SimulatedFarm};
 use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
 /// Checks a run that has ended. Returns what does not hold; nothing, when all is well.

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use super::{check_sizes, convolve::Plane};
+use super::{check_sizes, convolve::FloatPlane};
 use crate::{ImageError, Picture, ToneMap, luminance, tone::displayed};
 
 /// How the pictures are looked at.
