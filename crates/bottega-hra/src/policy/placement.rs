@@ -13,7 +13,7 @@ use super::core::{Core, Out};
 use super::lane::{Health, LaneState};
 use super::plan::{self, ByPrimitive, Planned, ResourceKind};
 use super::time::Time;
-use super::unit::{Data, Unit};
+use super::unit::Data;
 use crate::{Primitive, ResourceId};
 
 /// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come

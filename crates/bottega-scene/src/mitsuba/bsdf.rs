@@ -9,7 +9,7 @@ use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
     AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection,
-    Material, MediumId, Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError,
+    Material, Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError,
     Shadowing, Sides, Spectrum, Surface,
 };
 

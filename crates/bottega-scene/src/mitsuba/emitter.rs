@@ -9,8 +9,8 @@ use super::sensor::{fov_axis, standing, vertical_fov};
 use super::slide::Slide;
 use crate::image::{Encoding, PictureHeader};
 use crate::{
-    ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Scene, SceneError, Spectrum,
-    SpotFalloff, TextureMap, Wrap,
+    ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, SceneError, Spectrum, SpotFalloff,
+    TextureMap, Wrap,
 };
 
 impl Importer<'_> {

@@ -9,7 +9,7 @@ use super::bake::{Bake, projection_image, scalar_image};
 use super::color::Color;
 use super::color_space::{ColorSpace, Meaning};
 use super::context::{Context, PbrtResult};
-use super::mapping::{Laid, Mappings, within_frame};
+use super::mapping::{Mappings, within_frame};
 use super::params::Params;
 use super::texture_tree::{PictureNode, TextureNode, constant, parts};
 use super::token::PbrtPlace;

@@ -1,6 +1,6 @@
 //! Where a farm is, and how one says who one is.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 use async_nats::ConnectOptions;
 

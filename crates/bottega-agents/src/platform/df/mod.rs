@@ -18,11 +18,11 @@ use subscriptions::{Pages, Subscriptions};
 use super::{
     management::{
         DfAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome, RefuseReason,
-        SearchConstraints, largest,
+        SearchConstraints,
     },
-    ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
+    ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description},
     service::{Change, Functions, NoResult, Said, Step, Todo},
-    signature::{name_of_request, signed, written_by},
+    signature::signed,
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 
