@@ -320,8 +320,8 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
     }
 
     fn visit_impl_item(&mut self, item: &'ast ImplItem) {
-        let attributes = match item {
-            ImplItem::Const(item) => &item.attrs[..],
+        let attributes: &[Attribute] = match item {
+            ImplItem::Const(item) => &item.attrs,
             ImplItem::Fn(item) => &item.attrs,
             ImplItem::Type(item) => &item.attrs,
             ImplItem::Macro(item) => &item.attrs,
@@ -333,8 +333,8 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
     }
 
     fn visit_trait_item(&mut self, item: &'ast TraitItem) {
-        let attributes = match item {
-            TraitItem::Const(item) => &item.attrs[..],
+        let attributes: &[Attribute] = match item {
+            TraitItem::Const(item) => &item.attrs,
             TraitItem::Fn(item) => &item.attrs,
             TraitItem::Type(item) => &item.attrs,
             TraitItem::Macro(item) => &item.attrs,
