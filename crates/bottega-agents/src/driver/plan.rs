@@ -137,7 +137,7 @@ pub(super) struct EventPlan<M: StateMachine> {
 enum NextSource {
     Lane(usize),
     Heap,
-    OpenRequest,
+    Request,
 }
 
 impl<M: StateMachine> EventPlan<M> {

@@ -6,7 +6,7 @@
 //! locks are held together but the policy's and that of an inlet, or of the list of clients.
 
 pub(crate) mod alarm;
-mod clients;
+pub(crate) mod clients;
 pub(crate) mod direct;
 pub(crate) mod far;
 pub(crate) mod inlets;

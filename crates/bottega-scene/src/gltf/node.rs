@@ -188,7 +188,7 @@ struct PlacedShape {
 /// The mesh of an instance.
 enum Which {
     /// A shape, and whether it is mirrored.
-    PrimitiveShape(usize, bool),
+    Shape(usize, bool),
     /// A flat one.
     Flat(usize),
 }

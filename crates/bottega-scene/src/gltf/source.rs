@@ -16,7 +16,7 @@ use crate::text::shortened;
 pub(super) struct GltfSource<'a> {
     pub(super) path: &'a Path,
     pub(super) document: &'a Document,
-    pub(super) bytes: accessor::Bytes<'a>,
+    pub(super) bytes: Bytes<'a>,
     pub(super) options: &'a LoadOptions,
     /// The variant of materials that is shown (KHR_materials_variants).
     pub(super) variant: Option<usize>,

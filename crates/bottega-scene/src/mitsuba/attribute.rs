@@ -10,7 +10,7 @@ use super::importer::{Awaited, Importer};
 use super::texture::Texture;
 use crate::mesh_file::ply::{self, Attribute};
 use crate::text::shortened;
-use crate::{Channel, Image, ImageId, Mesh, SceneError, Spectrum, TextureMap, Wrap};
+use crate::{Channel, Image, Mesh, SceneError, Spectrum, TextureMap, Wrap};
 
 /// Texture coordinates are so many times as large as the picture: the width of lookups, which is that of other pictures,
 /// is nothing beside them, and no lookup leaves its triangle.

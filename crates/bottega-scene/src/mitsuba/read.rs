@@ -112,7 +112,7 @@ impl DocumentReader<'_, '_> {
         let text = decode_xml(&path, text, budget)?;
         let mut left_out = Vec::new();
         enum Stop {
-            XmlFault(XmlFault),
+            Fault(XmlFault),
             Error(SceneError),
         }
         impl From<XmlFault> for Stop {

@@ -19,7 +19,7 @@ pub(super) struct Slide {
     map: TextureMap,
     /// Half angles in radians: of full intensity, and beyond which there is nothing.
     beam: f64,
-    cutoff: f64,
+    pub(super) cutoff: f64,
 }
 
 impl Slide {

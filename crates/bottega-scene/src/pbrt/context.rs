@@ -16,7 +16,7 @@ use crate::text::shortened;
 #[derive(Debug)]
 pub(super) enum Stop {
     /// Something in the text.
-    PbrtFault(PbrtFault),
+    Fault(PbrtFault),
     /// Something else: a file that is missing or damaged, too little memory …
     Scene(Box<SceneError>),
 }

@@ -123,7 +123,7 @@ impl PbrtWorld {
 /// What `Attribute` sets defaults for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
-    PlacedShape,
+    Shape,
     Light,
     Material,
     Medium,

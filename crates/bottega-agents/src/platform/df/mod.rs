@@ -11,7 +11,7 @@ use std::{
 };
 
 pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX};
-use entry::{DfEntry, ENTRY, holds, index, key, largest_of};
+use entry::{DfEntry, ENTRY, holds, index, is_for, key, largest_of};
 use federation::Federation;
 use subscriptions::{Pages, Subscriptions};
 
